@@ -210,14 +210,7 @@ pub(super) fn modes(document: &DeTable<'_>) -> Vec<(i64, DriveMode)> {
 
 /// The mode in which the drive is run.
 pub(super) fn mode(section: &mut Section<'_, '_>) -> Option<DriveMode> {
-    let mode = section.word("mode", &MODES, DriveMode::Csp)?;
-    if !mode.is_position() {
-        section.wrong(
-            "mode",
-            "needs a position loop in the control, which it does not have yet: \"csp\" or \"ip\"",
-        );
-    }
-    Some(mode)
+    section.word("mode", &MODES, DriveMode::Csp)
 }
 
 /// Whether the drive has the modes in which it is to be run, as far as its device file says (6502).

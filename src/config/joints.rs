@@ -5,6 +5,7 @@ use super::document::{Bound, Item, Section};
 use super::drive;
 use super::homing::{self, Known};
 use super::mapping::parse_object;
+use super::position_loop;
 use super::types::{AxisMap, HomingBy, Joint, JointLimits, Mapped, Node, Profile, Sto, StopLimits};
 use motion::canon::{Axis, Position};
 use std::path::Path;
@@ -141,6 +142,7 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
             );
         }
     }
+    let pid = position_loop::keys(section, mode, velocity_mm_s);
     let compensation = compensation::keys(section, around.folder);
     let mut limits = JointLimits {
         velocity_mm_s: velocity_mm_s?,
@@ -159,6 +161,7 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
         velocity_ratio: velocity_ratio?,
         torque_per_mm_s2: torque_per_mm_s2?,
         reactions: reactions?,
+        pid: pid?,
         travel_mm: travel_mm?,
         limits,
         stop,

@@ -21,6 +21,7 @@ mod kinematics;
 mod mapping;
 mod node;
 mod period;
+mod position_loop;
 mod program;
 mod remap;
 mod sim;

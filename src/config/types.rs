@@ -10,7 +10,7 @@ pub use super::spindle::{Spindle, SpindleCounter, SpindleDrive, SpindleEncoder};
 pub use gcode::ToolChanger;
 use motion::canon::{Axis, LengthUnit, Position};
 use motion::kinematics::{Follows, JOINTS, Kinematics, Transform};
-use motion::rt::{PitchTable, TakeUpLimits};
+use motion::rt::{PidGains, PitchTable, TakeUpLimits};
 pub use obd::device::{ConfigurationWrite, DeviceDescription};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -402,6 +402,9 @@ pub struct Joint {
     pub reactions: Reactions,
     /// 60FF and 60B1 of the drive per increment/s: numerator and denominator; default 1 to 1.
     pub velocity_ratio: [u32; 2],
+    /// The position loop that the control closes for a drive in CSV or CST: mm to mm/s, or to a share of the rated torque;
+    /// `None`: the drive holds the position that it is told.
+    pub pid: Option<PidGains>,
     /// Soft limits, lower below upper.
     pub travel_mm: [f64; 2],
     /// Limits of the plan.

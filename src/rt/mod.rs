@@ -13,6 +13,7 @@ pub mod io_channels;
 pub mod io_pins;
 pub mod jog_pins;
 pub mod joint_jog;
+pub mod loop_pins;
 pub mod override_pins;
 pub mod overrides;
 pub mod pins;

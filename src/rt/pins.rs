@@ -8,6 +8,7 @@
 use super::drives::{Drives, is_filled};
 use super::io_channels::IoPins;
 use super::io_pins::{InputPins, OutputPins};
+use super::loop_pins::LoopPins;
 use super::override_pins::OverridePins;
 use super::overrides::{Overridden, Overrides};
 use super::recent::Second;
@@ -86,6 +87,7 @@ pub struct Pins {
     /// Inputs and outputs of I/O nodes.
     pub io: IoPins,
     nodes: Vec<NodePins>,
+    loops: Vec<LoopPins>,
     network_up: Output<bool>,
 
     machine_state: Output<u32>,
@@ -371,6 +373,11 @@ impl Pins {
                 Profile::Io => {}
             }
         }
+        let with_loop = config.joints.iter().enumerate();
+        let with_loop = with_loop.filter_map(|(joint, of_joint)| Some((joint, of_joint.pid.as_ref()?)));
+        let loops = with_loop
+            .map(|(joint, gains)| LoopPins::new(hal, joint, gains))
+            .collect::<Result<_, _>>()?;
         let pins = Pins {
             joints,
             axes,
@@ -379,6 +386,7 @@ impl Pins {
             objects_driven,
             io: IoPins::new(hal, config, plans)?,
             nodes,
+            loops,
             memory: hal.memory(),
             network_up: hal.output("plk.operational")?,
             machine_state: hal.output("motion.machine-state")?,
@@ -425,6 +433,13 @@ impl Pins {
         match refused.is_empty() {
             true => Ok(pins),
             false => Err(PinsError::Nets(config::net_errors(config, &refused))),
+        }
+    }
+
+    /// Gains of position loops as pins have them. RT.
+    pub fn turn_loops(&self, drives: &mut Drives) {
+        for pins in &self.loops {
+            pins.turn(drives);
         }
     }
 
@@ -724,6 +739,9 @@ impl Pins {
             for ((shown, switch), by_drive) in pins.hard_limits.iter_mut().zip(&pins.limit_switches).zip(by_drive) {
                 shown.set(switch.get() || by_drive);
             }
+        }
+        for pins in &mut self.loops {
+            pins.show(drives);
         }
         for (axis, pos_cmd) in &mut self.axes {
             pos_cmd.set(sample.position[*axis]);

@@ -57,6 +57,7 @@ const BENCH: Joint = Joint {
         fault: None,
         connection_lost: None,
     },
+    pid: None,
     travel_mm: [-1000.0, 1000.0],
     limits: JointLimits {
         velocity_mm_s: 100.0,

@@ -51,6 +51,7 @@ pub(super) fn test_config() -> Config {
         velocity_ratio: [1, 1],
         torque_per_mm_s2: None,
         reactions: Reactions::default(),
+        pid: None,
         travel_mm,
         limits: JointLimits {
             velocity_mm_s,

@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 fn general(name: &str) -> String {
     let mut parts: Vec<&str> = name.split('.').collect();
     match parts[0] {
-        "joint" | "cia402" => parts[1] = "N",
+        "joint" | "cia402" | "pid" => parts[1] = "N",
         "io" | "plk" if parts.len() == 3 => parts[1] = "ID",
         "axis" => parts[1] = "L",
         "halui" if parts[1] == "axis" && parts.len() == 4 => parts[2] = "L",

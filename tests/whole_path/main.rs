@@ -1,10 +1,12 @@
 //! The whole path on virtual time: program text to simulated drives and back, with faults at chosen moments.
 //!
 //! Every run prints its seed; the same seed gives the same octets on the wire and the same bits in the trace.
-//! Here: what all runs share, clean runs, late plans. By subject beside it: drives and faults, orders, the wire, late cycles.
+//! Here: what all runs share, clean runs, late plans. By subject beside it: drives and faults, modes of drives, orders, the wire,
+//! late cycles.
 
 mod faults;
 mod late_cycles;
+mod modes;
 mod orders;
 mod wire;
 

@@ -210,6 +210,13 @@ impl Axis {
         self.actual
     }
 
+    /// The position that this feedback tells, in unwrapped counts, before [`Axis::cycle`] has taken it.
+    ///
+    /// RT: constant time.
+    pub fn position_in(&self, feedback: &Feedback) -> i64 {
+        self.actual + i64::from(feedback.position.wrapping_sub(self.position))
+    }
+
     /// Target position as last sent, in unwrapped counts: where motion goes on from when the axis becomes enabled.
     pub fn target_position(&self) -> i64 {
         self.target

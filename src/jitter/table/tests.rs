@@ -38,6 +38,10 @@ fn figures_stand_under_their_names() {
         cells(&text, "  SoC period, early or late"),
         ["0.000", "1.000", "1.000", "1.000", "1.000", "4"]
     );
+    assert_eq!(
+        cells(&text, "  position error at 30 m/min, µm"),
+        ["0.000", "0.500", "0.500", "0.500", "0.500"]
+    );
     let latest = ["0.012", "0.012", "0.012", "0.012", "0.012", "9"];
     assert_eq!(cells(&text, "  control, beginning of a cycle late"), latest);
     assert_eq!(

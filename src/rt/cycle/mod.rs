@@ -238,6 +238,7 @@ impl<B: CyclicBus> MotionController<B> {
         self.laps.end(Part::Interpolation);
         self.check_commands();
         self.laps.end(Part::Monitor);
+        self.parts.pins.turn_loops(&mut self.parts.drives);
         self.parts
             .drives
             .write(report.sent_ns, &self.command_mm[..self.joints], &mut self.parts.outputs);

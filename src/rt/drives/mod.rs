@@ -7,9 +7,9 @@
 //! homing by the control has found. The motor stands beside its joint by the compensation of backlash and pitch errors, which
 //! nobody outside of this file sees.
 //!
-//! A drive in CSP or IP holds the position that it is told. One in CSV or CST (`Joint::mode`) is led by what a loop of the control
-//! finds for it, cycle by cycle: [`Drives::lead`] in front of [`Drives::write`], from [`Drive::command_mm`] of the cycle before,
-//! [`Drive::actual_mm`] and the new command. What is not said anew in a cycle is 0.
+//! A drive in CSP or IP holds the position that it is told. For one in CSV or CST the control closes the position loop
+//! ([`Pid`], `[joint.pid]`): in each cycle from the command that the drive had when it took the position that has just come.
+//! The loop works in the drive's own coordinates, which homing does not shift.
 
 use super::homing::Found;
 use crate::bus::layout::{Field, Layout};
@@ -19,7 +19,7 @@ use crate::config::{Compensation, Config, DriveMode, HomingBy, JOINTS_MAX, Joint
 use cia402::axis::{Axis, AxisConfig, Feedback, HomingState, Request, Setpoint, Status, Target};
 use motion::canon::Position;
 use motion::kinematics::Kinematics;
-use motion::rt::{JointCompensation, Sample};
+use motion::rt::{JointCompensation, Pid, PidGains, Sample};
 
 /// Whether the control fills an object of the drive of a joint itself; others have pins.
 pub fn is_filled(joint: &Joint, object: (u16, u8)) -> bool {
@@ -158,8 +158,12 @@ pub struct Drive {
     torque_per_increment: f64,
     /// Place and speed of the set-point before, increments and increments/s; `None`: the drive did not follow.
     before: Option<[f64; 2]>,
+    /// Of a drive that holds no position itself.
+    pid: Option<Pid>,
     /// For the next set-point.
     effort: Effort,
+    /// Whether an answer has come in this cycle.
+    fresh: bool,
     /// Position at which the drive counts 0.
     zero_mm: f64,
     /// `None`: the drive homes itself; else whether the control has homed it since it came on line.
@@ -197,7 +201,9 @@ impl Drive {
             cycle_s,
             torque_per_increment: joint.torque_per_mm_s2.unwrap_or(0.0) / 1000.0 * units / counts,
             before: None,
+            pid: joint.pid.map(|gains| Pid::new(gains, cycle_s)),
             effort: Effort::default(),
+            fresh: false,
             zero_mm: match joint.homing.by {
                 HomingBy::Drive { .. } => joint.homing.position_mm,
                 HomingBy::Control(_) => 0.0,
@@ -245,7 +251,8 @@ impl Drive {
             // It may have been switched off meanwhile, and then counts again.
             self.forget_home();
         }
-        if !inputs.fresh[self.node] {
+        self.fresh = inputs.fresh[self.node];
+        if !self.fresh {
             return;
         }
         let payload = inputs.payload.node(self.node);
@@ -310,10 +317,13 @@ impl Drive {
     fn write(&mut self, now_ns: u64, command_mm: f64, outputs: &mut OutputImage) {
         let motor_mm = self.compensated(command_mm);
         let increments = (motor_mm - self.zero_mm) * self.increments_per_mm;
-        // A loop that has nothing to say any more must not leave its last word behind.
         let effort = match self.mode.is_position() {
             true => self.feed_forward(increments),
-            false => std::mem::take(&mut self.effort),
+            false => {
+                self.close_loop(motor_mm);
+                // What is not found anew in a cycle is 0.
+                std::mem::take(&mut self.effort)
+            }
         };
         let target = Target {
             position: increments.round() as i64,
@@ -371,6 +381,31 @@ impl Drive {
             velocity_mm_s: velocity / self.increments_per_mm,
             torque: change / self.cycle_s * self.torque_per_increment,
         }
+    }
+
+    /// One period of the position loop, with the motor to be at `motor_mm`. It begins anew when the drive is enabled. RT.
+    fn close_loop(&mut self, motor_mm: f64) {
+        let Some(pid) = &mut self.pid else { return };
+        let place_mm = |increments: i64| increments as f64 / self.increments_per_mm;
+        if !self.online || self.axis.status() != Status::Enabled {
+            pid.restart(place_mm(self.axis.actual_position()));
+            return;
+        }
+        let command_mm = motor_mm - self.zero_mm;
+        let output = match self.fresh {
+            true => pid.step(command_mm, place_mm(self.axis.position_in(&self.feedback))),
+            false => pid.step_blind(command_mm),
+        };
+        match self.mode {
+            DriveMode::Csv => self.effort.velocity_mm_s = output,
+            DriveMode::Cst => self.effort.torque = output,
+            _ => {}
+        }
+    }
+
+    /// The position loop that the control closes for it, if it does.
+    pub fn position_loop(&self) -> Option<&Pid> {
+        self.pid.as_ref()
     }
 
     /// Position of the motor for that of the joint. A motor that does not follow keeps its compensation. RT.
@@ -531,13 +566,10 @@ impl Drives {
         }
     }
 
-    /// What the drive of a joint is led by in the next [`Drives::write`]; it does not outlast it. A drive in CSP or IP holds its
-    /// position itself and is not led; one that is not enabled is told to stand still, whatever is said here. RT.
-    pub fn lead(&mut self, joint: usize, effort: Effort) {
-        if let Some(drive) = self.drives.get_mut(joint)
-            && !drive.mode.is_position()
-        {
-            drive.effort = effort;
+    /// Other gains of the position loop of a joint, if the control closes it. RT.
+    pub fn set_gains(&mut self, joint: usize, gains: PidGains) {
+        if let Some(pid) = self.drives.get_mut(joint).and_then(|drive| drive.pid.as_mut()) {
+            pid.set_gains(gains);
         }
     }
 

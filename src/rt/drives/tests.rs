@@ -22,6 +22,8 @@ struct Table {
     demand: Demand,
     now_ns: u64,
     command_mm: f64,
+    /// The next answer gets lost.
+    stale: bool,
 }
 
 impl Table {
@@ -55,13 +57,14 @@ impl Table {
             demand: Demand::default(),
             now_ns: 0,
             command_mm: 0.0,
+            stale: false,
         }
     }
 
     /// One cycle, led by this.
     fn cycle(&mut self, effort: Option<Effort>) {
         self.now_ns += CYCLE_NS;
-        self.inputs.fresh[0] = true;
+        self.inputs.fresh[0] = !self.stale;
         for field in &self.plans[0].inputs.fields {
             let octets = self.objects.read(field.object.index, field.object.sub).unwrap();
             let mut value = [0; 8];
@@ -70,7 +73,7 @@ impl Table {
         }
         self.drives.read(&self.inputs, |_| NodeState::Operational);
         if let Some(effort) = effort {
-            self.drives.lead(0, effort);
+            self.drives.drives[0].effort = effort;
         }
         self.drives.write(self.now_ns, &[self.command_mm], &mut self.outputs);
         for field in &self.plans[0].outputs.fields {
@@ -228,19 +231,37 @@ fn a_drive_that_holds_its_position_is_told_speed_and_torque_of_the_command() {
     assert_eq!(told(&table), (0, 0));
 }
 
-/// The simplest position loop that there is, around a drive in CSV: what a joint needs to be moved is all there.
+const GAINS: PidGains = PidGains {
+    p: 50.0,
+    i: 0.0,
+    d: 0.0,
+    ff: [0.0, 1.0, 0.0, 0.0],
+    bias: 0.0,
+    dead_band: 0.0,
+    error_max: 0.0,
+    integral_max: 0.0,
+    derivative_max: 0.0,
+    ff_max: [0.0; 3],
+    output_max: 180.0,
+};
+
+impl Table {
+    /// A drive in CSV that takes 60FF for increments/s, with a loop around it.
+    fn with_loop() -> Table {
+        let mut table = Table::enabled(DriveMode::Csv, &[(0x60FF, 0, 32)]);
+        table.drives.drives[0].velocity_per_mm_s = 10_000.0;
+        table.drives.drives[0].pid = Some(Pid::new(GAINS, 1e-3));
+        table.drives.drives[0].pid.as_mut().unwrap().restart(0.0);
+        table
+    }
+}
+
 #[test]
 fn a_loop_around_a_velocity_brings_the_joint_where_it_is_told() {
-    let mut table = Table::enabled(DriveMode::Csv, &[(0x60FF, 0, 32)]);
-    for _ in 0..300 {
+    let mut table = Table::with_loop();
+    for _ in 0..600 {
         table.command_mm = (table.command_mm + 0.01).min(2.0);
-        let error_mm = table.command_mm - table.drives.drives[0].actual_mm();
-        // The unit of this drive is 6/1000 of an increment/s; it takes it for increments/s.
-        let effort = Effort {
-            velocity_mm_s: 200.0 * error_mm / 0.006,
-            ..Effort::default()
-        };
-        table.cycle(Some(effort));
+        table.cycle(None);
     }
     let drive = &table.drives.drives[0];
     assert!((drive.actual_mm() - 2.0).abs() <= 0.001, "{}", drive.actual_mm());
@@ -250,4 +271,80 @@ fn a_loop_around_a_velocity_brings_the_joint_where_it_is_told() {
         drive.following_error_mm()
     );
     assert_eq!(drive.status(), Status::Enabled);
+}
+
+#[test]
+fn a_loop_goes_on_evenly_where_an_answer_is_lost() {
+    let mut table = Table::with_loop();
+    let mut velocities = Vec::new();
+    for cycle in 0..300 {
+        table.command_mm += 0.01;
+        table.stale = cycle > 200 && cycle % 3 != 0;
+        table.cycle(None);
+        velocities.push(table.object::<i32>(0x60FF, 0));
+    }
+    // 10 mm/s are 100,000 increments/s.
+    let [least, most] = [velocities[200..].iter().min(), velocities[200..].iter().max()].map(|value| *value.unwrap());
+    assert!(
+        (99_000..101_000).contains(&least) && (99_000..101_000).contains(&most),
+        "{least} to {most}"
+    );
+}
+
+#[test]
+fn a_loop_begins_anew_when_its_drive_is_enabled() {
+    let mut table = Table::with_loop();
+    for _ in 0..100 {
+        table.command_mm += 0.01;
+        table.cycle(None);
+    }
+    table.drives.request(1, Request::QuickStop);
+    for _ in 0..200 {
+        table.cycle(None);
+        assert_eq!(table.object::<i32>(0x60FF, 0), 0);
+    }
+    // Nothing is left of the way that was still to go.
+    let mut most = 0;
+    for _ in 0..200 {
+        table.drives.request(1, Request::Enable);
+        table.command_mm = table.drives.drives[0].command_mm();
+        table.cycle(None);
+        most = most.max(table.object::<i32>(0x60FF, 0).abs());
+    }
+    assert_eq!(table.drives.drives[0].status(), Status::Enabled);
+    assert!(most <= 600, "{most}");
+}
+
+#[test]
+fn gains_follow_their_pins_and_what_is_no_number_changes_nothing() {
+    let mut table = Table::with_loop();
+    let folder = tempfile::tempdir().unwrap();
+    let mut hal = hal_pins::Hal::create_in(&[folder.path().to_owned()], "loops", 64).unwrap();
+    let mut pins = super::super::loop_pins::LoopPins::new(&mut hal, 0, &GAINS).unwrap();
+    let gains = |table: &Table| *table.drives.drives[0].position_loop().unwrap().gains();
+    pins.turn(&mut table.drives);
+    assert_eq!(gains(&table), GAINS, "as the machine file has them");
+    hal.set("pid.0.pgain", 55.0).unwrap();
+    hal.set("pid.0.ff2", 0.01).unwrap();
+    pins.turn(&mut table.drives);
+    let turned = PidGains {
+        p: 55.0,
+        ff: [0.0, 1.0, 0.01, 0.0],
+        ..GAINS
+    };
+    assert_eq!(gains(&table), turned);
+    hal.set("pid.0.igain", f64::NAN).unwrap();
+    hal.set("pid.0.pgain", 5.0).unwrap();
+    pins.turn(&mut table.drives);
+    assert_eq!(gains(&table), turned);
+    table.command_mm = 0.001;
+    table.cycle(None);
+    pins.show(&table.drives);
+    let shown = |name: &str| hal.reader::<f64>(name).unwrap().get();
+    assert!(shown("pid.0.output") != 0.0 && !hal.reader::<bool>("pid.0.saturated").unwrap().get());
+    assert_eq!(
+        shown("pid.0.error"),
+        0.0,
+        "the command before is where the joint stands"
+    );
 }

@@ -1,0 +1,106 @@
+//! The position loop of a joint: its drive's own, or one of the control.
+//!
+//! In:  `loop`, `pid` and the mode of a `[[joint]]`.
+//! Out: gains of the loop that the control closes; nothing where the drive does.
+
+use super::document::{Bound, Section};
+use super::types::DriveMode;
+use motion::rt::PidGains;
+
+/// Greatest gain of any kind.
+const GAIN_MAX: f64 = 1e6;
+/// Share of a joint's velocity that its drive may be told, where the machine file says nothing: room for the loop to catch up.
+const VELOCITY_SHARE: f64 = 1.2;
+
+/// `Some(None)`: the drive holds the position that it is told.
+pub(super) fn keys(
+    section: &mut Section<'_, '_>,
+    mode: Option<DriveMode>,
+    velocity_mm_s: Option<f64>,
+) -> Option<Option<PidGains>> {
+    let by_control = section.word("loop", &[("drive", false), ("pid", true)], false)?;
+    let gains = match section.optional_section("pid") {
+        None => None,
+        Some(mut table) => {
+            let gains = gains(&mut table, mode, velocity_mm_s);
+            table.done();
+            Some(gains)
+        }
+    };
+    match (mode?.is_position(), by_control, gains) {
+        (true, true, _) => {
+            let rule = "must be \"drive\" where the drive is told positions; \"pid\" is for mode = \"csv\" and \"cst\"";
+            section.wrong("loop", rule);
+            None
+        }
+        (true, false, Some(_)) => {
+            section.wrong("pid", "is for loop = \"pid\"");
+            None
+        }
+        (true, false, None) => Some(None),
+        (false, false, _) => {
+            let rule = "needs loop = \"pid\" beside it, as the drive holds no position then; or \"csp\", \"ip\"";
+            section.wrong("mode", rule);
+            None
+        }
+        (false, true, None) => {
+            if !section.has("pid") {
+                section.wrong("loop", "needs the gains beside it: pid = { p = 30.0 }");
+            }
+            None
+        }
+        (false, true, Some(gains)) => gains.map(Some),
+    }
+}
+
+fn gains(table: &mut Section<'_, '_>, mode: Option<DriveMode>, velocity_mm_s: Option<f64>) -> Option<PidGains> {
+    let is_torque = mode == Some(DriveMode::Cst);
+    let gain = Bound::Within(0.0, GAIN_MAX);
+    let p = table.number("p", Bound::Positive(GAIN_MAX), None);
+    let i = table.number("i", gain, 0.0);
+    let d = table.number("d", gain, 0.0);
+    let ff = [
+        table.number("ff0", Bound::Size(GAIN_MAX), 0.0),
+        table.number("ff1", Bound::Size(GAIN_MAX), if is_torque { 0.0 } else { 1.0 }),
+        table.number("ff2", Bound::Size(GAIN_MAX), 0.0),
+        table.number("ff3", Bound::Size(GAIN_MAX), 0.0),
+    ];
+    let bias = table.number("bias", Bound::Size(GAIN_MAX), 0.0);
+    let dead_band = table.number("dead_band_mm", gain, 0.0);
+    let error_max = table.number("error_max_mm", gain, 0.0);
+    let integral_max = table.number("integral_max_mm_s", gain, 0.0);
+    let derivative_max = table.number("derivative_max_mm_s", gain, 0.0);
+    let ff_max = [
+        table.number("ff1_max_mm_s", gain, 0.0),
+        table.number("ff2_max_mm_s2", Bound::Within(0.0, 1e9), 0.0),
+        table.number("ff3_max_mm_s3", Bound::Within(0.0, 1e12), 0.0),
+    ];
+    let output_max = match table.optional("output_max") {
+        Some(item) => item.number(&table.key("output_max"), Bound::Positive(GAIN_MAX)),
+        None if is_torque => Some(1.0),
+        None => velocity_mm_s.map(|velocity| VELOCITY_SHARE * velocity),
+    };
+    if let (Some(output_max), Some(velocity)) = (output_max, velocity_mm_s.filter(|_| !is_torque))
+        && output_max <= velocity
+    {
+        table.wrong(
+            "output_max",
+            format!("must be above velocity_mm_s, {velocity}: the loop needs room to catch up"),
+        );
+    }
+    let [ff0, ff1, ff2, ff3] = ff;
+    let [velocity_max, acceleration_max, jerk_max] = ff_max;
+    Some(PidGains {
+        p: p?,
+        i: i?,
+        d: d?,
+        ff: [ff0?, ff1?, ff2?, ff3?],
+        bias: bias?,
+        dead_band: dead_band?,
+        error_max: error_max?,
+        integral_max: integral_max?,
+        derivative_max: derivative_max?,
+        ff_max: [velocity_max?, acceleration_max?, jerk_max?],
+        output_max: output_max?,
+    })
+}

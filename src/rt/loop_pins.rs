@@ -1,0 +1,81 @@
+//! The pins of the position loops that the control closes: gains that may be turned while the machine runs, and what a loop does.
+//!
+//! In:  gains of the machine file; pins. Out: gains in force; pins.
+//!
+//! Names are those of LinuxCNC's component `pid`, in lower case. Limits are those of the machine file only.
+//!
+//! RT: nothing allocates but [`LoopPins::new`].
+
+use super::drives::Drives;
+use hal_pins::{Hal, HalError, Input, Output};
+use motion::rt::PidGains;
+
+/// Those of one joint.
+pub struct LoopPins {
+    joint: usize,
+    gains: [Input<f64>; 9],
+    error: Output<f64>,
+    output: Output<f64>,
+    saturated: Output<bool>,
+}
+
+impl LoopPins {
+    /// Gains begin as the machine file has them.
+    ///
+    /// # Errors
+    /// Shared memory too small.
+    pub fn new(hal: &mut Hal, joint: usize, gains: &PidGains) -> Result<LoopPins, HalError> {
+        let mut input = |name: &str, value: f64| hal.input(&format!("pid.{joint}.{name}"), value);
+        let [ff0, ff1, ff2, ff3] = gains.ff;
+        let gains = [
+            input("pgain", gains.p)?,
+            input("igain", gains.i)?,
+            input("dgain", gains.d)?,
+            input("ff0", ff0)?,
+            input("ff1", ff1)?,
+            input("ff2", ff2)?,
+            input("ff3", ff3)?,
+            input("bias", gains.bias)?,
+            input("deadband", gains.dead_band)?,
+        ];
+        Ok(LoopPins {
+            joint,
+            gains,
+            error: hal.output(&format!("pid.{joint}.error"))?,
+            output: hal.output(&format!("pid.{joint}.output"))?,
+            saturated: hal.output(&format!("pid.{joint}.saturated"))?,
+        })
+    }
+
+    /// Once a cycle, before the loops are closed. A pin that is no number changes nothing. RT.
+    pub fn turn(&self, drives: &mut Drives) {
+        let Some(now) = drives.iter().nth(self.joint).and_then(|drive| drive.position_loop()) else {
+            return;
+        };
+        let [p, i, d, ff0, ff1, ff2, ff3, bias, dead_band] = self.gains.each_ref().map(Input::get);
+        let wanted = PidGains {
+            p,
+            i,
+            d,
+            ff: [ff0, ff1, ff2, ff3],
+            bias,
+            dead_band,
+            ..*now.gains()
+        };
+        let finite = [p, i, d, ff0, ff1, ff2, ff3, bias, dead_band]
+            .iter()
+            .all(|gain| gain.is_finite());
+        if finite && wanted != *now.gains() {
+            drives.set_gains(self.joint, wanted);
+        }
+    }
+
+    /// Once a cycle. RT.
+    pub fn show(&mut self, drives: &Drives) {
+        if let Some(pid) = drives.iter().nth(self.joint).and_then(|drive| drive.position_loop()) {
+            self.error.set(pid.error());
+            self.output.set(pid.output());
+            self.saturated.set(pid.is_saturated());
+        }
+    }
+}
