@@ -52,7 +52,7 @@ fn a_mandatory_node_that_never_answers_ends_the_boot_and_is_named() {
     rehearse_part(NetConfig::clean(5), PART, |run| {
         run.net().at(0, Disturbance::PowerOff { node: 2 });
         assert_eq!(finish(run), Outcome::TimedOut(Step::Network));
-        assert!(journal(run).contains("y-drive (node 2) does not answer"));
+        assert!(journal(run).contains("y-drive (node 2) is missing: expected device type 0x00020192"));
         assert_eq!(commands(run), [[0.0; 3]; 0]);
     });
 }
