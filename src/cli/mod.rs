@@ -19,6 +19,7 @@ pub mod run;
 pub mod simulate;
 pub mod tables;
 pub mod top;
+mod tune;
 
 use crate::host::terminal::say;
 use crate::operator::refusal::Refusal;
@@ -143,6 +144,8 @@ enum Command {
     /// Measure what a cycle of so many axes takes on this PC, in parts, and how fast programs are planned.
     #[command(after_help = "Example: isocnc bench-servo --axes 2,3")]
     BenchServo(bench_servo::BenchServoArgs),
+    /// Measure how well the joints of a machine follow what they are told.
+    Tune(tune::TuneArgs),
     /// List, read, set or watch the pins of a running control.
     Hal(hal::HalArgs),
     /// Look at the network: who is on it, how it is, what went over the wire.
@@ -214,6 +217,7 @@ pub fn main() -> ExitCode {
         Command::Jitter(args) => jitter::jitter(args),
         Command::Dda(args) => dda::dda(args),
         Command::BenchServo(args) => bench_servo::bench_servo(args),
+        Command::Tune(args) => tune::tune(args),
         Command::Hal(args) => hal::hal(args),
         Command::Bus(args) => bus::bus(args),
         Command::Completions(args) => pages::completions(args, Cli::command()),

@@ -1,5 +1,6 @@
 //! The running control as its operator sees it: a session from start to end, programs, manual mode, stand-by, reports.
 
+pub mod circularity;
 pub mod console;
 pub mod journal_keeper;
 mod manual_mode;
