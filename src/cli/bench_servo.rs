@@ -7,9 +7,8 @@
 
 use crate::bus;
 use crate::cli::bus::check::exchange_ns;
-use crate::config::{self, AxisMap, Config, KeepAwake, Require, Rt};
+use crate::config::{self, AxisMap, Config};
 use crate::host::histogram::{Jitter, Summary};
-use crate::host::setup::{Role, enter_thread, prepare_process};
 use crate::host::steadiness::Steadiness;
 use crate::host::terminal::say;
 use crate::host::wait::thread_cpu_s;
@@ -45,6 +44,8 @@ const CYCLES: u64 = 10_000;
 pub(super) const CYCLES_OF_CHECK: u64 = 1_500;
 /// Cycles that a machine takes to its first one of a program at the most.
 const CYCLES_BEFORE: u64 = 120_000;
+/// How long that may take here.
+const PATIENCE: Duration = Duration::from_secs(5);
 /// Lines, and arcs, of the program.
 const ENTITIES: usize = 500;
 /// Share of the travel that is used, and of the slowest axis' velocity.
@@ -193,7 +194,7 @@ fn text(servos: &[Servo], cycles_us: &[Option<u32>], planned: &[Planned], late: 
     put(format_args!("{:<22}{}", "shortest cycle", shortest.collect::<String>()));
     put(format_args!(
         "\n\"compensation\" is that of backlash and pitch errors, \"position loop\" one that the control closes: not part of the sum.\n\
-         The shortest cycle holds the wire (nodes that answer within {PRES_TIMEOUT_US} us) and 99.9 % of the computing in nine\n\
+         The shortest cycle holds the wire (every node at its time-out) and 99.9 % of the computing in nine\n\
          tenths of it, and a thread that wakes up {:.0} us late (99 % of times on this PC) in a quarter.\n",
         late.p99_us
     ));
@@ -326,25 +327,10 @@ fn program(config: &Config) -> Option<String> {
     Some(text)
 }
 
-/// What the cycles of a machine take while a program moves all its axes, in a thread as the cycle thread is one as far as this user
-/// may have one.
+/// What the cycles of a machine take while a program moves all its axes.
+///
+/// By an ordinary thread: a control may be running, and its core is its own.
 pub(super) fn servo(config: &Config, cycles: u64) -> anyhow::Result<Servo> {
-    let rt = Rt {
-        keep_awake: Some(KeepAwake::None),
-        lock_memory: false,
-        require: Require::Warn,
-        ..config.rt.clone()
-    };
-    let process = prepare_process(&rt)?;
-    let work = || {
-        drop(enter_thread(Role::Cycle, &process));
-        timed_cycles(config, cycles)
-    };
-    let timed = std::thread::scope(|scope| scope.spawn(work).join());
-    timed.map_err(|_| anyhow!("the measurement panicked"))?
-}
-
-fn timed_cycles(config: &Config, cycles: u64) -> anyhow::Result<Servo> {
     let Some(text) = program(config) else {
         bail!("no program is known for a machine without an X axis");
     };
@@ -356,8 +342,11 @@ fn timed_cycles(config: &Config, cycles: u64) -> anyhow::Result<Servo> {
         |operator| operator.repeating(),
         |run| {
             let runs = |run: &mut Rehearsal<'_>| run.control.state() == State::Running;
+            let began = Instant::now();
             ensure!(
-                run.run_until(CYCLES_BEFORE, |run| runs(run) || run.operator.outcome().is_some())? && runs(run),
+                run.run_until(CYCLES_BEFORE, |run| {
+                    runs(run) || run.operator.outcome().is_some() || began.elapsed() > PATIENCE
+                })? && runs(run),
                 "the machine does not come to run a program: {:?}",
                 run.operator.journal().last()
             );

@@ -144,7 +144,10 @@ fn words(outlook: &Value, status: &Value) -> String {
             let limit = outlook["soft_limit_mm"].as_f64();
             let ended = limit.is_some_and(|limit| (at - limit).abs() < SAME_MM);
             let why = if ended { ", its soft limit" } else { "" };
-            format!("{letter} at rest at {at:.3} {unit}{why}")
+            match is_settled(status) {
+                true => format!("{letter} at rest at {at:.3} {unit}{why}"),
+                false => format!("{letter} still moves, at {at:.3} {unit}"),
+            }
         }
         _ => "at rest".into(),
     });
@@ -238,10 +241,15 @@ mod tests {
         );
         assert_eq!(cut(&outlook, 150.0), None);
         assert_eq!(cut(&json!({}), 400.0), None);
-        let mut status = json!({ "position_mm": [1.0, 205.0, 0.0], "obstruction": null, "alarm": null });
+        let mut status = json!({
+            "position_mm": [1.0, 205.0, 0.0], "obstruction": null, "alarm": null, "state": "ready", "velocity_mm_s": 0.0,
+        });
         assert_eq!(words(&outlook, &status), "Y at rest at 205.000 mm, its soft limit");
         status["position_mm"][1] = json!(12.5);
         assert_eq!(words(&outlook, &status), "Y at rest at 12.500 mm");
+        status["velocity_mm_s"] = json!(3.0);
+        assert_eq!(words(&outlook, &status), "Y still moves, at 12.500 mm");
+        status["velocity_mm_s"] = json!(0.0);
         status["obstruction"] = json!("jog ended: axis Y (joint 1): is at the end of its travel");
         assert!(
             words(&outlook, &status).starts_with("jog ended: axis Y (joint 1): is at the end of its travel\nY at rest")

@@ -82,6 +82,11 @@ pub enum ObjectKind {
 }
 
 impl Node {
+    /// Whether an object holds single inputs or outputs, whatever channels make of it.
+    pub fn is_of_bits(&self, object: Mapped) -> bool {
+        kind_of(object, self.device.as_ref()) == ObjectKind::Bits
+    }
+
     /// What the bits of one of its objects are: what a channel says, else its device file, else CiA 401. Of what nobody knows,
     /// octets are bits, and what is longer is a number.
     pub fn object_kind(&self, object: Mapped) -> ObjectKind {
@@ -247,6 +252,28 @@ fn channel(
         }
         Word::Integer => ChannelKind::Integer { signed: signed? },
         Word::Analog => {
+            let is_signed = match (signed, &known) {
+                (Some(Some(signed)), _) => signed,
+                (_, Some((_, kind))) => *kind == ObjectKind::Signed,
+                (_, None) => false,
+            };
+            let is_real = matches!(known, Some((_, ObjectKind::Real)));
+            let bits = u32::from(object.bits) - u32::from(is_signed);
+            let most = i64::try_from((1_u128 << bits) - 1).unwrap_or(i64::MAX);
+            let least = if is_signed { -most - 1 } else { 0 };
+            for (key, value) in [("raw_min", raw_min), ("raw_max", raw_max)] {
+                if let Some(Some(value)) = value
+                    && !is_real
+                    && !(least..=most).contains(&value)
+                {
+                    let word = if is_signed { "signed" } else { "unsigned" };
+                    section.wrong(
+                        key,
+                        format!("must lie between {least} and {most}, what {object} holds as a {word} number"),
+                    );
+                    return None;
+                }
+            }
             if output && section.has("filter_hz") {
                 section.wrong("filter_hz", "is for inputs");
                 return None;

@@ -143,6 +143,14 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
         }
     }
     let pid = position_loop::keys(section, mode, velocity_mm_s);
+    if let (Some(Some(gains)), Some(mode)) = (&pid, mode) {
+        position_loop::suits(section, mode, node.zip(around.nodes).map(|(node, nodes)| &nodes[node]));
+        let reach = counts_per_unit.zip(velocity_ratio);
+        let reach = reach.map(|(counts, units)| ratio(counts) * ratio(units) * gains.output_max);
+        if mode == cia402::Mode::Csv && reach.is_some_and(|reach| reach > f64::from(i32::MAX)) {
+            section.wrong("pid", "has an output_max that 60FFh cannot hold");
+        }
+    }
     let compensation = compensation::keys(section, around.folder);
     let mut limits = JointLimits {
         velocity_mm_s: velocity_mm_s?,

@@ -45,6 +45,7 @@ mod types;
 pub use bus::{is_name, wire_time_ns};
 pub use document::{Bound, Question};
 pub use error::{ConfigError, ConfigErrors};
+pub use position_loop::GAIN_MAX;
 pub use types::*;
 
 use document::{Log, Section};

@@ -4,11 +4,14 @@
 //! Out: gains of the loop that the control closes; nothing where the drive does.
 
 use super::document::{Bound, Section};
-use super::types::DriveMode;
+use super::drive::mode_word;
+use super::types::{DriveMode, Exchange, Mapped, Node};
 use motion::rt::PidGains;
 
 /// Greatest gain of any kind.
-const GAIN_MAX: f64 = 1e6;
+pub const GAIN_MAX: f64 = 1e6;
+/// Greatest share of the rated torque that 6071 holds.
+const TORQUE_MAX: f64 = 32.767;
 /// Share of a joint's velocity that its drive may be told, where the machine file says nothing: room for the loop to catch up.
 const VELOCITY_SHARE: f64 = 1.2;
 
@@ -76,7 +79,10 @@ fn gains(table: &mut Section<'_, '_>, mode: Option<DriveMode>, velocity_mm_s: Op
         table.number("ff3_max_mm_s3", Bound::Within(0.0, 1e12), 0.0),
     ];
     let output_max = match table.optional("output_max") {
-        Some(item) => item.number(&table.key("output_max"), Bound::Positive(GAIN_MAX)),
+        Some(item) => {
+            let most = if is_torque { TORQUE_MAX } else { GAIN_MAX };
+            item.number(&table.key("output_max"), Bound::Positive(most))
+        }
         None if is_torque => Some(1.0),
         None => velocity_mm_s.map(|velocity| VELOCITY_SHARE * velocity),
     };
@@ -103,4 +109,29 @@ fn gains(table: &mut Section<'_, '_>, mode: Option<DriveMode>, velocity_mm_s: Op
         ff_max: [velocity_max?, acceleration_max?, jerk_max?],
         output_max: output_max?,
     })
+}
+
+/// Notes what of a joint and its node does not suit a loop of the control.
+pub(super) fn suits(section: &mut Section<'_, '_>, mode: DriveMode, node: Option<&Node>) {
+    if section.has("torque_per_mm_s2") {
+        section.known(&["torque_per_mm_s2"]);
+        section.wrong(
+            "torque_per_mm_s2",
+            "is for drives that hold their position themselves; a loop has ff2",
+        );
+    }
+    let Some(node) = node else { return };
+    if !matches!(node.exchange, Exchange::Polled | Exchange::Chained) {
+        section.wrong("loop", "needs a node whose process data are exchanged in every cycle");
+    }
+    let lacks = |payload: &[Mapped], index: u16| payload.iter().all(|object| object.index != index);
+    for (payload, name, object) in [(&node.outputs, "outputs", 0x6060), (&node.inputs, "inputs", 0x6061)] {
+        if lacks(payload, object) {
+            let word = mode_word(mode);
+            section.wrong(
+                "mode",
+                format!("needs \"0x{object:04X}/8\" among the {name} of its node: a drive that is not in mode {word:?} takes no target of it"),
+            );
+        }
+    }
 }

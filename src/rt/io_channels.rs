@@ -58,7 +58,11 @@ impl Place {
     /// The nearest number that the object holds; what is no number is written as 0.
     fn write_number(&self, payload: &mut [u8], number: f64) {
         let octets = match (self.kind, self.field.object.bits) {
-            (ObjectKind::Real, 32) => u64::from((number as f32).to_bits()),
+            (ObjectKind::Real, _) if number.is_nan() => 0,
+            (ObjectKind::Real, 32) => {
+                let most = f64::from(f32::MAX);
+                u64::from((number.clamp(-most, most) as f32).to_bits())
+            }
             (ObjectKind::Real, _) => number.to_bits(),
             // Conversions end at the greatest number, and take NaN as 0.
             (ObjectKind::Signed, _) => number.round() as i64 as u64,
@@ -177,10 +181,20 @@ struct AnalogIn {
     untold: Option<(i64, i64)>,
 }
 
+/// Number of the first bit of an object among the numbered inputs or outputs of its node; `None`: its bits have names only. What
+/// channels make of an object does not move the numbers of others.
+fn numbered(node: &Node, object: Mapped, number: &mut u32) -> Option<u32> {
+    let first = *number;
+    node.is_of_bits(object).then(|| {
+        *number += u32::from(object.bits);
+        first
+    })
+}
+
 impl AnalogIn {
     fn show(&mut self, payload: &[u8]) {
         let now = self.place.number(payload) * self.scale + self.offset;
-        if std::mem::replace(&mut self.begun, true) {
+        if std::mem::replace(&mut self.begun, true) && self.gain < 1.0 && self.filtered.is_finite() {
             self.filtered += self.gain * (now - self.filtered);
         } else {
             self.filtered = now;
@@ -189,7 +203,7 @@ impl AnalogIn {
         let Some(fault) = &mut self.fault else { return };
         let raw = self.place.whole(payload);
         let [least, most] = self.range;
-        let beyond = !(least..=most).contains(&raw);
+        let beyond = !now.is_finite() || !(least..=most).contains(&raw);
         fault.set(beyond);
         if beyond && !self.was_beyond {
             self.untold = Some((raw, if raw < least { least } else { most }));
@@ -380,18 +394,23 @@ impl IoPins {
     fn objects_in(&mut self, hal: &mut Hal, node: &Node, places: impl Iterator<Item = Place>) -> Result<(), HalError> {
         let mut number = 0;
         for place in places {
+            let object = place.field.object;
+            let first = numbered(node, object, &mut number);
             if place.kind != ObjectKind::Bits {
-                let name = object_name(node, place.field.object);
-                self.shown_in.push(Shown::new(hal, &name, place)?);
+                self.shown_in.push(Shown::new(hal, &object_name(node, object), place)?);
                 continue;
             }
-            for bit in 0..u32::from(place.field.object.bits) {
-                let pin = hal.output(&format!("io.{}.in-{number:02}", node.id))?;
+            for bit in 0..u32::from(object.bits) {
+                let channel = channel_of_bit(node, object, bit, false).map(|channel| channel_name(node, channel));
+                let plain = first.map(|first| format!("io.{}.in-{:02}", node.id, first + bit));
+                let Some(name) = plain.as_ref().or(channel.as_ref()) else {
+                    continue;
+                };
+                let pin = hal.output(name)?;
                 self.bits_in.push(BitIn { place, bit, pin });
-                if let Some(channel) = channel_of_bit(node, place.field.object, bit, false) {
-                    hal.alias(&channel_name(node, channel), &format!("io.{}.in-{number:02}", node.id))?;
+                if let (Some(plain), Some(channel)) = (&plain, &channel) {
+                    hal.alias(channel, plain)?;
                 }
-                number += 1;
             }
         }
         Ok(())
@@ -400,8 +419,10 @@ impl IoPins {
     fn objects_out(&mut self, hal: &mut Hal, node: &Node, places: impl Iterator<Item = Place>) -> Result<(), HalError> {
         let mut number = 0;
         for place in places {
+            let object = place.field.object;
+            let first = numbered(node, object, &mut number);
             if place.kind != ObjectKind::Bits {
-                let name = object_name(node, place.field.object);
+                let name = object_name(node, object);
                 let is_made = |channel: &Channel| {
                     channel.output
                         && channel.object == place.field.object
@@ -414,14 +435,17 @@ impl IoPins {
                 }
                 continue;
             }
-            for bit in 0..u32::from(place.field.object.bits) {
-                let name = format!("io.{}.out-{number:02}", node.id);
-                let pin = hal.input(&name, false)?;
+            for bit in 0..u32::from(object.bits) {
+                let channel = channel_of_bit(node, object, bit, true).map(|channel| channel_name(node, channel));
+                let plain = first.map(|first| format!("io.{}.out-{:02}", node.id, first + bit));
+                let Some(name) = plain.as_ref().or(channel.as_ref()) else {
+                    continue;
+                };
+                let pin = hal.input(name, false)?;
                 self.bits_out.push(BitOut { place, bit, pin });
-                if let Some(channel) = channel_of_bit(node, place.field.object, bit, true) {
-                    hal.alias(&channel_name(node, channel), &name)?;
+                if let (Some(plain), Some(channel)) = (&plain, &channel) {
+                    hal.alias(channel, plain)?;
                 }
-                number += 1;
             }
         }
         Ok(())

@@ -7,6 +7,7 @@
 //! RT: nothing allocates but [`LoopPins::new`].
 
 use super::drives::Drives;
+use crate::config::GAIN_MAX;
 use hal_pins::{Hal, HalError, Input, Output};
 use motion::rt::PidGains;
 
@@ -47,8 +48,9 @@ impl LoopPins {
         })
     }
 
-    /// Once a cycle, before the loops are closed. A pin that is no number changes nothing. RT.
-    pub fn turn(&self, drives: &mut Drives) {
+    /// Once a cycle, before the loops are closed; `are_lost` is asked behind the reading: pins that were cut away read as 0. A pin
+    /// beyond what the machine file allows changes nothing. RT.
+    pub fn turn(&self, drives: &mut Drives, are_lost: impl Fn() -> bool) {
         let Some(now) = drives.iter().nth(self.joint).and_then(|drive| drive.position_loop()) else {
             return;
         };
@@ -62,10 +64,9 @@ impl LoopPins {
             dead_band,
             ..*now.gains()
         };
-        let finite = [p, i, d, ff0, ff1, ff2, ff3, bias, dead_band]
-            .iter()
-            .all(|gain| gain.is_finite());
-        if finite && wanted != *now.gains() {
+        let within = |values: &[f64], least: f64| values.iter().all(|value| (least..=GAIN_MAX).contains(value));
+        let legal = p > 0.0 && within(&[p, i, d, dead_band], 0.0) && within(&[ff0, ff1, ff2, ff3, bias], -GAIN_MAX);
+        if legal && wanted != *now.gains() && !are_lost() {
             drives.set_gains(self.joint, wanted);
         }
     }

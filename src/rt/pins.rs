@@ -439,7 +439,7 @@ impl Pins {
     /// Gains of position loops as pins have them. RT.
     pub fn turn_loops(&self, drives: &mut Drives) {
         for pins in &self.loops {
-            pins.turn(drives);
+            pins.turn(drives, || self.memory.is_lost());
         }
     }
 

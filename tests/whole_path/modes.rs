@@ -127,9 +127,23 @@ fn a_loop_that_runs_the_wrong_way_is_stopped_by_its_following_error() {
     (wrong.p, wrong.ff) = (-40.0, [0.0; 4]);
     let config = machine_in(DriveMode::Csv, Some(wrong));
     rehearse_on(&config, NetConfig::clean(1), PART, |run| {
-        reach(run, "a result", |run| run.operator.outcome().is_some());
+        let mut most_mm = 0.0_f64;
+        let mut homed = [0.0; 3];
+        reach(run, "a result", |run| {
+            let machine = run.net().machine();
+            let now = [0, 1, 2].map(|joint| machine.joint_position_mm(joint).expect("a joint"));
+            if !matches!(run.control.state(), State::Running | State::Stopping | State::Faulted) {
+                homed = now;
+            }
+            for (now, homed) in now.iter().zip(homed) {
+                most_mm = most_mm.max((now - homed).abs());
+            }
+            run.operator.outcome().is_some()
+        });
         assert_ne!(run.operator.outcome(), Some(Outcome::Completed));
         let said = journal(run);
         assert!(said.contains("following error"), "{said}");
+        // The window is 2 mm; what it ran behind that is the way of the quick stop.
+        assert!(most_mm < 8.0, "{most_mm} mm away");
     });
 }

@@ -42,6 +42,11 @@ impl<'a> Node<'a> {
         !matches!(self.stage, BootStage::Searching { .. } | BootStage::Refused { .. })
     }
 
+    /// The node answers IdentRequests and is not what it shall be.
+    pub(super) fn is_refused(&self) -> bool {
+        matches!(self.stage, BootStage::Refused { .. })
+    }
+
     /// The node holds its configuration.
     pub(super) fn is_configured(&self) -> bool {
         self.has_free_sdo_client() && self.stage != BootStage::Held

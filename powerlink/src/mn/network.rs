@@ -103,7 +103,8 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     fn report_missing(&mut self) {
         self.next_stranger = Some(1);
         for node in self.nodes.iter().flatten() {
-            if node.config.assignment.mandatory && !node.is_identified() {
+            // One that answers and is another device has been told as that.
+            if node.config.assignment.mandatory && !node.is_identified() && !node.is_refused() {
                 self.events.push(MnEvent::Missing { node: node.config.id });
             }
         }

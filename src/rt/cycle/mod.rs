@@ -231,6 +231,7 @@ impl<B: CyclicBus> MotionController<B> {
             self.parts.homer.input_lost();
         }
         self.watch(late_ns, skipped);
+        self.parts.drives.leave_out(skipped);
         self.take_orders();
         self.step_state();
         self.laps.end(Part::Orders);

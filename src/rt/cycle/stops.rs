@@ -147,7 +147,11 @@ impl<B: CyclicBus> MotionController<B> {
 
     /// Does what the table of faults says.
     pub(super) fn fault(&mut self, fault: Fault) {
-        let reaction = fault.reaction();
+        let reaction = match fault {
+            // The loop that would bring it to rest on its path is the one that has failed.
+            Fault::FollowingError { joint, .. } if self.parts.drives.is_led(joint) => Reaction::QuickStop,
+            fault => fault.reaction(),
+        };
         match reaction {
             Reaction::Count | Reaction::Warn => {
                 self.notice(Notice::Fault { fault, first: false });

@@ -322,20 +322,33 @@ fn gains_follow_their_pins_and_what_is_no_number_changes_nothing() {
     let mut hal = hal_pins::Hal::create_in(&[folder.path().to_owned()], "loops", 64).unwrap();
     let mut pins = super::super::loop_pins::LoopPins::new(&mut hal, 0, &GAINS).unwrap();
     let gains = |table: &Table| *table.drives.drives[0].position_loop().unwrap().gains();
-    pins.turn(&mut table.drives);
+    pins.turn(&mut table.drives, || false);
     assert_eq!(gains(&table), GAINS, "as the machine file has them");
     hal.set("pid.0.pgain", 55.0).unwrap();
     hal.set("pid.0.ff2", 0.01).unwrap();
-    pins.turn(&mut table.drives);
+    pins.turn(&mut table.drives, || false);
     let turned = PidGains {
         p: 55.0,
         ff: [0.0, 1.0, 0.01, 0.0],
         ..GAINS
     };
     assert_eq!(gains(&table), turned);
-    hal.set("pid.0.igain", f64::NAN).unwrap();
+    for (pin, value) in [
+        ("igain", f64::NAN),
+        ("deadband", -1.0),
+        ("pgain", -5.0),
+        ("pgain", 0.0),
+        ("ff1", 1e300),
+    ] {
+        let before = hal.reader::<f64>(&format!("pid.0.{pin}")).unwrap().get();
+        hal.set(&format!("pid.0.{pin}"), value).unwrap();
+        pins.turn(&mut table.drives, || false);
+        assert_eq!(gains(&table), turned, "{pin} {value}");
+        hal.set(&format!("pid.0.{pin}"), before).unwrap();
+    }
+    // What reads as 0 because the file was cut short is no gain.
     hal.set("pid.0.pgain", 5.0).unwrap();
-    pins.turn(&mut table.drives);
+    pins.turn(&mut table.drives, || true);
     assert_eq!(gains(&table), turned);
     table.command_mm = 0.001;
     table.cycle(None);

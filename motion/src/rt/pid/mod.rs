@@ -48,6 +48,8 @@ pub struct Pid {
     limited: f64,
     error: f64,
     output: f64,
+    /// Periods that were left out since the last call.
+    left_out: u64,
 }
 
 /// `value` within `most` of 0; 0: any.
@@ -68,6 +70,7 @@ impl Pid {
             limited: 0.0,
             error: 0.0,
             output: 0.0,
+            left_out: 0,
         }
     }
 
@@ -84,7 +87,7 @@ impl Pid {
     pub fn set_gains(&mut self, gains: PidGains) {
         self.integral = match gains.i {
             0.0 => 0.0,
-            i => self.integral * self.gains.i / i,
+            i => limited(self.integral * self.gains.i / i, gains.integral_max),
         };
         self.gains = gains;
     }
@@ -107,7 +110,8 @@ impl Pid {
             self.integral = limited(self.integral + error * period_s, gains.integral_max);
         }
         let velocity = (command - self.command) / period_s;
-        let derivative = limited(velocity - (feedback - self.feedback) / period_s, gains.derivative_max);
+        let since_s = period_s * (1 + std::mem::take(&mut self.left_out)) as f64;
+        let derivative = limited(velocity - (feedback - self.feedback) / since_s, gains.derivative_max);
         let [velocity_before, acceleration_before] = self.derivatives;
         let [velocity_max, acceleration_max, jerk_max] = gains.ff_max;
         let velocity = limited(velocity, velocity_max);
@@ -128,6 +132,11 @@ impl Pid {
         self.feedback = feedback;
         self.derivatives = [velocity, acceleration];
         self.output
+    }
+
+    /// So many periods were left out: the joint has gone on meanwhile, the command has not. RT.
+    pub fn leave_out(&mut self, periods: u64) {
+        self.left_out += periods;
     }
 
     /// One period of which no feedback has come: the joint is taken to follow. RT.

@@ -190,6 +190,21 @@ fn a_loop_begins_without_a_jump_and_forgets_what_was_before() {
 }
 
 #[test]
+fn a_period_that_was_left_out_is_no_speed() {
+    let gains = PidGains {
+        d: 1.0,
+        ..PidGains::default()
+    };
+    let mut pid = Pid::new(gains, PERIOD_S);
+    pid.restart(0.0);
+    // At 100 a second, the joint as the command.
+    assert!(pid.step(0.1, 0.1).abs() < 1e-9);
+    pid.leave_out(2);
+    assert!(pid.step(0.2, 0.4).abs() < 1e-9, "three periods' way in three periods");
+    assert!(pid.step(0.3, 0.5).abs() < 1e-9);
+}
+
+#[test]
 fn other_gains_leave_the_integral_where_it_is() {
     let gains = PidGains {
         i: 10.0,

@@ -71,6 +71,11 @@ pub fn limits_along(joints: impl Iterator<Item = (f64, MotionLimits, StopLimits)
     (motion, stop)
 }
 
+/// How far the place that drives have latched may be from that of the cycle in which the contact was read: the way of so many cycles,
+/// and what drives see of a rest differently, mm.
+const LATCHED_WITHIN_CYCLES: f64 = 4.0;
+const LATCHED_WITHIN_MM: f64 = 0.02;
+
 /// The machine follows its commands late: so long a contact may still come at the end of the line, s.
 const SETTLE_S: f64 = 0.05;
 
@@ -254,13 +259,22 @@ impl Probe {
             return None;
         }
         let rest = self.position;
+        // What was latched by another contact, before this one or by a shock on the way, is elsewhere.
+        let near = |exact: &Position, latched: &Position| {
+            let most = LATCHED_WITHIN_CYCLES * self.feed * self.cycle_s + LATCHED_WITHIN_MM;
+            exact
+                .0
+                .iter()
+                .zip(latched.0)
+                .all(|(exact, latched)| (exact - latched).abs() <= most)
+        };
+        let exact = self
+            .exact
+            .filter(|_| self.end == Some(ProbeEnd::Tripped))
+            .filter(|exact| self.latched.is_some_and(|latched| near(exact, &latched)));
         self.end.map(|end| Probed {
             end,
-            at: self
-                .exact
-                .filter(|_| end == ProbeEnd::Tripped)
-                .or(self.latched)
-                .unwrap_or(rest),
+            at: exact.or(self.latched).unwrap_or(rest),
             rest,
         })
     }

@@ -6,6 +6,7 @@
 
 use super::super::station::{Found, Parameters, Station};
 use super::super::words;
+use crate::bus;
 use crate::config::{self, Identity, Mapped};
 use crate::operator::refusal::Refusal;
 use anyhow::{Context, bail, ensure};
@@ -285,7 +286,8 @@ pub(super) fn write(path: &Path, add: bool, modules: Vec<Module>, interface: &st
         )
     };
     // Never a file that would be refused.
-    config::parse(&text, path).map_err(Refusal::from)?;
+    let config = config::parse(&text, path).map_err(Refusal::from)?;
+    bus::check(&config).map_err(Refusal::from)?;
     files::write(path, text).with_context(|| format!("{file}: cannot be written"))?;
     Ok(written)
 }
