@@ -199,7 +199,9 @@ pub(super) fn ball_bar(args: &BallBarArgs) -> anyhow::Result<ExitCode> {
         axes_at,
         args.feed / 60.0,
     )?;
-    write(&args.out, &title(&config, args, &found), axes, &found)?;
+    // A heading that fits the picture.
+    let heading = format!("{}: radius {} mm, {} mm/min", config.name, args.radius, args.feed);
+    write(&args.out, &heading, axes, &found)?;
     match args.json {
         true => say(&format!("{:#}\n", serde_json::to_value(&found)?)),
         false => say(&format!(
