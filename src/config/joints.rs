@@ -144,7 +144,13 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
     }
     let pid = position_loop::keys(section, mode, velocity_mm_s);
     if let (Some(Some(gains)), Some(mode)) = (&pid, mode) {
-        position_loop::suits(section, mode, node.zip(around.nodes).map(|(node, nodes)| &nodes[node]));
+        let goes_on_alone = reactions.as_ref().is_some_and(|it| it.connection_lost == Some(0));
+        position_loop::suits(
+            section,
+            mode,
+            goes_on_alone,
+            node.zip(around.nodes).map(|(node, nodes)| &nodes[node]),
+        );
         let reach = counts_per_unit.zip(velocity_ratio);
         let reach = reach.map(|(counts, units)| ratio(counts) * ratio(units) * gains.output_max);
         if mode == cia402::Mode::Csv && reach.is_some_and(|reach| reach > f64::from(i32::MAX)) {

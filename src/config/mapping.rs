@@ -122,6 +122,19 @@ pub(super) fn payload(section: &mut Section<'_, '_>, payload: Payload, target: T
         return None;
     }
     if target.profile == Some(Profile::Cia402) {
+        let targets = payload.required_of_drives(target.mode)[1];
+        let held: Vec<&Mapped> = objects
+            .iter()
+            .filter(|object| targets.contains(&(object.index, object.sub)))
+            .collect();
+        if let [one, other, ..] = held[..] {
+            // Only one of them would follow the motion; a drive that takes the other one would jump.
+            section.wrong(
+                key,
+                format!("must not hold {one} beside {other}: a drive has one target"),
+            );
+            valid = false;
+        }
         for (index, sub) in missing(payload, target.mode, &objects) {
             let object = usual(index, sub).to_string();
             let mode = match target.mode {

@@ -112,7 +112,11 @@ fn gains(table: &mut Section<'_, '_>, mode: Option<DriveMode>, velocity_mm_s: Op
 }
 
 /// Notes what of a joint and its node does not suit a loop of the control.
-pub(super) fn suits(section: &mut Section<'_, '_>, mode: DriveMode, node: Option<&Node>) {
+pub(super) fn suits(section: &mut Section<'_, '_>, mode: DriveMode, goes_on_alone: bool, node: Option<&Node>) {
+    if goes_on_alone {
+        let rule = "must not have connection_lost = 0: the drive has no position to hold, and would run on with its last set-point";
+        section.wrong("reactions", rule);
+    }
     if section.has("torque_per_mm_s2") {
         section.known(&["torque_per_mm_s2"]);
         section.wrong(

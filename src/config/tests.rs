@@ -396,6 +396,9 @@ fn rules_of_pdo_mapping() {
         ("node = 1", "node = 1\nmode = \"csv\"\nloop = \"pid\"\npid = { p = 40.0 }", &[]),
         ("node = 1", "node = 1\nmode = \"cst\"\nloop = \"pid\"\npid = { p = 1, i = 2.0, d = 0.1, ff2 = 1e-4, output_max = 2.5 }", &[]),
         ("node = 1", "node = 1\nmode = \"csv\"\nloop = \"pid\"", &["m.toml:15:8: joint[0].loop = \"pid\": needs the gains beside it: pid = { p = 30.0 }"]),
+        ("node = 1", "node = 1\nmode = \"csv\"\nloop = \"pid\"\npid = { p = 1.0 }\nreactions = { connection_lost = 0 }", &["m.toml:17:13: joint[0].reactions: must not have connection_lost = 0: the drive has no position to hold, and would run on with its last set-point"]),
+        ("node = 1", "node = 1\nmode = \"cst\"\nloop = \"pid\"\npid = { p = 1.0, output_max = 40.0 }", &["m.toml:16:31: joint[0].pid.output_max = 40.0: must not be above 32.767"]),
+        (drive, "profile = \"cia402\"\noutputs = [\"0x6040/16\", \"0x607A/32\", \"0x6062/32\"]", &["m.toml:9:11: bus.node[0].outputs = [\"0x6040/16\", \"0x607A/32\", \"0x6062/32\"]: must not hold 0x607A/32 beside 0x6062/32: a drive has one target"]),
         ("node = 1", "node = 1\nloop = \"pid\"\npid = { p = 1.0 }", &["m.toml:14:8: joint[0].loop = \"pid\": must be \"drive\" where the drive is told positions; \"pid\" is for mode = \"csv\" and \"cst\""]),
         ("node = 1", "node = 1\npid = { p = 1.0 }", &["m.toml:14:7: joint[0].pid: is for loop = \"pid\""]),
         ("node = 1", "node = 1\nmode = \"csv\"\nloop = \"pid\"\npid = { p = 0.0, q = 1 }", &[

@@ -37,9 +37,15 @@ impl Modules {
 
     /// A node does not answer at its id.
     pub fn missing(&mut self, node: usize) -> String {
+        self.present(node);
         self.missing.push(node);
         let Module { label, wanted, .. } = &self.modules[node];
         format!("{label} is missing: expected {wanted}; nobody answers there")
+    }
+
+    /// A node answers at its id, again or at last.
+    pub fn present(&mut self, node: usize) {
+        self.missing.retain(|missing| *missing != node);
     }
 
     /// A node that the machine file does not have is on the network.
@@ -165,6 +171,19 @@ mod tests {
                 format!("a (node 1) has moved: {a}; found at node 9: set its id back, or write 9 into the file"),
                 format!("node 10 is on the network and not in the machine file: {}", found(4, 4)),
             ]
+        );
+    }
+
+    #[test]
+    fn a_module_that_is_back_has_not_moved() {
+        let mut modules = modules();
+        modules.missing(0);
+        assert!(modules.stranger(200, &device(1, 5)).starts_with("a (node 1) has moved"));
+        modules.present(0);
+        assert!(
+            modules
+                .stranger(200, &device(1, 5))
+                .starts_with("node 200 is on the network")
         );
     }
 

@@ -148,7 +148,10 @@ impl Operator {
             BusEvent::Network(BusState::Down) => "network down".into(),
             BusEvent::Network(BusState::Booting) => "network booting".into(),
             BusEvent::Network(BusState::Operational) => "network operational".into(),
-            BusEvent::Identified(node) => format!("{} found", self.node_names[node]),
+            BusEvent::Identified(node) => {
+                self.modules.present(node);
+                format!("{} found", self.node_names[node])
+            }
             BusEvent::WrongIdentity {
                 node,
                 object: (index, sub),

@@ -27,8 +27,7 @@ pub fn is_filled(joint: &Joint, object: (u16, u8)) -> bool {
         (0x6040 | 0x6060, 0) => true,
         (0x60B8, 0) => joint.touch_probe.is_some(),
         (0x60B1, 0) => joint.mode.is_position(),
-        // The torque beside a velocity is the business of who finds the velocity.
-        (0x60B2, 0) => joint.mode == DriveMode::Csv || joint.torque_per_mm_s2.is_some(),
+        (0x60B2, 0) => joint.torque_per_mm_s2.is_some(),
         object => targets(joint.mode).contains(&object),
     }
 }
@@ -140,7 +139,7 @@ impl Fields {
 pub struct Effort {
     /// Of the motor; of a drive in CSV.
     pub velocity_mm_s: f64,
-    /// As a share of the rated torque, up: of a drive in CST; of one in CSV whose 60B2 is mapped, too.
+    /// As a share of the rated torque: of a drive in CST.
     pub torque: f64,
 }
 

@@ -141,32 +141,29 @@ fn the_target_goes_into_the_object_of_the_mode_or_into_the_position_demand() {
 #[test]
 fn a_velocity_is_told_in_the_unit_of_the_drive_and_only_for_one_cycle() {
     let mut table = Table::enabled(DriveMode::Csv, &[(0x60FF, 0, 32), (0x60B2, 0, 16)]);
-    let effort = Effort {
-        velocity_mm_s: 10.0,
-        torque: -0.25,
+    let led = |velocity_mm_s: f64| Effort {
+        velocity_mm_s,
+        ..Effort::default()
     };
-    table.cycle(Some(effort));
+    table.cycle(Some(led(10.0)));
     // 10 mm/s are 100,000 increments/s, and 6 for a thousand of them.
-    assert_eq!(
-        (table.object::<i32>(0x60FF, 0), table.object::<i16>(0x60B2, 0)),
-        (600, -250)
-    );
+    assert_eq!(table.object::<i32>(0x60FF, 0), 600);
     assert_eq!(
         (table.demand.control, table.demand.velocity),
         (Control::Velocity, 600.0)
     );
     table.cycle(None);
-    assert_eq!((table.object::<i32>(0x60FF, 0), table.object::<i16>(0x60B2, 0)), (0, 0));
+    assert_eq!(table.object::<i32>(0x60FF, 0), 0);
     // As far as numbers go, and no further.
-    let effort = Effort {
-        velocity_mm_s: 1e300,
-        torque: -1e300,
+    table.cycle(Some(led(1e300)));
+    assert_eq!(table.object::<i32>(0x60FF, 0), i32::MAX);
+    // The torque beside it belongs to whoever writes its pin.
+    let config = config::parse(DEMO, Path::new("m.toml")).unwrap();
+    let joint = Joint {
+        mode: DriveMode::Csv,
+        ..config.joints[0].clone()
     };
-    table.cycle(Some(effort));
-    assert_eq!(
-        (table.object::<i32>(0x60FF, 0), table.object::<i16>(0x60B2, 0)),
-        (i32::MAX, i16::MIN)
-    );
+    assert!(is_filled(&joint, (0x60FF, 0)) && !is_filled(&joint, (0x60B2, 0)));
 }
 
 #[test]

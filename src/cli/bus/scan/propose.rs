@@ -11,6 +11,7 @@ use crate::config::{self, Identity, Mapped};
 use crate::operator::refusal::Refusal;
 use anyhow::{Context, bail, ensure};
 use obd::device::{self, DeviceDescription};
+use powerlink::sdo::ClientError;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -78,8 +79,10 @@ pub(super) fn ask(
                 let started = node.client().start_read(index, 0);
                 started.with_context(|| format!("node {}", found.id))?;
                 // What it does not have, it refuses.
-                if let Ok(1..) = node.run(&[], &mut value)? {
-                    *count = value[0].min(OBJECTS_MAX);
+                match node.run(&[], &mut value)? {
+                    Ok(0) | Err(ClientError::Aborted(_)) => {}
+                    Ok(_) => *count = value[0].min(OBJECTS_MAX),
+                    Err(error) => bail!("node {}: {index:04X}h: {error}", found.id),
                 }
             }
             node.close()?;
