@@ -266,10 +266,10 @@ fn channel(
                     && !is_real
                     && !(least..=most).contains(&value)
                 {
-                    let word = if is_signed { "signed" } else { "unsigned" };
+                    let word = if is_signed { "a signed" } else { "an unsigned" };
                     section.wrong(
                         key,
-                        format!("must lie between {least} and {most}, what {object} holds as a {word} number"),
+                        format!("must lie between {least} and {most}, what {object} holds as {word} number"),
                     );
                     return None;
                 }

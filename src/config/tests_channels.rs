@@ -162,6 +162,14 @@ fn what_cannot_be_is_refused_at_its_place_with_what_would_be_right() {
             "raw_max = 8: must be above raw_min, 9",
         ),
         (
+            "name = \"a\", object = \"0x6401:1\", raw_min = 40000",
+            "raw_min = 40000: must lie between -32768 and 32767, what 0x6401:1/16 holds as a signed number",
+        ),
+        (
+            "name = \"a\", object = \"0x6401:1\", signed = false, raw_max = 65536",
+            "raw_max = 65536: must lie between 0 and 65535, what 0x6401:1/16 holds as an unsigned number",
+        ),
+        (
             "name = \"a\", object = \"0x6411:1\", filter_hz = 8",
             "filter_hz = 8: is for inputs",
         ),

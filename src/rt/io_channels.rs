@@ -626,3 +626,92 @@ fn channel_of_bit(node: &Node, object: Mapped, number: u32, output: bool) -> Opt
         is_bit && channel.object == object && channel.output == output
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{bus, config};
+    use std::path::Path;
+
+    /// A module of these payloads and channels; its pins.
+    fn module(keys: &str) -> (Hal, IoPins, OutputImage, InputImage, tempfile::TempDir) {
+        let text = format!(
+            "schema = 1\n[machine]\nname = \"m\"\nkinematics = \"none\"\n[bus]\nkind = \"memory\"\n[[bus.node]]\nid = 5\nprofile = \"io\"\n{keys}"
+        );
+        let config = config::parse(&text, Path::new("m.toml")).unwrap_or_else(|errors| panic!("{errors}"));
+        let plans = bus::plan(&config);
+        let folder = tempfile::tempdir().unwrap();
+        let mut hal = Hal::create_in(&[folder.path().to_owned()], "io", 256).unwrap();
+        let pins = IoPins::new(&mut hal, &config, &plans).unwrap();
+        let outputs = OutputImage::new(plans.iter().map(|plan| plan.outputs.octets));
+        let mut inputs = InputImage::new(plans.iter().map(|plan| plan.inputs.octets));
+        inputs.fresh[0] = true;
+        (hal, pins, outputs, inputs, folder)
+    }
+
+    #[test]
+    fn a_channel_does_not_move_the_numbers_of_other_bits() {
+        let payloads = "outputs = [\"0x2000:1/16\", \"0x6200:1/8\", \"0x6200:2/8\"]\ninputs = []\n";
+        for (channels, lamp) in [
+            ("", None),
+            (
+                "channel = [{ name = \"lamp\", object = \"0x2000:1\", bit = 3 }]\n",
+                Some(0x08),
+            ),
+        ] {
+            let (hal, mut pins, mut outputs, ..) = module(&format!("{payloads}{channels}"));
+            hal.set("io.5.out-00", true).unwrap();
+            hal.set("io.5.out-15", true).unwrap();
+            if lamp.is_some() {
+                hal.set("io.5.lamp", true).unwrap();
+            }
+            pins.write(&mut outputs);
+            assert_eq!(outputs.node(0), [lamp.unwrap_or(0), 0, 0x01, 0x80], "{channels}");
+            assert!(hal.reader::<bool>("io.5.out-16").is_err());
+        }
+        // An object of bits that is one number keeps its numbers, too.
+        let channels = "channel = [{ name = \"n\", object = \"0x6200:1\", type = \"integer\" }]\n";
+        let (hal, mut pins, mut outputs, ..) = module(&format!("{payloads}{channels}"));
+        hal.set("io.5.out-08", true).unwrap();
+        pins.write(&mut outputs);
+        assert_eq!(outputs.node(0), [0, 0, 0, 0x01]);
+        assert!(hal.reader::<bool>("io.5.out-00").is_err());
+    }
+
+    #[test]
+    fn a_value_that_is_no_number_is_a_fault_and_gone_with_the_next_one() {
+        for filter in ["", ", filter_hz = 5.0"] {
+            let (hal, mut pins, _, mut inputs, _folder) = module(&format!(
+                "inputs = [\"0x6403:1/32\"]\noutputs = []\nchannel = [{{ name = \"t\", object = \"0x6403:1\", raw_min = -10, raw_max = 90{filter} }}]\n"
+            ));
+            for (sent, shown) in [
+                (20.0, Some(20.0)),
+                (f32::NAN, None),
+                (f32::INFINITY, None),
+                (30.0, Some(30.0)),
+            ] {
+                inputs.payload.node_mut(0).copy_from_slice(&sent.to_le_bytes());
+                pins.show(&inputs);
+                assert_eq!(
+                    hal.reader::<bool>("io.5.t-fault").unwrap().get(),
+                    shown.is_none(),
+                    "{sent}"
+                );
+                if let Some(shown) = shown {
+                    assert_eq!(hal.reader::<f64>("io.5.t").unwrap().get(), shown, "{filter}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_device_never_gets_what_is_no_number() {
+        let (hal, mut pins, mut outputs, ..) = module("inputs = []\noutputs = [\"0x6413:1/32\"]\n");
+        let sent = |outputs: &OutputImage| f32::from_le_bytes(outputs.node(0).try_into().unwrap());
+        for (wanted, expected) in [(1.5, 1.5), (f64::NAN, 0.0), (1e300, f32::MAX), (-1e300, f32::MIN)] {
+            hal.set("io.5.object-6413-01", wanted).unwrap();
+            pins.write(&mut outputs);
+            assert_eq!(sent(&outputs), expected, "{wanted}");
+        }
+    }
+}

@@ -43,6 +43,19 @@ fn a_contact_is_latched_and_the_move_rests_behind_it() {
 }
 
 #[test]
+fn what_drives_have_latched_counts_near_the_contact_only() {
+    for (exact_z, counts) in [(-40.003, true), (-30.0, false), (-41.0, false), (f64::NAN, false)] {
+        let mut probe = Probe::new(line(), TOWARDS, 20.0, mill(), CYCLE_S);
+        probe.step(false, &Position::xyz(5.0, 7.0, 10.0));
+        // A shock on the way, or the contact of the move before.
+        probe.refine(&Position::xyz(5.0, 7.0, exact_z));
+        let (result, _) = run(&mut probe, -40.0, 10_000);
+        assert_eq!(z(&result.at) == exact_z, counts, "{exact_z}: {result:?}");
+        assert!((z(&result.at) + 40.0).abs() < 0.02, "{result:?}");
+    }
+}
+
+#[test]
 fn no_contact_is_an_error_where_the_mode_demands_one() {
     for must_trip in [true, false] {
         let mode = ProbeMode {
