@@ -128,6 +128,8 @@ pub enum Fault {
         error_mm: f64,
         /// Limit, mm.
         limit_mm: f64,
+        /// The control closes its position loop: the loop that would bring it to rest on its path is the one that has failed.
+        led: bool,
     },
     /// The control could not home a joint, and has come to rest.
     Homing { joint: usize, failure: HomingFailure },
@@ -287,7 +289,7 @@ impl Fault {
             Fault::NodeLost { .. }
             | Fault::Drive { .. }
             | Fault::DriveWarning { .. }
-            | Fault::FollowingError { .. }
+            | Fault::FollowingError { led: false, .. }
             | Fault::Homing { .. }
             | Fault::SoftLimit { .. }
             | Fault::LimitExceeded { .. }
@@ -303,7 +305,7 @@ impl Fault {
             | Fault::LinkFailed {
                 error: LinkFailure::Down | LinkFailure::FrameLength { .. } | LinkFailure::Os { .. },
             } => Reaction::ControlledStop,
-            Fault::IllegalCommand { .. } => Reaction::QuickStop,
+            Fault::IllegalCommand { .. } | Fault::FollowingError { led: true, .. } => Reaction::QuickStop,
             Fault::EmergencyStop { .. } => Reaction::EmergencyStop,
             Fault::CycleHung => Reaction::Silence,
         }
@@ -417,6 +419,7 @@ impl Fault {
                 joint: index,
                 error_mm,
                 limit_mm,
+                ..
             } => {
                 format!(
                     "{}: following error {error_mm:.3} mm above {limit_mm:.3} mm",

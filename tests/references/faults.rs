@@ -70,17 +70,16 @@ pub(crate) fn examples() -> Vec<Fault> {
             measured_rpm,
         },
     };
+    let following = |led| Fault::FollowingError {
+        joint: 0,
+        error_mm: 2.104,
+        limit_mm: 2.0,
+        led,
+    };
     let mac = [0x02, 0, 0, 0, 0, 0xF0];
     let mut examples = vec![Fault::NodeLost { node: 0 }];
     examples.extend(OF_DRIVES.map(|fault| Fault::Drive { joint: 0, fault }));
-    examples.extend([
-        Fault::DriveWarning { joint: 0 },
-        Fault::FollowingError {
-            joint: 0,
-            error_mm: 2.104,
-            limit_mm: 2.0,
-        },
-    ]);
+    examples.extend([Fault::DriveWarning { joint: 0 }, following(false), following(true)]);
     examples.extend(OF_HOMING.map(|failure| Fault::Homing { joint: 0, failure }));
     examples.extend([
         Fault::SoftLimit {

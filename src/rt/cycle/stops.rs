@@ -147,11 +147,7 @@ impl<B: CyclicBus> MotionController<B> {
 
     /// Does what the table of faults says.
     pub(super) fn fault(&mut self, fault: Fault) {
-        let reaction = match fault {
-            // The loop that would bring it to rest on its path is the one that has failed.
-            Fault::FollowingError { joint, .. } if self.parts.drives.is_led(joint) => Reaction::QuickStop,
-            fault => fault.reaction(),
-        };
+        let reaction = fault.reaction();
         match reaction {
             Reaction::Count | Reaction::Warn => {
                 self.notice(Notice::Fault { fault, first: false });
@@ -305,6 +301,7 @@ fn drive_fault(joint: usize, drive: &Drive) -> Option<Fault> {
                 joint,
                 error_mm,
                 limit_mm,
+                led: drive.position_loop().is_some(),
             })
         }
         Status::Disabled

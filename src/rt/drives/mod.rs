@@ -565,11 +565,6 @@ impl Drives {
         }
     }
 
-    /// Whether the control closes the position loop of a joint. RT.
-    pub fn is_led(&self, joint: usize) -> bool {
-        self.drives.get(joint).is_some_and(|drive| drive.pid.is_some())
-    }
-
     /// So many cycles were left out. RT.
     pub fn leave_out(&mut self, cycles: u64) {
         for pid in self.drives.iter_mut().filter_map(|drive| drive.pid.as_mut()) {
