@@ -1,0 +1,195 @@
+//! Tool carousel: turns until the wanted pocket is where its sensors say.
+
+use crate::component::{Component, Options};
+use crate::declare::component;
+use crate::edge::Edge;
+use crate::logic::bits;
+use crate::select::from_gray;
+
+component! {
+    /// Turns a tool carousel to a pocket, the only way or the shorter one, with an optional pulse back against a stop.
+    ///
+    /// Sensors tell the pocket in Gray code, binary, BCD, by one sensor a pocket, or by an index (`sense-0`, at pocket 1) and a
+    /// pulse a pocket (`sense-1`), which needs a turn at first.
+    Carousel = "carousel";
+    options {
+        pockets: 8, 1..=100, [], "number of pockets";
+        encoding: 0, 0..=4, ["gray", "binary", "bcd", "single", "index"], "what the sensors tell";
+        num_sense: 4, 1..=32, [], "number of sensors";
+        dir: 2, 1..=2, [], "1: turns forward only, 2: the shorter way";
+        parity: 0, 0..=1, [], "0: even, 1: odd, where a sensor tells the parity";
+    }
+    in {
+        pocket_number: i32 = 0, "wanted pocket, from 1; beyond the last it goes round";
+        enable: bool = false, "turns as it rises; falling stops at once, but not the search for the index";
+        strobe: bool = true, "the sensors may be read";
+        parity: bool = false, "parity of the sensors; for `parity-error` alone";
+        sense as "sense-#": Vec<bool> = vec![false; 4], "sensor";
+        rev_pulse: f64 = 0.0, "pulse back at the pocket, s";
+        fwd_dc: f64 = 0.0, "`motor-vel` forward";
+        rev_dc: f64 = 0.0, "`motor-vel` backward";
+        hold_dc: f64 = 0.0, "`motor-vel` at the pocket";
+        jog_fwd: bool = false, "a pocket forward as it rises, while nothing else is done";
+        jog_rev: bool = false, "a pocket back as it rises, with `dir` 2";
+    }
+    out {
+        active: bool = false, "it turns";
+        ready: bool = false, "the pocket is there, until `enable` falls";
+        motor_fwd: bool = false, "forward";
+        motor_rev: bool = false, "backward";
+        motor_vel: f64 = 0.0, "speed for a drive";
+        parity_error: bool = false, "`parity` does not fit the sensors";
+        current_position: i32 = 0, "pocket that the sensors tell, from 1";
+        homed: bool = false, "the pocket is known";
+    }
+    state {
+        encoding: Encoding = Encoding::Gray; pockets: i32 = 8; both_ways: bool = true; odd: bool = false; work: Work = Work::Idle;
+        enable_edge: Edge = Edge::default(); pulse: Edge = Edge::default(); fwd: Edge = Edge::default(); rev: Edge = Edge::default();
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Encoding {
+    Gray,
+    Binary,
+    Bcd,
+    Single,
+    Index,
+}
+
+/// What is being done. Targets are pockets from 1; a jog has no `ready`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Work {
+    Idle,
+    Homing,
+    Turning { target: i32, forward: bool, jog: bool },
+    PulseBack { left_s: f64, jog: bool },
+    There,
+}
+
+impl Carousel {
+    /// A pocket from 1, whatever number is asked for. RT.
+    fn pocket(&self, number: i32) -> i32 {
+        (number.wrapping_sub(1)).rem_euclid(self.pockets) + 1
+    }
+
+    /// Reads the sensors. RT.
+    fn sense(&mut self) {
+        let set = self.sense.iter().filter(|bit| **bit).count();
+        self.parity_error = ((set + usize::from(self.parity)) % 2 == 1) != self.odd;
+        let code = bits(&self.sense);
+        let told = match self.encoding {
+            Encoding::Gray => match from_gray(code) {
+                // All sensors off is the last pocket.
+                0 => self.pockets,
+                number => i32::try_from(number).unwrap_or(0),
+            },
+            Encoding::Binary => i32::try_from(code).unwrap_or(0),
+            Encoding::Bcd => (0..8).rev().fold(0i32, |number, digit| {
+                number
+                    .saturating_mul(10)
+                    .saturating_add((code >> (4 * digit) & 15) as i32)
+            }),
+            Encoding::Single => match set {
+                1 => code.trailing_zeros() as i32 + 1,
+                _ => return,
+            },
+            Encoding::Index => {
+                let rises = self.pulse.rises(code & 2 != 0);
+                match (code & 3, rises) {
+                    (3, _) => 1,
+                    (_, true) if self.homed => {
+                        let step = if self.motor_rev { -1 } else { 1 };
+                        self.pocket(self.current_position + step)
+                    }
+                    _ => return,
+                }
+            }
+        };
+        let valid = self.strobe && (1..=self.pockets).contains(&told);
+        if valid {
+            (self.current_position, self.homed) = (told, true);
+        }
+    }
+
+    fn turn_to(&self, target: i32, jog: bool) -> Work {
+        let ahead = (target - self.current_position).rem_euclid(self.pockets);
+        let forward = !self.both_ways || 2 * ahead <= self.pockets;
+        Work::Turning { target, forward, jog }
+    }
+}
+
+impl Component for Carousel {
+    fn shape(&mut self, options: &Options<'_>) {
+        self.sense = vec![false; options.count("num_sense")];
+        self.pockets = options.get("pockets").clamp(1, 100) as i32;
+        self.both_ways = options.get("dir") == 2;
+        self.odd = options.get("parity") == 1;
+        self.encoding = match options.get("encoding") {
+            1 => Encoding::Binary,
+            2 => Encoding::Bcd,
+            3 => Encoding::Single,
+            4 => Encoding::Index,
+            _ => Encoding::Gray,
+        };
+    }
+
+    fn update(&mut self, period_s: f64) {
+        self.sense();
+        let begins = self.enable_edge.rises(self.enable);
+        let jogs = [self.fwd.rises(self.jog_fwd), self.rev.rises(self.jog_rev)];
+        let wanted = self.pocket(self.pocket_number);
+        self.work = match self.work {
+            Work::Idle if begins && !self.homed => Work::Homing,
+            Work::Idle if begins => self.turn_to(wanted, false),
+            Work::Idle if self.homed && !self.enable && jogs[0] => Work::Turning {
+                target: self.pocket(self.current_position + 1),
+                forward: true,
+                jog: true,
+            },
+            Work::Idle if self.homed && !self.enable && jogs[1] && self.both_ways => Work::Turning {
+                target: self.pocket(self.current_position - 1),
+                forward: false,
+                jog: true,
+            },
+            Work::Homing if self.homed && self.enable => self.turn_to(wanted, false),
+            Work::Homing if self.homed => Work::Idle,
+            Work::Turning { jog, .. } | Work::PulseBack { jog, .. } if !jog && !self.enable => Work::Idle,
+            Work::PulseBack { left_s, jog } => Work::PulseBack {
+                left_s: left_s - period_s,
+                jog,
+            },
+            Work::There if !self.enable => Work::Idle,
+            as_before => as_before,
+        };
+        // What is over leads on in the same call.
+        if let Work::Turning { target, jog, .. } = self.work
+            && self.current_position == target
+        {
+            let left_s = self.rev_pulse.max(0.0);
+            self.work = Work::PulseBack { left_s, jog };
+        }
+        if let Work::PulseBack { left_s, jog } = self.work
+            && left_s <= period_s / 2.0
+        {
+            self.work = if jog { Work::Idle } else { Work::There };
+        }
+        (self.motor_fwd, self.motor_rev) = match self.work {
+            Work::Idle | Work::There => (false, false),
+            Work::Homing => (true, false),
+            Work::Turning { forward, .. } => (forward, !forward),
+            Work::PulseBack { .. } => (false, true),
+        };
+        self.ready = self.work == Work::There;
+        self.active = self.motor_fwd || self.motor_rev;
+        self.motor_vel = match (self.motor_fwd, self.motor_rev, self.ready) {
+            (true, _, _) => self.fwd_dc,
+            (false, true, _) => self.rev_dc,
+            (false, false, true) => self.hold_dc,
+            (false, false, false) => 0.0,
+        };
+        if self.motor_vel.is_nan() {
+            self.motor_vel = 0.0;
+        }
+    }
+}
