@@ -6,7 +6,7 @@
 use isocnc::bus::powerlink::Powerlink;
 use isocnc::bus::powerlink::managing_node::{mn_config, node_configs};
 use isocnc::bus::powerlink::network;
-use isocnc::bus::{BusState, CyclicBus};
+use isocnc::bus::{BusState, CyclicBus, InputImage, OutputImage};
 use isocnc::config::{self, Config};
 use isocnc::host::histogram::Jitter;
 use isocnc::machine::motion_settings::{ring_capacity, stop_ramp};
@@ -18,6 +18,7 @@ use isocnc::rt::cycle_stats::{CycleTimes, recorder};
 use isocnc::rt::joint_jog::{JogMotion, JogOrder};
 use isocnc::rt::pins::CAPACITY;
 use isocnc::rt::shared::Command;
+use isocnc::rt::steps::{self, StepDrives};
 use isocnc::rt::thread::grid;
 use isocnc::rt::timeout::{Event, Limits, REPORTS, Watch, Watchdog};
 use isocnc::sim::{Disturbance, NetConfig, SimMachine, VirtualNet};
@@ -386,6 +387,36 @@ fn the_time_out_thread_never_allocates() {
     assert!(!watch.soc_allowed(), "a hung cycle thread was part of it");
     let first = seen.pop().expect("a report");
     assert!(matches!(first.event, Event::PresTimeout { node: 1 }), "{first:?}");
+}
+
+#[test]
+fn step_pulses_never_allocate() {
+    let text = include_str!("../configs/plotter2-steps.toml");
+    let config = config::parse(text, Path::new("plotter2-steps.toml")).expect("a good machine file");
+    let mut drives = StepDrives::new(&config);
+    let plans: Vec<_> = steps::plans(&config).collect();
+    let mut inputs = InputImage::new(plans.iter().map(|plan| plan.inputs.octets));
+    let mut outputs = OutputImage::new(plans.iter().map(|plan| plan.outputs.octets));
+    let mut ticker = drives.take_ticker().expect("nobody has it");
+    let mut counts = 0;
+    let allocations = calls(|| {
+        for cycle in 0..2000_u64 {
+            let word: u16 = [0x0006, 0x0007, 0x000F][cycle.min(2) as usize];
+            let payload = outputs.node_mut(0);
+            payload[..2].copy_from_slice(&word.to_le_bytes());
+            payload[2] = 8;
+            payload[3..7].copy_from_slice(&(cycle as i32 * 500).to_le_bytes());
+            drives.read(cycle * 1_000_000, &mut inputs);
+            drives.write(&outputs);
+            ticker.begin_cycle();
+            for tick in 0..20 {
+                ticker.tick(cycle * 1_000_000 + tick * 50_000);
+            }
+            counts = drives.views().map(|view| view.counts).max().unwrap_or(0);
+        }
+    });
+    assert_eq!(allocations, 0, "calls of the allocator in real time");
+    assert!(counts > 3000, "{counts} pulses");
 }
 
 #[test]

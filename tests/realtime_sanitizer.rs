@@ -33,12 +33,13 @@ const PART: &str = "G21 G90 G94 G54 G64 P0.01 T1\nS800 M3\nG0 X5 Y5 Z-5\nM8\nG1 
 /// A scenario and its name.
 type Scenario = (&'static str, fn());
 
-const SCENARIOS: [Scenario; 5] = [
+const SCENARIOS: [Scenario; 6] = [
     ("boot, program, shut-down", whole_program),
     ("hold, override, late cycles, lost answers", disturbed),
     ("a node dies in mid-program, acknowledge", node_lost),
     ("a drive in fault", drive_fault),
     ("time-out thread and figures", watchdog_and_figures),
+    ("step pulses", step_pulses),
 ];
 
 fn main() {
@@ -173,6 +174,18 @@ fn drive_fault() {
         run.net().at(now_ns, fault);
         assert_eq!(run.run(CYCLES_MAX).expect("an end"), Outcome::Faulted);
     });
+}
+
+fn step_pulses() {
+    let text = include_str!("../configs/plotter2-steps.toml");
+    let config = config::parse(text, Path::new("plotter2-steps.toml")).expect("a good machine file");
+    let program = b"G1 X20 Y10 F3000\nG2 X0 Y0 R12\nM2\n";
+    rehearse(&config, program, NetConfig::clean(1), |run| {
+        reach(run, State::Running);
+        cycles(run, 500);
+        Ok(())
+    })
+    .expect("a machine that can be rehearsed");
 }
 
 fn watchdog_and_figures() {

@@ -385,7 +385,7 @@ impl Bench {
             }
             let limits = Limits::new(period_ns, self.tick_ns, u32::MAX);
             let timeouts = timeouts
-                .then(|| TimeoutThread::spawn(Arc::clone(&self.process), Arc::clone(&watch), limits, reports))
+                .then(|| TimeoutThread::spawn(Arc::clone(&self.process), Arc::clone(&watch), limits, reports, None))
                 .transpose()?;
             let managing = thread("managing").spawn_scoped(scope, || {
                 drop(enter_thread(Role::Cycle, &self.process));

@@ -8,10 +8,11 @@ use crate::bus;
 use crate::bus::plan::NodePlan;
 use crate::cli::bench_servo;
 use crate::cli::bus::check::{budget_json, list_cdc, node_json, write_budget, write_cdc, write_node};
-use crate::config::{BusKind, Config, HomingBy, Joint};
+use crate::config::{BusKind, Config, HomingBy, Joint, SUBSTEPS, rate_max_hz};
 use crate::host::steadiness::Steadiness;
 use crate::operator::refusal::Refusal;
 use crate::rt::pins::{CAPACITY, Pins, PinsError};
+use crate::rt::steps::StepDrives;
 use anyhow::Context;
 use hal_pins::Hal;
 use serde_json::{Value as Json, json};
@@ -88,13 +89,14 @@ fn connections(config: &Config, plans: &[NodePlan]) -> Result<(), PinsError> {
     // A control of this machine may be running: not under its name, and not where it would be found.
     let name = format!("check-{}", std::process::id());
     let mut hal = Hal::create_in(&[std::env::temp_dir()], &name, CAPACITY)?;
-    Pins::new(&mut hal, config, plans).map(drop)
+    Pins::new(&mut hal, config, plans, &StepDrives::new(config)).map(drop)
 }
 
 fn bus_name(kind: BusKind) -> &'static str {
     match kind {
         BusKind::Powerlink => "powerlink",
         BusKind::Memory => "memory",
+        BusKind::None => "none",
     }
 }
 
@@ -116,10 +118,13 @@ impl fmt::Display for Summary<'_> {
         let interface = match config.bus.kind {
             BusKind::Powerlink => format!("powerlink on {}", config.bus.interface),
             BusKind::Memory => "memory: the simulated machine inside the control".into(),
+            BusKind::None => "none".into(),
         };
         writeln!(f, "bus       {interface}")?;
-        write_budget(f, config, plans)?;
-        writeln!(f, "nodes")?;
+        if config.bus.kind != BusKind::None {
+            write_budget(f, config, plans)?;
+            writeln!(f, "nodes")?;
+        }
         for (node, plan) in config.bus.nodes.iter().zip(plans) {
             write_node(f, config, node, plan)?;
         }
@@ -159,7 +164,11 @@ impl Summary<'_> {
         write!(
             text,
             "{:<12} {} to {} {unit}, {} {unit}/s, {} {unit}/s2, {} {unit}/s3, {}",
-            self.0.bus.nodes[joint.node].name,
+            self.0
+                .bus
+                .nodes
+                .get(joint.node)
+                .map_or("step pulses", |node| &node.name),
             joint.travel_mm[0],
             joint.travel_mm[1],
             joint.limits.velocity_mm_s,
@@ -170,6 +179,19 @@ impl Summary<'_> {
                 HomingBy::Control(_) => "homed by the control".to_owned(),
             },
         )?;
+        if let (Some(output), Some(steps)) = (joint.step, &self.0.steps) {
+            let rate_hz = rate_max_hz(&output.timing, steps.tick_ns);
+            let [parts, units] = joint.counts_per_unit.map(f64::from);
+            let pins = output.lines.map(|bit| steps.pins[usize::from(bit)]);
+            write!(
+                text,
+                "\n                    {}, pins {} and {}: at most {rate_hz:.0} steps/s, {} {unit}/s",
+                output.kind.name(),
+                pins[0],
+                pins[1],
+                rate_hz / (parts / units / f64::from(SUBSTEPS)),
+            )?;
+        }
         Ok(text)
     }
 }
@@ -179,7 +201,7 @@ fn to_json(config: &Config, plans: &[NodePlan]) -> Json {
     let nodes = nodes.map(|(node, plan)| node_json(node, plan));
     let joints = config.joints.iter().enumerate().map(|(number, joint)| {
         json!({
-            "node": config.bus.nodes[joint.node].id,
+            "node": config.bus.nodes.get(joint.node).map(|node| node.id),
             "axes": axes_of(config, number).0,
             "travel_mm": joint.travel_mm,
             "velocity_mm_s": joint.limits.velocity_mm_s,

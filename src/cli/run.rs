@@ -34,7 +34,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
     let config = bus::read(&args.machine).map_err(Refusal::from)?;
     let wire = match config.bus.kind {
         config::BusKind::Powerlink => Wire::Interface(config.bus.interface.clone()),
-        config::BusKind::Memory => Wire::Memory,
+        config::BusKind::Memory | config::BusKind::None => Wire::Memory,
     };
     let Some(program) = &args.program else {
         return stand_by(&config, wire, args.json, signal);

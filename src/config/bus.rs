@@ -21,7 +21,11 @@ pub(super) fn bus(
     let cycle_or_most_us = i64::from(cycle_us.unwrap_or(10_000));
     let kind = section.word(
         "kind",
-        &[("powerlink", BusKind::Powerlink), ("memory", BusKind::Memory)],
+        &[
+            ("powerlink", BusKind::Powerlink),
+            ("memory", BusKind::Memory),
+            ("none", BusKind::None),
+        ],
         None,
     );
     let interface = interface(section, kind);
@@ -45,8 +49,15 @@ pub(super) fn bus(
     let mut nodes = Vec::new();
     let mut pending = Vec::new();
     let mut used = Names::default();
-    let tables = section.some_sections("node");
-    let mut complete = !tables.is_empty();
+    let no_bus = kind == Some(BusKind::None);
+    let tables = match no_bus {
+        true => section.sections("node"),
+        false => section.some_sections("node"),
+    };
+    if no_bus && !tables.is_empty() {
+        section.wrong("node", "cannot be: bus.kind is \"none\"");
+    }
+    let mut complete = no_bus || !tables.is_empty();
     for mut table in tables {
         match node::node(&mut table, &around, &mut used) {
             Some((node, cross)) => {
@@ -97,7 +108,7 @@ const NEEDS_INTERFACE: &str = "needs a bus on a network interface";
 /// What carries the frames; in memory none of these does.
 fn link(section: &mut Section<'_, '_>, kind: Option<BusKind>) -> Option<BusLink> {
     let link = section.word("link", &[("raw", BusLink::Raw), ("pnet", BusLink::Pnet)], BusLink::Raw)?;
-    if kind == Some(BusKind::Memory) && link != BusLink::Raw {
+    if kind.is_some_and(|kind| kind != BusKind::Powerlink) && link != BusLink::Raw {
         section.wrong("link", NEEDS_INTERFACE);
         return None;
     }
@@ -115,7 +126,7 @@ fn tap(section: &mut Section<'_, '_>, kind: Option<BusKind>) -> Option<Option<St
         section.wrong("tap", "must be 1 to 15 letters, digits, dashes, underscores or dots");
         return None;
     }
-    if kind == Some(BusKind::Memory) {
+    if kind.is_some_and(|kind| kind != BusKind::Powerlink) {
         section.wrong("tap", NEEDS_INTERFACE);
         return None;
     }
@@ -216,7 +227,7 @@ fn startup_bit(item: Item<'_, '_>, key: &str) -> Option<u8> {
 fn interface(section: &mut Section<'_, '_>, kind: Option<BusKind>) -> Option<String> {
     let item = match kind {
         Some(BusKind::Powerlink) => section.required("interface", "the network interface of the bus")?,
-        Some(BusKind::Memory) | None => match section.optional("interface") {
+        Some(BusKind::Memory | BusKind::None) | None => match section.optional("interface") {
             Some(item) => item,
             None => return Some(String::new()),
         },

@@ -52,6 +52,8 @@ pub(super) struct Known {
     pub(super) velocity_mm_s: Option<f64>,
     pub(super) stop: Option<StopLimits>,
     pub(super) counts_per_unit: Option<[u32; 2]>,
+    /// It has step pulses, and no drive that could search.
+    pub(super) with_steps: bool,
 }
 
 /// Reads the homing of one joint.
@@ -63,6 +65,12 @@ pub(super) fn homing(joint: &mut Section<'_, '_>, known: &Known) -> Option<Homin
     let mut section = joint.section("homing")?;
     let by = section.word("by", &[("drive", By::Drive), ("control", By::Control)], By::Drive)?;
     let method = if by == By::Drive { method(&mut section) } else { None };
+    if known.with_steps && method.is_some_and(|method| !matches!(method, 35 | 37)) {
+        section.wrong(
+            "method",
+            "must be 37 (it is homed where it stands), or by = \"control\": there is no drive that could search",
+        );
+    }
     let search_mm_s = section.number("search_mm_s", Bound::Positive(VELOCITY_MAX), None);
     let latch_mm_s = section.number("latch_mm_s", Bound::Positive(VELOCITY_MAX), None);
     let acceleration_mm_s2 = match by {
@@ -371,7 +379,7 @@ pub(super) fn fit(
                 }
                 continue;
             };
-            wired(section, number, control, &nodes[joints[number].node], nets);
+            wired(section, number, control, nodes.get(joints[number].node), nets);
             match (map.joints.len(), control.skew_mm) {
                 (1, Some(_)) => section.wrong("skew_mm", "is for joints that move an axis together"),
                 (1, None) => {}
@@ -414,7 +422,7 @@ fn together(map: &AxisMap, value: String) -> String {
 }
 
 /// Whether somebody tells of the switch: nothing would stop a joint that searches for one that is not wired.
-fn wired(section: &Section<'_, '_>, joint: usize, control: &HomingByControl, node: &Node, nets: &[Net]) {
+fn wired(section: &Section<'_, '_>, joint: usize, control: &HomingByControl, node: Option<&Node>, nets: &[Net]) {
     match control.switch {
         HomeSwitch::Pin => {
             let pin = format!("joint.{joint}.home-sw-in");
@@ -426,6 +434,13 @@ fn wired(section: &Section<'_, '_>, joint: usize, control: &HomingByControl, nod
             }
         }
         HomeSwitch::Drive => {
+            let Some(node) = node else {
+                section.wrong(
+                    "switch",
+                    "must be \"pin\": a joint with step pulses has no drive that could tell",
+                );
+                return;
+            };
             if node.inputs.iter().all(|object| object.index != DIGITAL_INPUTS) {
                 let name = &node.name;
                 section.wrong("switch", format!("\"0x60FD/32\" must be among the inputs of {name}"));

@@ -6,6 +6,7 @@ use super::drive;
 use super::homing::{self, Known};
 use super::mapping::parse_object;
 use super::position_loop;
+use super::steps;
 use super::types::{AxisMap, HomingBy, Joint, JointLimits, Mapped, Node, Profile, Sto, StopLimits};
 use motion::canon::{Axis, Position};
 use std::path::Path;
@@ -23,16 +24,33 @@ pub(super) struct Surroundings<'c> {
     pub(super) cycle_us: Option<u32>,
     /// Where the machine file is.
     pub(super) folder: &'c Path,
+    /// Whether there is a table `[steps]`, right or wrong.
+    pub(super) has_steps: bool,
 }
 
-/// Reads one `[[joint]]`; `taken`: nodes of the joints above.
-pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, taken: &mut Vec<i64>) -> Option<Joint> {
-    let node = node(section, around, taken);
+/// What the joints above have taken.
+#[derive(Default)]
+pub(super) struct Taken {
+    /// Ids of nodes.
+    nodes: Vec<i64>,
+    /// Joints with step pulses.
+    with_steps: usize,
+    /// Pins; `None`: there is no port, or it has errors of its own.
+    pub(super) steps: Option<steps::Port>,
+}
+
+/// Reads one `[[joint]]`.
+pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, taken: &mut Taken) -> Option<Joint> {
+    let with_steps = section.word("output", &[("drive", false), ("step", true)], false)?;
+    let node = match with_steps {
+        true => None,
+        false => node(section, around, &mut taken.nodes),
+    };
     let mode = drive::mode(section);
     let counts_per_unit = section
         .required(
             "counts_per_unit",
-            "increments of the drive per mm (degree), like [10000, 1]",
+            "increments of the drive, or steps, per mm (degree), like [10000, 1]",
         )
         .and_then(|item| {
             let rule = "must be two integers: increments and the mm (degrees) that they make";
@@ -66,6 +84,21 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
             section.wrong("following_error_mm", rule);
         }
     }
+    let step = match with_steps {
+        true => {
+            let port = taken.steps.as_mut();
+            let step = steps::output(section, port, around.has_steps, velocity_mm_s, counts_per_unit);
+            taken.with_steps += 1;
+            step.map(Some)
+        }
+        false => {
+            if section.has("step") {
+                section.wrong("step", "is of a joint with output = \"step\"");
+            }
+            section.known(&["step"]);
+            Some(None)
+        }
+    };
     let unhomed_jog_mm_s = unhomed_jog(section, velocity_mm_s);
     let inputs = (node.zip(around.nodes)).map(|(node, nodes)| nodes[node].inputs.as_slice());
     let limits_by_drive = limit_switches(section, inputs);
@@ -103,8 +136,23 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
                 jerk_mm_s3,
             }),
         counts_per_unit,
+        with_steps,
     };
     let homing = homing::homing(section, &known);
+    let counts_per_unit = match (with_steps, counts_per_unit) {
+        (false, counts) => counts,
+        (true, Some([steps, units])) => {
+            let parts = steps.checked_mul(steps::SUBSTEPS);
+            if parts.is_none() {
+                section.wrong(
+                    "counts_per_unit",
+                    format!("must not be above {} steps", u32::MAX / steps::SUBSTEPS),
+                );
+            }
+            parts.map(|parts| [parts, units])
+        }
+        (true, None) => None,
+    };
     if let (Some(node), Some(mode), Some(homing)) =
         (node.zip(around.nodes).map(|(node, nodes)| &nodes[node]), mode, &homing)
     {
@@ -169,7 +217,11 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
     };
     let compensation = compensation?.map(|asked_for| compensation::share(asked_for, &mut limits, &mut stop));
     Some(Joint {
-        node: node?,
+        node: match with_steps {
+            true => around.nodes?.len() + taken.with_steps - 1,
+            false => node?,
+        },
+        step: step?,
         mode: mode?,
         counts_per_unit: counts_per_unit?,
         velocity_ratio: velocity_ratio?,

@@ -26,6 +26,7 @@ mod program;
 mod remap;
 mod sim;
 mod spindle;
+mod steps;
 #[cfg(test)]
 mod tests;
 #[cfg(test)]
@@ -40,12 +41,15 @@ mod tests_kinematics;
 mod tests_program;
 #[cfg(test)]
 mod tests_spindle;
+#[cfg(test)]
+mod tests_steps;
 mod types;
 
 pub use bus::{is_name, wire_time_ns};
 pub use document::{Bound, Question};
 pub use error::{ConfigError, ConfigErrors};
 pub use position_loop::GAIN_MAX;
+pub use steps::{PARALLEL_PINS, SUBSTEPS, SimStepper, StepKind, StepOutput, StepPortKind, Steps, rate_max_hz};
 pub use types::*;
 
 use document::{Log, Section};
@@ -228,12 +232,18 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
         bus
     });
 
+    let has_steps = root.has("steps");
+    let steps = root
+        .optional_section("steps")
+        .and_then(|section| steps::steps(section, rt.as_ref().map(|rt| rt.timeout_us), cycle_us));
     let around = joints::Surroundings {
         nodes: bus.as_ref().map(|bus| bus.nodes.as_slice()),
         cycle_us,
         folder: path.parent().unwrap_or(Path::new("")),
+        has_steps,
     };
-    let mut taken = Vec::new();
+    let mut taken = joints::Taken::default();
+    taken.steps = steps;
     // To be said, so that a file that ends too soon is no machine.
     let is_still = family == Some(Family::None);
     let tables = match is_still {
@@ -309,6 +319,13 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
         .and_then(|section| sim::sim(section, nodes, all_joints));
     let mains = root.section("mains").and_then(mains);
     let estop_category = root.section("estop").and_then(estop_category);
+    if taken
+        .steps
+        .as_ref()
+        .is_some_and(|_| joints.iter().all(|joint| joint.step.is_none()))
+    {
+        root.wrong("steps", "is used by no joint: one with output = \"step\"");
+    }
     root.not_yet(&["logic", "hmi", "service"]);
     root.done();
 
@@ -321,6 +338,10 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
         unit: unit?,
         rt: rt?,
         bus: bus?,
+        steps: match has_steps {
+            true => Some(taken.steps?.into_steps()),
+            false => None,
+        },
         transform: transform?,
         joints: (joints.len() == count).then_some(joints)?,
         axes: axes?,

@@ -332,7 +332,7 @@ fn rules_of_machine_and_rt() {
 fn rules_of_the_bus() {
     check(&[
         ("\"memory\"", "\"power-link\"", &[
-            "m.toml:5:8: bus.kind = \"power-link\": must be \"powerlink\" or \"memory\"; did you mean \"powerlink\"?",
+            "m.toml:5:8: bus.kind = \"power-link\": must be \"powerlink\" or \"memory\" or \"none\"; did you mean \"powerlink\"?",
         ]),
         ("\"memory\"", "\"powerlink\"", &["m.toml:4:1: bus.interface: is missing: the network interface of the bus"]),
         ("\"memory\"", "\"powerlink\"\ninterface = \"eth 0\"", &[
@@ -497,7 +497,7 @@ fn rules_of_joints() {
             "m.toml:20:8: joint[0].hominng: unknown key; did you mean `homing`?",
         ]),
         ("[[axis]]", "[[joint]]\nnode = 1\n[[axis]]", &[
-            "m.toml:25:1: joint[1].counts_per_unit: is missing: increments of the drive per mm (degree), like [10000, 1]",
+            "m.toml:25:1: joint[1].counts_per_unit: is missing: increments of the drive, or steps, per mm (degree), like [10000, 1]",
             "m.toml:25:1: joint[1].travel_mm: is missing: soft limits, like [-5.0, 305.0]",
             "m.toml:25:1: joint[1].velocity_mm_s: is missing: a number",
             "m.toml:25:1: joint[1].acceleration_mm_s2: is missing: a number",

@@ -7,6 +7,7 @@ pub use super::channels::{Channel, ChannelKind, Follow, ObjectKind};
 pub use super::drive::{DriveMode, Reactions, targets, touch_probe_objects};
 pub use super::sim::{SimFault, SimFaultKind};
 pub use super::spindle::{Spindle, SpindleCounter, SpindleDrive, SpindleEncoder};
+use super::steps::{StepOutput, Steps};
 pub use gcode::ToolChanger;
 use motion::canon::{Axis, LengthUnit, Position};
 use motion::kinematics::{Follows, JOINTS, Kinematics, Transform};
@@ -41,6 +42,8 @@ pub struct Config {
     pub rt: Rt,
     /// The field bus.
     pub bus: Bus,
+    /// Where step pulses come out; `None`: nowhere.
+    pub steps: Option<Steps>,
     /// Family of the kinematics, with its parameters.
     pub transform: Transform,
     /// Joints in the order of the file.
@@ -213,6 +216,8 @@ pub enum BusKind {
     Powerlink,
     /// Ethernet POWERLINK frames through memory to the simulated machine in this process.
     Memory,
+    /// There is no bus: all joints have step pulses.
+    None,
 }
 
 /// What carries frames to and from a network interface.
@@ -390,11 +395,14 @@ impl std::fmt::Display for Mapped {
 /// `[[joint]]`; lengths in mm, or degrees for a rotary joint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Joint {
-    /// Index into [`Bus::nodes`] of the drive.
+    /// Index into [`Bus::nodes`] of the drive; behind them all, counted on, for a joint with step pulses.
     pub node: usize,
+    /// Its step pulses; `None`: it has a drive on the bus.
+    pub step: Option<StepOutput>,
     /// Mode in which its drive is run; default CSP.
     pub mode: DriveMode,
-    /// Drive increments per mm (degree): numerator and denominator, both above 0.
+    /// Drive increments per mm (degree): numerator and denominator, both above 0. Of step pulses: in parts of a step,
+    /// [`SUBSTEPS`](super::SUBSTEPS).
     pub counts_per_unit: [u32; 2],
     /// 60B2 of the drive for an acceleration of 1 mm/s², 1/1000 of the rated torque; `None`: the pin of 60B2 stays free.
     pub torque_per_mm_s2: Option<f64>,

@@ -13,6 +13,7 @@ pub mod signals;
 pub mod spin;
 pub mod stalls;
 pub mod steadiness;
+pub mod step_port;
 pub mod terminal;
 pub mod wait;
 pub mod wake_signal;

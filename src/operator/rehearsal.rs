@@ -19,7 +19,7 @@ use crate::rt::cycle::MotionController;
 use crate::rt::pins::CAPACITY;
 use crate::rt::thread::grid;
 use crate::sim::near_end::{VirtualBus, VirtualTime, with_virtual};
-use crate::sim::{NetConfig, VirtualNet};
+use crate::sim::{NetConfig, VirtualNet, stepper};
 use anyhow::anyhow;
 use hal_pins::Hal;
 use motion::element::Element;
@@ -95,7 +95,10 @@ pub fn rehearse_on<'a, B: VirtualTime, T>(
     act: impl FnOnce(&mut Rehearsal<'a, B>) -> anyhow::Result<T>,
 ) -> anyhow::Result<T> {
     let mut hal = private_pins()?;
-    let (control, endpoints) = assemble(config, &bus::plan(config), bus, &mut hal)?;
+    let (mut control, endpoints) = assemble(config, &bus::plan(config), bus, &mut hal)?;
+    if let Some(port) = stepper::port(config) {
+        control.steps_mut().set_port(port);
+    }
     let grid = grid(config);
     let mut rehearsal = Rehearsal {
         control: Box::new(control),

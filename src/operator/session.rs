@@ -19,6 +19,7 @@ use crate::host::setup;
 use crate::host::setup::{Finding, Role, STACK_SIZE, by_cure, enter_thread};
 use crate::host::signals::{StopOnDrop, StopSignal};
 use crate::host::steadiness::Steadiness;
+use crate::host::step_port;
 use crate::host::terminal::say;
 use crate::host::wait::{Grid, monotonic_ns};
 use crate::machine::journal::{Entry, Journal};
@@ -38,6 +39,7 @@ use crate::rt::thread;
 use crate::rt::timeout::{self, Limits, TimeoutThread};
 use crate::sim::near_end;
 use crate::sim::paced::{Paced, run_paced};
+use crate::sim::stepper;
 use anyhow::{Context, anyhow};
 use gcode::PinReader;
 use hal_pins::{AnyValue, Hal};
@@ -210,6 +212,15 @@ fn run_on(
     let (control, endpoints) = assemble(config, &bus::plan(config), open.cyclic, &mut hal)?;
     // On the heap: it is larger than the stack of a real-time thread, which is locked in memory as a whole.
     let mut control = Box::new(control);
+    let out_of_this_pc = config.steps.as_ref().map(step_port::open).transpose()?.flatten();
+    if let Some(port) = out_of_this_pc.or_else(|| stepper::port(config)) {
+        control.steps_mut().set_port(port);
+    }
+    // On paced time the cycle makes its pulses itself.
+    let steps = match paced {
+        None => control.steps_mut().take_ticker(),
+        Some(_) => None,
+    };
     let mut network = NetworkView::from_config(config);
     if in_memory {
         network.interface = "a wire in memory".into();
@@ -258,6 +269,7 @@ fn run_on(
                 Arc::clone(&watch),
                 limits,
                 reports,
+                steps,
             )?),
             // Nobody can be late.
             Some(_) => None,

@@ -9,6 +9,7 @@ use super::homing::Homer;
 use super::overrides::Overrides;
 use super::pins::Pins;
 use super::shared::{OperatorEndpoints, RtStatus};
+use super::steps::{self, StepDrives};
 use crate::bus::plan::NodePlan;
 use crate::bus::{CyclicBus, InputImage, OutputImage};
 use crate::config::{Config, Joint, StopCategory};
@@ -42,16 +43,21 @@ pub fn assemble<B: CyclicBus>(
     let (trace_in, trace) = rtrb::RingBuffer::new(TRACES);
     let (finished_in, finished) = rtrb::RingBuffer::new(PROGRAMS);
     let live = Arc::new(RtStatus::new(Overrides::new(config.program.planner)));
+    let plans: Vec<NodePlan> = plans.iter().cloned().chain(steps::plans(config)).collect();
+    let plans = plans.as_slice();
+    let steps = StepDrives::new(config);
     let drives = Drives::new(config, plans).map_err(|joint| {
         anyhow!(
             "joint {joint}: its drive needs 6040h and the target of its mode in `outputs`, 6041h and 6064h in `inputs`"
         )
     })?;
     let cycle_s = f64::from(config.cycle_us) * 1e-6;
+    let pins = Pins::new(hal, config, plans, &steps).context("pins")?;
     let parts = CycleParts {
         outputs: OutputImage::new(plans.iter().map(|plan| plan.outputs.octets)),
         inputs: InputImage::new(plans.iter().map(|plan| plan.inputs.octets)),
         drives,
+        steps,
         kinematics: config.kinematics(),
         monitor: Monitor::new(&config.joints.iter().map(monitor_limits).collect::<Vec<_>>(), cycle_s),
         hand: JointJog::new(config),
@@ -64,7 +70,7 @@ pub fn assemble<B: CyclicBus>(
         },
         retract: Retract::new(config),
         homer: Homer::new(config),
-        pins: Pins::new(hal, config, plans).context("pins")?,
+        pins,
         overruns: Overruns::new(config.rt.overruns_warn, config.rt.overruns_stop),
         mandatory: config.bus.nodes.iter().map(|node| node.mandatory).collect(),
         cycle_s,

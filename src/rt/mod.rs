@@ -20,6 +20,8 @@ pub mod pins;
 pub mod recent;
 pub mod shared;
 pub mod spindle;
+pub mod step_pins;
+pub mod steps;
 pub mod thread;
 pub mod timeout;
 pub mod tool_pockets;

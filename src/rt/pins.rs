@@ -13,6 +13,8 @@ use super::override_pins::OverridePins;
 use super::overrides::{Overridden, Overrides};
 use super::recent::Second;
 use super::spindle::{OtherSpindle, Spindle};
+use super::step_pins::StepPins;
+use super::steps::StepDrives;
 use crate::bus::layout::Field;
 use crate::bus::plan::NodePlan;
 use crate::bus::{BusState, CyclicBus, InputImage, OutputImage};
@@ -88,6 +90,7 @@ pub struct Pins {
     pub io: IoPins,
     nodes: Vec<NodePins>,
     loops: Vec<LoopPins>,
+    steps: StepPins,
     network_up: Output<bool>,
 
     machine_state: Output<u32>,
@@ -314,7 +317,7 @@ impl Pins {
     ///
     /// # Errors
     /// Shared memory too small; every net that names a pin that does not exist or is driven twice.
-    pub fn new(hal: &mut Hal, config: &Config, plans: &[NodePlan]) -> Result<Pins, PinsError> {
+    pub fn new(hal: &mut Hal, config: &Config, plans: &[NodePlan], steps: &StepDrives) -> Result<Pins, PinsError> {
         let mut joints = Vec::new();
         for joint in 0..config.joints.len() {
             let name = |pin: &str| format!("joint.{joint}.{pin}");
@@ -387,6 +390,7 @@ impl Pins {
             io: IoPins::new(hal, config, plans)?,
             nodes,
             loops,
+            steps: StepPins::new(hal, config, steps)?,
             memory: hal.memory(),
             network_up: hal.output("plk.operational")?,
             machine_state: hal.output("motion.machine-state")?,
@@ -682,6 +686,11 @@ impl Pins {
         }
         self.io.write(outputs);
         self.spindle.write(outputs);
+    }
+
+    /// Shows joints with step pulses.
+    pub fn show_steps(&mut self, drives: &StepDrives) {
+        self.steps.show(drives);
     }
 
     /// Shows how the last cycle kept its time.

@@ -193,14 +193,15 @@ impl SimMachine {
         let mut loads_mm = [0.0; JOINTS_MAX];
         let count = self.joints.len();
         for (load_mm, &place) in loads_mm.iter_mut().zip(&self.joints) {
-            if let Device::Drive(drive) = &self.places[place].device {
+            // Joints with step pulses are not on the wire.
+            if let Some(Device::Drive(drive)) = self.places.get(place).map(|place| &place.device) {
                 *load_mm = drive.machine_position_mm();
             }
         }
         let before_mm = self.loads_mm.replace(loads_mm).unwrap_or(loads_mm);
         if let Some((share, closed)) = sensors.touch(&before_mm[..count], &loads_mm[..count]) {
             for &place in &self.joints {
-                if let Device::Drive(drive) = &mut self.places[place].device {
+                if let Some(Device::Drive(drive)) = self.places.get_mut(place).map(|place| &mut place.device) {
                     drive.touch(share, closed);
                 }
             }

@@ -14,6 +14,7 @@ pub mod paced;
 mod run;
 mod sensors;
 mod spindle;
+pub mod stepper;
 mod track;
 mod virtual_net;
 

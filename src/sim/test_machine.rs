@@ -45,6 +45,7 @@ pub(super) fn test_config() -> Config {
     let io_outputs = vec![mapped(0x6200, 1, 8), mapped(0x6200, 2, 8)];
     let io_inputs = vec![mapped(0x6000, 1, 8), mapped(0x6000, 2, 8)];
     let joint = |node, travel_mm, method, velocity_mm_s| Joint {
+        step: None,
         node,
         mode: DriveMode::Csp,
         counts_per_unit: [10_000, 1],
@@ -84,6 +85,7 @@ pub(super) fn test_config() -> Config {
         squaring_offset_mm: 0.0,
     };
     Config {
+        steps: None,
         path: "test.toml".into(),
         name: "mill3".to_string(),
         cycle_us: 1000,

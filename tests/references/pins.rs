@@ -2,7 +2,9 @@
 
 use super::{check, code, head, root, row};
 use hal_pins::{Hal, Kind};
+use isocnc::config::StepPortKind;
 use isocnc::rt::pins::{CAPACITY, Pins};
+use isocnc::rt::steps::StepDrives;
 use isocnc::{bus, config};
 use std::collections::BTreeMap;
 
@@ -11,6 +13,7 @@ fn general(name: &str) -> String {
     let mut parts: Vec<&str> = name.split('.').collect();
     match parts[0] {
         "joint" | "cia402" | "pid" => parts[1] = "N",
+        "stepgen" if parts.len() == 3 => parts[1] = "N",
         "io" | "plk" if parts.len() == 3 => parts[1] = "ID",
         "axis" => parts[1] = "L",
         "halui" if parts[1] == "axis" && parts.len() == 4 => parts[2] = "L",
@@ -44,15 +47,28 @@ fn without_channel(config: &config::Config, name: &str) -> String {
     }
 }
 
+/// The same machine with pins for step pulses; `None`: it has none.
+fn with_pulses_by_pins(config: &config::Config) -> Option<config::Config> {
+    let mut config = config.clone();
+    config.steps.as_mut()?.port = StepPortKind::Pins;
+    Some(config)
+}
+
 /// Type and kind by the general name.
 fn pins() -> BTreeMap<String, (&'static str, Kind)> {
     let folder = tempfile::tempdir().expect("a folder");
     let mut found = BTreeMap::new();
-    for file in super::machine_file::shipped() {
-        let config = config::read(&file).unwrap_or_else(|errors| panic!("{errors}"));
+    let files = super::machine_file::shipped();
+    let configs = files
+        .iter()
+        .map(|file| config::read(file).unwrap_or_else(|errors| panic!("{errors}")));
+    for config in configs
+        .flat_map(|config| [with_pulses_by_pins(&config), Some(config)])
+        .flatten()
+    {
         let directories = [folder.path().to_owned()];
         let mut hal = Hal::create_in(&directories, &config.name, CAPACITY).expect("memory for pins");
-        Pins::new(&mut hal, &config, &bus::plan(&config)).expect("pins");
+        Pins::new(&mut hal, &config, &bus::plan(&config), &StepDrives::new(&config)).expect("pins");
         for pin in hal.list().into_iter().filter(|pin| pin.kind != Kind::Net) {
             let what = (pin.value_type().name(), pin.kind);
             let name = general(&without_channel(&config, &pin.name));

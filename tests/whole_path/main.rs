@@ -2,12 +2,13 @@
 //!
 //! Every run prints its seed; the same seed gives the same octets on the wire and the same bits in the trace.
 //! Here: what all runs share, clean runs, late plans. By subject beside it: drives and faults, modes of drives, orders, the wire,
-//! late cycles.
+//! late cycles, step pulses.
 
 mod faults;
 mod late_cycles;
 mod modes;
 mod orders;
+mod steps;
 mod wire;
 
 use cia402::State as Power;

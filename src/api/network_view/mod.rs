@@ -90,6 +90,7 @@ impl NetworkView {
             interface: match config.bus.kind {
                 BusKind::Powerlink => config.bus.interface.clone(),
                 BusKind::Memory => "memory".into(),
+                BusKind::None => "none".into(),
             },
             cycle_us: config.cycle_us,
             async_slot_timeout_us: config.bus.async_slot_timeout_us,

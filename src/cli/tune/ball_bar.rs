@@ -163,7 +163,7 @@ pub(super) fn ball_bar(args: &BallBarArgs) -> anyhow::Result<ExitCode> {
     prepare_for(&args.out, &[PICTURE, DATA])?;
     let wire = match config.bus.kind {
         BusKind::Powerlink => Wire::Interface(config.bus.interface.clone()),
-        BusKind::Memory => Wire::Memory,
+        BusKind::Memory | BusKind::None => Wire::Memory,
     };
     let session = Session {
         config: &config,

@@ -26,6 +26,7 @@ use crate::machine::state::State;
 use crate::rt::cycle_stats::Timing;
 use crate::rt::joint_jog::{JogMotion, JogOrder, JointJog};
 use crate::rt::overrides::Overridden;
+use crate::rt::steps::StepDrives;
 use crate::rt::waiting::Waiting;
 use crate::rt::way_back::{Place, Progress, Retract, WayBack};
 use cia402::axis::{AxisFault, Request, Status};
@@ -78,6 +79,8 @@ pub struct CycleParts {
     pub inputs: InputImage,
     /// Joints and their drives.
     pub drives: Drives,
+    /// Those of the drives that are not on the bus.
+    pub steps: StepDrives,
     /// Axes to joints.
     pub kinematics: Kinematics,
     /// Watches what leaves for the joints.
@@ -218,9 +221,13 @@ impl<B: CyclicBus> MotionController<B> {
         self.laps.begin();
         let report = self.bus.exchange(deadline_ns, &mut self.parts.inputs);
         self.laps.end(Part::Bus);
-        self.parts
-            .drives
-            .read(&self.parts.inputs, |node| self.bus.node_state(node));
+        self.parts.steps.read(report.sent_ns, &mut self.parts.inputs);
+        let (bus, steps) = (&self.bus, &self.parts.steps);
+        let state = |node| match steps.has(node) {
+            true => NodeState::Operational,
+            false => bus.node_state(node),
+        };
+        self.parts.drives.read(&self.parts.inputs, state);
         self.laps.end(Part::Drives);
         self.parts.pins.spindle.update_feedback(&self.parts.inputs);
         self.parts.pins.show_inputs(&self.parts.inputs);
@@ -243,7 +250,9 @@ impl<B: CyclicBus> MotionController<B> {
         self.parts
             .drives
             .write(report.sent_ns, &self.command_mm[..self.joints], &mut self.parts.outputs);
+        self.parts.steps.write(&self.parts.outputs);
         self.laps.end(Part::Drives);
+        self.parts.pins.show_steps(&self.parts.steps);
         self.parts.pins.write_outputs(&mut self.parts.outputs);
         self.show();
         self.laps.end(Part::Pins);
@@ -257,6 +266,11 @@ impl<B: CyclicBus> MotionController<B> {
     #[cfg_attr(feature = "rtsan", rtsan_standalone::nonblocking)]
     pub fn show_timing(&mut self, timing: &Timing) {
         self.parts.pins.show_timing(timing);
+    }
+
+    /// Joints with step pulses, before the first cycle.
+    pub fn steps_mut(&mut self) -> &mut StepDrives {
+        &mut self.parts.steps
     }
 
     /// The bus, for what is not cyclic between two cycles.

@@ -20,6 +20,7 @@ pub use watchdog::{Event, Limits, Report, Watchdog};
 
 use crate::host::setup::{Process, Role, STACK_SIZE, enter_thread};
 use crate::host::wait::{monotonic_ns, sleep_until, thread_cpu_ns, wait_until};
+use crate::rt::steps::Ticker;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
@@ -39,7 +40,7 @@ pub struct TimeoutThread {
 }
 
 impl TimeoutThread {
-    /// Starts the thread; reports go into `reports`.
+    /// Starts the thread; reports go into `reports`. `steps`: whose pulses it makes.
     ///
     /// # Errors
     /// If no thread can be had.
@@ -48,13 +49,14 @@ impl TimeoutThread {
         watch: Arc<Watch>,
         limits: Limits,
         mut reports: rtrb::Producer<Report>,
+        mut steps: Option<Ticker>,
     ) -> std::io::Result<TimeoutThread> {
         let stop = Arc::new(AtomicBool::new(false));
         let stopped = stop.clone();
         let run = move || {
             // What is missing was found and told by `prepare_process`.
             drop(enter_thread(Role::Timeout, &process));
-            run(&stopped, watch, limits, &mut reports);
+            run(&stopped, watch, limits, &mut reports, steps.as_mut());
         };
         let thread = std::thread::Builder::new()
             .name("rt-timeout".into())
@@ -84,13 +86,33 @@ impl Drop for TimeoutThread {
 }
 
 /// RT: the loop of the thread.
-fn run(stop: &AtomicBool, watch: Arc<Watch>, limits: Limits, reports: &mut rtrb::Producer<Report>) {
+fn run(
+    stop: &AtomicBool,
+    watch: Arc<Watch>,
+    limits: Limits,
+    reports: &mut rtrb::Producer<Report>,
+    mut steps: Option<&mut Ticker>,
+) {
     let mut watchdog = Watchdog::new(watch.clone(), limits);
     let start_ns = monotonic_ns();
     let mut date_ns = limits.tick_at_or_after(start_ns);
     let mut ticks = 0u64;
+    let mut cycle = 0;
     while !stop.load(Ordering::Acquire) {
         let now_ns = wait_until(date_ns, 0);
+        // Pulses first: they are what the distance of ticks is heard of.
+        let pulses_ns = steps.as_deref_mut().map(|steps| {
+            if limits.cycle_at(date_ns) != cycle {
+                cycle = limits.cycle_at(date_ns);
+                steps.begin_cycle();
+            }
+            steps.tick(now_ns);
+            match steps.is_at_rest() {
+                true => limits.begins_at(cycle + 1),
+                // One that comes late leaves out the next tick rather than make a pulse too short.
+                false => now_ns + limits.tick_ns / 2,
+            }
+        });
         let due_ns = watchdog.tick(now_ns, |report| {
             if reports.push(report).is_err() {
                 watch.reports_dropped.fetch_add(1, Ordering::Relaxed);
@@ -104,6 +126,7 @@ fn run(stop: &AtomicBool, watch: Arc<Watch>, limits: Limits, reports: &mut rtrb:
         // Later than half a tick: the ticks that would have been there meanwhile are missed, needed or not.
         let missed = (now_ns - date_ns + limits.tick_ns / 2) / limits.tick_ns;
         watch.missed_ticks.fetch_add(missed, Ordering::Relaxed);
+        let due_ns = pulses_ns.map_or(due_ns, |pulses_ns| due_ns.min(pulses_ns));
         date_ns = limits.tick_at_or_after(due_ns.max(date_ns + 1));
     }
 }
@@ -124,7 +147,14 @@ mod tests {
         let watch = Arc::new(Watch::default());
         let (producer, mut consumer) = rtrb::RingBuffer::new(REPORTS);
         watch.begin_poll(5, 1);
-        let thread = TimeoutThread::spawn(process, watch.clone(), Limits::new(1_000_000, 50_000, 3), producer).unwrap();
+        let thread = TimeoutThread::spawn(
+            process,
+            watch.clone(),
+            Limits::new(1_000_000, 50_000, 3),
+            producer,
+            None,
+        )
+        .unwrap();
         while watch.counters().ticks < 2 * CPU_TIME_TICKS {
             std::thread::yield_now();
         }

@@ -13,7 +13,7 @@
 pub struct PulseTiming {
     /// Ticks in a cycle of set-points.
     pub ticks_per_cycle: u32,
-    /// A pulse is at least, and here exactly, this long.
+    /// A pulse is at least, and here exactly, this long; 0: the output ends it within the tick in which it begins.
     pub high_ticks: u32,
     /// At least this long between two pulses.
     pub low_ticks: u32,
@@ -40,7 +40,7 @@ const TICKS_MAX: u32 = 1_000_000;
 /// Levels of the two lines of an output.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Levels {
-    /// High during a pulse; its beginning is the step.
+    /// High during a pulse; its beginning is the step. Of a pulse that ends within its tick: a step is due now.
     pub step: bool,
     /// High: the position grows.
     pub direction: bool,
@@ -82,7 +82,7 @@ impl StepGenerator {
     pub fn new(timing: PulseTiming) -> Result<StepGenerator, TimingError> {
         for (name, got, least) in [
             ("ticks_per_cycle", timing.ticks_per_cycle, 1),
-            ("high_ticks", timing.high_ticks, 1),
+            ("high_ticks", timing.high_ticks, 0),
             ("low_ticks", timing.low_ticks, 1),
             ("setup_ticks", timing.setup_ticks, 0),
             ("hold_ticks", timing.hold_ticks, 0),
@@ -130,8 +130,10 @@ impl StepGenerator {
         }
         if self.levels.step {
             self.levels.step = false;
-            self.low_left = self.timing.low_ticks;
-            self.hold_left = self.timing.hold_ticks;
+            // The tick of a pulse that ended within it was a low one already.
+            let passed = u32::from(self.timing.high_ticks == 0);
+            self.low_left = self.timing.low_ticks - passed;
+            self.hold_left = self.timing.hold_ticks.saturating_sub(passed);
         }
         let behind = self.behind();
         // Without a step due the direction turns ahead, so that its set-up is over when one is.
@@ -143,7 +145,7 @@ impl StepGenerator {
         let right_way = (behind > 0) == self.levels.direction;
         if behind != 0 && right_way && self.setup_left == 0 && self.low_left == 0 {
             self.levels.step = true;
-            self.high_left = self.timing.high_ticks - 1;
+            self.high_left = self.timing.high_ticks.saturating_sub(1);
             self.made += behind.signum();
         }
         self.low_left = self.low_left.saturating_sub(1);
@@ -162,6 +164,11 @@ impl StepGenerator {
         let carry = i64::from(self.accumulator >= ticks);
         self.accumulator -= carry * ticks;
         self.at += self.per_tick + carry;
+    }
+
+    /// Whether the target is reached, every step made and the last pulse over: until a new command nothing changes. RT.
+    pub fn is_at_rest(&self) -> bool {
+        self.at == self.target && self.behind() == 0 && !self.levels.step
     }
 
     /// Pulses begun so far, those back subtracted.
@@ -279,6 +286,33 @@ mod tests {
         let timing = PulseTiming { low_ticks: 0, ..TIMING };
         let error = StepGenerator::new(timing).unwrap_err();
         assert_eq!(error.to_string(), "low_ticks is 0: must be 1 to 1000000");
+    }
+
+    #[test]
+    fn a_pulse_that_ends_within_its_tick_may_come_at_every_tick() {
+        let timing = PulseTiming {
+            high_ticks: 0,
+            low_ticks: 1,
+            setup_ticks: 1,
+            hold_ticks: 1,
+            ..TIMING
+        };
+        let mut generator = StepGenerator::new(timing).unwrap();
+        assert_eq!(generator.steps_per_cycle_max(), 100);
+        let mut pulses = 0;
+        for k in 1..=10 {
+            assert!(generator.command(100.0 * f64::from(k)));
+            pulses += (0..100).filter(|_| generator.tick().step).count();
+        }
+        // One tick is the set-up of the direction.
+        assert_eq!((pulses, generator.behind()), (999, 1));
+        assert!(generator.command(0.0));
+        // The last one up is not due any more; the direction stands for a tick before the first one down.
+        let back = [generator.tick(), generator.tick()];
+        assert_eq!(
+            back.map(|levels| (levels.step, levels.direction)),
+            [(false, false), (true, false)]
+        );
     }
 
     proptest! {

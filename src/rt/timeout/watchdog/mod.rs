@@ -103,6 +103,16 @@ impl Limits {
         }
     }
 
+    /// RT: number of the cycle in which a date lies.
+    pub fn cycle_at(&self, date_ns: u64) -> u64 {
+        date_ns.saturating_sub(self.phase_ns % self.period_ns) / self.period_ns
+    }
+
+    /// RT: when a cycle begins.
+    pub fn begins_at(&self, cycle: u64) -> u64 {
+        cycle * self.period_ns + self.phase_ns % self.period_ns
+    }
+
     /// RT: the first date of a tick at or after `from_ns`. Ticks lie in the middle between the multiples of their distance
     /// from the beginning of a cycle; one that would meet a beginning all the same, because the distance does not divide
     /// the cycle, waits until it has passed.
