@@ -1,0 +1,199 @@
+//! Calls of function blocks.
+
+use super::State;
+use super::expression::{Checker, Read};
+use super::tree::{Base, Place};
+use super::types::Type;
+use crate::block::Block;
+use crate::code::Op;
+use crate::diagnostic::kind::nearest;
+use crate::diagnostic::{Kind, Reported};
+use crate::syntax::{Access, Argument, ArgumentValue, ExpressionKind, Section, UnitKind};
+
+impl Checker<'_, '_, '_> {
+    /// `instance(IN := x, Q => y);`
+    pub(super) fn call(&mut self, access: &Access, arguments: &[Argument]) -> Read<()> {
+        let instance = self.instance(access)?;
+        let Type::Block(unit) = instance.ty else {
+            let name = instance.name;
+            return self.error(access.at, Kind::NoBlock { name });
+        };
+        let unit = unit as usize;
+        if self.compiler.units[unit].block.is_none() {
+            self.compiler.body(unit, access.at)?;
+        }
+        if self.compiler.units[unit].block == Some(Block::FallingEdge) {
+            self.compiler.told_of_falling_edge(access.at);
+        }
+        let instance = self.fixed(instance)?;
+        let mut given = Vec::new();
+        let mut good = Ok(());
+        for argument in arguments {
+            good = self.argument(unit, &instance, argument, &mut given).and(good);
+        }
+        good?;
+        let in_out = self.compiler.units[unit].variables.iter();
+        let mut in_out = in_out.filter(|variable| variable.section == Section::InOut);
+        if let Some(missing) = in_out.find(|variable| !given.contains(&variable.name)) {
+            let (name, argument) = (self.compiler.units[unit].name.clone(), missing.name.clone());
+            return self.error(access.at, Kind::ArgumentMissing { name, argument });
+        }
+        self.emitter.address(self.compiler, &instance);
+        match (self.compiler.units[unit].block, self.compiler.units[unit].body) {
+            (Some(block), _) => {
+                self.emitter.op(Op::Block(block), access.at);
+            }
+            (None, State::Done(body)) => self.emitter.call(body, access.at),
+            _ => return Err(Reported),
+        }
+        for argument in arguments {
+            if let (Some(name), ArgumentValue::Taken(target)) = (&argument.name, &argument.value) {
+                let output = self.part(unit, &instance, &name.text, name.at)?;
+                let target = self.target(target)?;
+                let value = self.coerce(Self::read(output, name.at), target.ty)?;
+                self.store(&target, &value);
+            }
+        }
+        Ok(())
+    }
+
+    /// What is called; names that are none of an instance are told with what they are.
+    fn instance(&mut self, access: &Access) -> Read<Place> {
+        let name = access.name.text.clone();
+        if self.is_variable(&access.name) || !access.steps.is_empty() {
+            return self.place(access);
+        }
+        let unit = self.compiler.unit_by_name.get(&access.name.key());
+        match unit.map(|unit| self.compiler.units[*unit].kind) {
+            Some(UnitKind::Block) => self.error(access.at, Kind::BlockAsFunction { name }),
+            Some(UnitKind::Program) => self.error(access.at, Kind::ProgramCalled { name }),
+            Some(UnitKind::Function) => self.error(access.at, Kind::FunctionAsStatement { name }),
+            None if super::function::is_standard(&name) => self.error(access.at, Kind::FunctionAsStatement { name }),
+            None => self.place(access),
+        }
+    }
+
+    /// An instance whose address is worked out once.
+    fn fixed(&mut self, instance: Place) -> Read<Place> {
+        if instance.indices.is_empty() {
+            return Ok(instance);
+        }
+        let slot = self.compiler.allocate(&[0], instance.at)?;
+        self.emitter.address(self.compiler, &instance);
+        self.emitter.op(Op::Store(slot), instance.at);
+        Ok(Place {
+            base: Base::GlobalReference(slot),
+            offset: 0,
+            indices: Vec::new(),
+            ..instance
+        })
+    }
+
+    /// A variable of an instance.
+    fn part(&self, unit: usize, instance: &Place, name: &str, at: crate::diagnostic::Span) -> Read<Place> {
+        let unit = &self.compiler.units[unit];
+        let index = unit.by_name.get(&crate::syntax::key(name)).ok_or(Reported)?;
+        let variable = &unit.variables[*index];
+        Ok(Place {
+            offset: instance.offset + variable.offset,
+            ty: variable.ty,
+            at,
+            ..instance.clone()
+        })
+    }
+
+    /// Gives an input its value, and a VAR_IN_OUT its variable; looks at outputs.
+    fn argument(&mut self, unit: usize, instance: &Place, argument: &Argument, given: &mut Vec<String>) -> Read<()> {
+        let called = &self.compiler.units[unit];
+        let name = called.name.clone();
+        let Some(wanted) = &argument.name else {
+            let mut inputs = called
+                .variables
+                .iter()
+                .filter(|variable| variable.section == Section::Input);
+            let first = inputs
+                .next()
+                .map_or_else(|| "IN".to_owned(), |input| input.name.clone());
+            let at = match &argument.value {
+                ArgumentValue::Given(value) => value.at,
+                ArgumentValue::Taken(access) => access.at,
+            };
+            return self.error(
+                at,
+                Kind::ArgumentsByPlace {
+                    name: instance.name.clone(),
+                    first,
+                },
+            );
+        };
+        let takes = matches!(argument.value, ArgumentValue::Taken(_));
+        let fits = |section: Section| match section {
+            Section::Input | Section::InOut => !takes,
+            Section::Output => takes,
+            _ => false,
+        };
+        let found = called
+            .by_name
+            .get(&wanted.key())
+            .map(|index| called.variables[*index].clone());
+        let Some(variable) = found.filter(|variable| fits(variable.section)) else {
+            let direction = if takes { "output" } else { "input" };
+            let known = called.variables.iter().filter(|variable| fits(variable.section));
+            let nearest = nearest(&wanted.text, known.map(|variable| variable.name.as_str()));
+            let argument = wanted.text.clone();
+            return self.error(
+                wanted.at,
+                Kind::NoArgument {
+                    name,
+                    argument,
+                    direction,
+                    nearest,
+                },
+            );
+        };
+        if given.contains(&variable.name) {
+            let argument = variable.name;
+            return self.error(wanted.at, Kind::ArgumentTwice { argument });
+        }
+        given.push(variable.name.clone());
+        let place = self.part(unit, instance, &wanted.text, wanted.at)?;
+        match &argument.value {
+            ArgumentValue::Given(value) if variable.section == Section::InOut => {
+                let ExpressionKind::Variable(access) = &value.kind else {
+                    let argument = variable.name;
+                    return self.error(value.at, Kind::InOut { argument });
+                };
+                let target = match self.place(access)? {
+                    // An instance is passed on, though it is not assigned.
+                    block if matches!(block.ty, Type::Block(_)) => block,
+                    _ => self.target(access)?,
+                };
+                if target.ty != variable.ty {
+                    let (from, to) = (self.type_name(target.ty), self.type_name(variable.ty));
+                    return self.error(
+                        value.at,
+                        Kind::Mismatch {
+                            from,
+                            to,
+                            cure_text: None,
+                        },
+                    );
+                }
+                let slot = Place {
+                    ty: Type::Scalar(crate::scalar::Scalar::Lint),
+                    ..place
+                };
+                let compiler = &*self.compiler;
+                let emitter = &mut self.emitter;
+                emitter.store(compiler, &slot, |emitter| emitter.address(compiler, &target));
+            }
+            ArgumentValue::Given(value) => {
+                let node = self.expression_of(value, variable.ty)?;
+                self.store(&place, &node);
+            }
+            // Once the block has run.
+            ArgumentValue::Taken(_) => {}
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,575 @@
+//! Types, variables and units: what is declared, and where it lies in memory.
+
+use super::expression::Checker;
+use super::types::{ArrayType, Enumeration, Member, Structure, Type};
+use super::{Compiler, DEPTH_MAX, Declared, LAYOUT_MAX, MEMORY_MAX, State, Unit, Variable};
+use crate::block::Block;
+use crate::code::NOWHERE;
+use crate::diagnostic::kind::nearest;
+use crate::diagnostic::{Kind, Reported, Span};
+use crate::scalar::Scalar;
+use crate::syntax::{self, Expression, Initial, Name, Section, TypeKind, TypeText, UnitKind, key};
+use std::collections::BTreeMap;
+
+type Read<T> = Result<T, Reported>;
+
+impl<'a> Compiler<'a, '_> {
+    /// Declares all that the file does; what is wrong is told.
+    pub(super) fn declare(&mut self) {
+        for (name, block) in Block::all() {
+            self.standard_block(name, block);
+        }
+        let file = self.file;
+        for (index, declaration) in file.types.iter().enumerate() {
+            if self.is_free(&declaration.name) {
+                self.declared.insert(declaration.name.key(), (index, State::Untouched));
+            }
+        }
+        for unit in &file.units {
+            if self.is_free(&unit.name) {
+                self.unit_by_name.insert(unit.name.key(), self.units.len());
+            }
+            self.units.push(Unit {
+                name: unit.name.text.clone(),
+                kind: unit.kind,
+                text: Some(unit),
+                block: None,
+                variables: Vec::new(),
+                by_name: BTreeMap::new(),
+                result: None,
+                interface: State::Untouched,
+                body: State::Untouched,
+                image: Vec::new(),
+                frame: 0,
+            });
+        }
+        // Bounds of arrays and values of enumerations may be global constants.
+        let is_simple = |variable: &syntax::Variable| {
+            let named = matches!(&variable.ty.kind, TypeKind::Named(name) if Scalar::of_name(&name.text).is_some());
+            variable.constant && named
+        };
+        let (simple, others): (Vec<_>, Vec<_>) = file.globals.iter().partition(|variable| is_simple(variable));
+        self.globals_of(&simple);
+        for declaration in &file.types {
+            let _ = self.named_type(&declaration.name);
+        }
+        self.globals_of(&others);
+        for unit in 0..self.units.len() {
+            let _ = self.interface(unit, Span::default());
+        }
+        // Where they are in the file, whatever was laid out first.
+        self.globals.sort_by_key(|variable| variable.at.start);
+        let keys = self
+            .globals
+            .iter()
+            .enumerate()
+            .map(|(index, variable)| (key(&variable.name), index));
+        self.global_by_name = keys.collect();
+    }
+
+    fn standard_block(&mut self, name: String, block: Block) {
+        let variables: Vec<Variable> = block
+            .variables()
+            .into_iter()
+            .zip(0..)
+            .map(|((name, section, scalar), offset)| Variable {
+                name: name.to_owned(),
+                section,
+                constant: false,
+                retain: false,
+                ty: Type::Scalar(scalar),
+                offset,
+                value: None,
+                address: None,
+                at: Span::default(),
+                assigned: true,
+            })
+            .collect();
+        let by_name = variables.iter().enumerate();
+        let by_name = by_name.map(|(index, variable)| (key(&variable.name), index)).collect();
+        self.unit_by_name.insert(key(&name), self.units.len());
+        self.units.push(Unit {
+            name,
+            kind: UnitKind::Block,
+            text: None,
+            block: Some(block),
+            image: vec![0; variables.len()],
+            variables,
+            by_name,
+            result: None,
+            interface: State::Done(()),
+            body: State::Wrong,
+            frame: 0,
+        });
+    }
+
+    /// Whether a type or unit may be called so.
+    fn is_free(&mut self, name: &Name) -> bool {
+        let key = name.key();
+        let is_known = Scalar::of_name(&key).is_some()
+            || super::function::is_standard(&key)
+            || self.declared.contains_key(&key)
+            || self.unit_by_name.contains_key(&key);
+        if is_known {
+            let name_text = name.text.clone();
+            self.told.error(name.at, Kind::Twice { name: name_text });
+        }
+        !is_known
+    }
+
+    fn globals_of(&mut self, variables: &[&'a syntax::Variable]) {
+        for variable in variables {
+            let _ = self.global(variable);
+        }
+    }
+
+    fn global(&mut self, text: &'a syntax::Variable) -> Read<()> {
+        if self.global_by_name.contains_key(&text.name.key()) {
+            let name = text.name.text.clone();
+            return Err(self.told.error(text.name.at, Kind::Twice { name }));
+        }
+        let (mut variable, image) = self.variable(None, text)?;
+        variable.offset = self.allocate(&image, text.name.at)?;
+        self.global_by_name.insert(text.name.key(), self.globals.len());
+        self.globals.push(variable);
+        Ok(())
+    }
+
+    /// Type and values of a variable, wherever it will lie.
+    fn variable(&mut self, unit: Option<usize>, text: &'a syntax::Variable) -> Read<(Variable, Vec<i64>)> {
+        let ty = self.type_of(unit, &text.ty)?;
+        let image = match &text.initial {
+            Some(initial) => self.initial(unit, ty, initial)?,
+            None if text.constant => return Err(self.told.error(text.name.at, Kind::ConstantWithoutValue)),
+            None => match &text.ty.kind {
+                TypeKind::Named(name) => match self.named_type(name)?.1 {
+                    Some(initial) => initial,
+                    None => self.image(ty, text.name.at)?,
+                },
+                _ => self.image(ty, text.name.at)?,
+            },
+        };
+        if let Some((address, at)) = &text.address {
+            let in_program = unit.is_none_or(|unit| self.units[unit].kind == UnitKind::Program);
+            self.address(ty, address, *at, in_program)?;
+        }
+        let variable = Variable {
+            name: text.name.text.clone(),
+            section: text.section,
+            constant: text.constant,
+            retain: text.retain,
+            ty,
+            offset: 0,
+            value: (text.constant && ty.is_single()).then_some(image.first().copied().unwrap_or(0)),
+            address: text.address.as_ref().map(|(address, _)| address.clone()),
+            at: text.name.at,
+            assigned: false,
+        };
+        Ok((variable, image))
+    }
+
+    /// Whether something may be at this address.
+    fn address(&mut self, ty: Type, address: &str, at: Span, in_program: bool) -> Read<()> {
+        let Some(scalar) = ty.scalar().filter(|scalar| in_program && *scalar != Scalar::String) else {
+            return Err(self.told.error(at, Kind::AddressPlace));
+        };
+        if let Some(letters) = address.strip_prefix('%') {
+            let bits = match letters.as_bytes().get(1) {
+                Some(b'B') => 8,
+                Some(b'W') => 16,
+                Some(b'D') => 32,
+                Some(b'L') => 64,
+                _ => 1,
+            };
+            if bits != scalar.bits() {
+                let (address, ty) = (address.to_owned(), scalar.name().to_owned());
+                return Err(self.told.error(at, Kind::AddressWidth { address, bits, ty }));
+            }
+        }
+        Ok(())
+    }
+
+    /// Type of this name.
+    fn named_type(&mut self, name: &Name) -> Read<Declared> {
+        let key = name.key();
+        if let Some(scalar) = Scalar::of_name(&key) {
+            return Ok((Type::Scalar(scalar), None));
+        }
+        if let Some((index, state)) = self.declared.get(&key) {
+            let index = *index;
+            match state {
+                State::Done((ty, initial)) => return Ok((*ty, initial.clone())),
+                State::Wrong => return Err(Reported),
+                State::UnderWay => {
+                    let name_text = name.text.clone();
+                    return Err(self.told.error(name.at, Kind::Recursive { name: name_text }));
+                }
+                State::Untouched => {}
+            }
+            self.declared.insert(key.clone(), (index, State::UnderWay));
+            let declared = self.deeper(name.at, |compiler| compiler.declared_type(index));
+            let state = declared
+                .as_ref()
+                .map_or(State::Wrong, |declared| State::Done(declared.clone()));
+            self.declared.insert(key, (index, state));
+            return declared;
+        }
+        if let Some(unit) = self
+            .unit_by_name
+            .get(&key)
+            .copied()
+            .filter(|unit| self.unit(*unit).kind == UnitKind::Block)
+        {
+            self.deeper(name.at, |compiler| compiler.interface(unit, name.at))?;
+            return Ok((Type::Block(unit as u32), None));
+        }
+        let known = Scalar::ALL.map(Scalar::name);
+        let own = self.file.types.iter().map(|declaration| declaration.name.text.as_str());
+        let blocks = self
+            .units
+            .iter()
+            .filter(|unit| unit.kind == UnitKind::Block)
+            .map(|unit| unit.name.as_str());
+        let nearest = nearest(&name.text, known.into_iter().chain(own).chain(blocks));
+        let name_text = name.text.clone();
+        Err(self.told.error(
+            name.at,
+            Kind::NoType {
+                name: name_text,
+                nearest,
+            },
+        ))
+    }
+
+    /// One type inside another one.
+    fn deeper<T>(&mut self, at: Span, work: impl FnOnce(&mut Self) -> Read<T>) -> Read<T> {
+        if self.depth >= DEPTH_MAX {
+            return Err(self.told.error(at, Kind::TooDeep { most: DEPTH_MAX }));
+        }
+        self.depth += 1;
+        let done = work(self);
+        self.depth -= 1;
+        done
+    }
+
+    /// What stands in TYPE.
+    fn declared_type(&mut self, index: usize) -> Read<Declared> {
+        let file = self.file;
+        let declaration = &file.types[index];
+        let (ty, inherited) = match &declaration.ty.kind {
+            TypeKind::Struct(members) => (self.structure(&declaration.name, members)?, None),
+            TypeKind::Enumeration(values) => (self.enumeration(&declaration.name, values)?, None),
+            TypeKind::Named(name) => self.named_type(name)?,
+            TypeKind::Array(..) => (self.type_of(None, &declaration.ty)?, None),
+        };
+        let initial = match &declaration.initial {
+            Some(initial) => Some(self.initial(None, ty, initial)?),
+            None => inherited,
+        };
+        if let (Type::Enumeration(index), Some(initial)) = (ty, &initial) {
+            // An enumeration of its own; another name of one begins as that does.
+            if matches!(declaration.ty.kind, TypeKind::Enumeration(_)) {
+                self.types.enumerations[index as usize].initial = initial.first().copied().unwrap_or(0);
+            }
+        }
+        Ok((ty, initial))
+    }
+
+    fn structure(&mut self, name: &Name, members: &'a [syntax::Variable]) -> Read<Type> {
+        let (mut image, mut known) = (Vec::new(), Vec::<Member>::new());
+        for member in members {
+            if let Some((_, at)) = &member.address {
+                return Err(self.told.error(*at, Kind::AddressPlace));
+            }
+            let (variable, values) = self.variable(None, member)?;
+            if known.iter().any(|other| key(&other.name) == member.name.key()) {
+                let name = member.name.text.clone();
+                return Err(self.told.error(member.name.at, Kind::Twice { name }));
+            }
+            known.push(Member {
+                name: variable.name,
+                ty: variable.ty,
+                offset: image.len() as u32,
+            });
+            image.extend(values);
+            self.lay_out(image.len(), member.name.at)?;
+        }
+        self.types.structures.push(Structure {
+            name: name.text.clone(),
+            members: known,
+            image,
+        });
+        Ok(Type::Structure(self.types.structures.len() as u32 - 1))
+    }
+
+    fn enumeration(&mut self, name: &Name, values: &'a [(Name, Option<Expression>)]) -> Read<Type> {
+        let index = self.types.enumerations.len() as u32;
+        let mut known: Vec<(String, i64)> = Vec::new();
+        let mut next = 0_i64;
+        for (value, number) in values {
+            if let Some(number) = number {
+                next = Checker::new(self, None).constant(number, Type::Scalar(Scalar::Dint))?;
+            }
+            if known.iter().any(|(other, _)| key(other) == value.key()) {
+                let name = value.text.clone();
+                return Err(self.told.error(value.at, Kind::Twice { name }));
+            }
+            known.push((value.text.clone(), next));
+            self.values.entry(value.key()).or_default().push((index, next));
+            next += 1;
+        }
+        self.types.enumerations.push(Enumeration {
+            name: name.text.clone(),
+            initial: known.first().map_or(0, |(_, value)| *value),
+            values: known,
+        });
+        Ok(Type::Enumeration(index))
+    }
+
+    fn type_of(&mut self, unit: Option<usize>, text: &'a TypeText) -> Read<Type> {
+        match &text.kind {
+            TypeKind::Named(name) => self.named_type(name).map(|(ty, _)| ty),
+            TypeKind::Array(bounds, element) => {
+                let element = self.deeper(text.at, |compiler| compiler.type_of(unit, element))?;
+                let mut dimensions = Vec::new();
+                for (first, last) in bounds {
+                    let whole = Type::Scalar(Scalar::Lint);
+                    let low = Checker::new(self, unit).constant(first, whole)?;
+                    let high = Checker::new(self, unit).constant(last, whole)?;
+                    let bounds = (i32::try_from(low), i32::try_from(high));
+                    let (Ok(low), Ok(high), true) = (bounds.0, bounds.1, low <= high) else {
+                        return Err(self.told.error(first.at.to(last.at), Kind::Bounds));
+                    };
+                    let length = (i64::from(high) - i64::from(low) + 1).min(i64::from(u32::MAX)) as u32;
+                    dimensions.push((low, length));
+                }
+                let array = ArrayType { dimensions, element };
+                let size = self.types.size(element, &self.units).max(1) as usize;
+                if array.count().saturating_mul(size) > MEMORY_MAX {
+                    return Err(self.told.error(text.at, Kind::Memory { most: MEMORY_MAX }));
+                }
+                Ok(self.types.array(array))
+            }
+            TypeKind::Struct(_) | TypeKind::Enumeration(_) => Err(Reported),
+        }
+    }
+
+    /// So many values more are laid out.
+    fn lay_out(&mut self, values: usize, at: Span) -> Read<()> {
+        self.laid_out += values;
+        if values > MEMORY_MAX || self.laid_out > LAYOUT_MAX {
+            return Err(self.told.error(at, Kind::Memory { most: MEMORY_MAX }));
+        }
+        Ok(())
+    }
+
+    /// Values of something that is given none.
+    fn image(&mut self, ty: Type, at: Span) -> Read<Vec<i64>> {
+        let size = self.types.size(ty, &self.units) as usize;
+        self.lay_out(size, at)?;
+        Ok(self.types.image(ty, &self.units))
+    }
+
+    /// Values that stand behind `:=`.
+    fn initial(&mut self, unit: Option<usize>, ty: Type, initial: &'a Initial) -> Read<Vec<i64>> {
+        match (initial, ty) {
+            (Initial::Value(value), _) if ty.is_single() => {
+                self.lay_out(1, value.at)?;
+                Ok(vec![Checker::new(self, unit).constant(value, ty)?])
+            }
+            (Initial::List(values, at), Type::Array(index)) => {
+                let array = self.types.arrays[index as usize].clone();
+                let mut image = self.image(ty, *at)?;
+                let stride = self.types.size(array.element, &self.units) as usize;
+                let (mut element, wanted) = (0_usize, array.count());
+                for (count, value) in values {
+                    let count = match count {
+                        Some(count) => Checker::new(self, unit).constant(count, Type::Scalar(Scalar::Lint))?,
+                        None => 1,
+                    };
+                    let value = self.initial(unit, array.element, value)?;
+                    let count = usize::try_from(count).unwrap_or(usize::MAX);
+                    let got = element.saturating_add(count);
+                    if got > wanted {
+                        return Err(self.told.error(*at, Kind::InitialCount { wanted, got }));
+                    }
+                    for place in image[element * stride..got * stride].chunks_exact_mut(stride.max(1)) {
+                        place.copy_from_slice(&value);
+                    }
+                    element = got;
+                }
+                Ok(image)
+            }
+            (Initial::Members(members, at), Type::Structure(_) | Type::Block(_)) => {
+                let mut image = self.image(ty, *at)?;
+                for (name, value) in members {
+                    let (member, offset) = self.member_at_start(ty, name)?;
+                    let values = self.initial(unit, member, value)?;
+                    let start = offset as usize;
+                    image[start..start + values.len()].copy_from_slice(&values);
+                }
+                Ok(image)
+            }
+            (Initial::Value(Expression { at, .. }) | Initial::List(_, at) | Initial::Members(_, at), _) => {
+                let ty = self.types.name(ty, &self.units);
+                Err(self.told.error(*at, Kind::InitialShape(ty)))
+            }
+        }
+    }
+
+    /// A member that is given a value at the start: any of a structure, an input of a block.
+    fn member_at_start(&mut self, ty: Type, name: &Name) -> Read<(Type, u32)> {
+        let key_of = name.key();
+        let known: Vec<(&str, Type, u32)> = match ty {
+            Type::Structure(index) => {
+                let members = &self.types.structures[index as usize].members;
+                members
+                    .iter()
+                    .map(|member| (member.name.as_str(), member.ty, member.offset))
+                    .collect()
+            }
+            Type::Block(unit) => {
+                let inputs = self.unit(unit as usize).variables.iter();
+                let inputs = inputs.filter(|variable| variable.section == Section::Input);
+                inputs
+                    .map(|input| (input.name.as_str(), input.ty, input.offset))
+                    .collect()
+            }
+            _ => Vec::new(),
+        };
+        if let Some((_, ty, offset)) = known.iter().find(|(member, ..)| key(member) == key_of) {
+            return Ok((*ty, *offset));
+        }
+        let nearest = nearest(&name.text, known.iter().map(|(member, ..)| *member));
+        let (owner, member) = (self.types.name(ty, &self.units), name.text.clone());
+        Err(self.told.error(
+            name.at,
+            Kind::NoMember {
+                name: owner,
+                member,
+                nearest,
+            },
+        ))
+    }
+
+    /// Variables of a unit, which may be needed from another one first.
+    pub(super) fn interface(&mut self, unit: usize, at: Span) -> Read<()> {
+        match self.units[unit].interface {
+            State::Done(()) => return Ok(()),
+            State::Wrong => return Err(Reported),
+            State::UnderWay => {
+                let name = self.unit(unit).name.clone();
+                return Err(self.told.error(at, Kind::Recursive { name }));
+            }
+            State::Untouched => {}
+        }
+        self.units[unit].interface = State::UnderWay;
+        let done = self.variables_of(unit);
+        self.units[unit].interface = done.map_or(State::Wrong, |()| State::Done(()));
+        done
+    }
+
+    fn variables_of(&mut self, unit: usize) -> Read<()> {
+        let Some(text) = self.unit(unit).text else {
+            return Ok(());
+        };
+        let mut all_good = Ok(());
+        for variable in &text.variables {
+            all_good = self.own_variable(unit, text.kind, variable).and(all_good);
+        }
+        if let Some(result) = &text.result {
+            let ty = self.type_of(Some(unit), result)?;
+            if !ty.is_single() {
+                return Err(self.told.error(result.at, Kind::ResultType));
+            }
+            let image = self.image(ty, result.at)?;
+            let variable = Variable {
+                name: text.name.text.clone(),
+                section: Section::Local,
+                constant: false,
+                retain: false,
+                ty,
+                offset: 0,
+                value: None,
+                address: None,
+                at: text.name.at,
+                assigned: false,
+            };
+            self.add_variable(unit, variable, &image)?;
+            self.units[unit].result = Some(ty);
+        }
+        if text.kind != UnitKind::Block {
+            let image = self.units[unit].image.clone();
+            self.units[unit].frame = self.allocate(&image, text.name.at)?;
+        }
+        all_good
+    }
+
+    fn own_variable(&mut self, unit: usize, kind: UnitKind, text: &'a syntax::Variable) -> Read<()> {
+        let section = match text.section {
+            Section::Global => Some("VAR_GLOBAL"),
+            Section::InOut if kind != UnitKind::Block => Some("VAR_IN_OUT"),
+            Section::Output if kind == UnitKind::Function => Some("VAR_OUTPUT"),
+            Section::External if kind == UnitKind::Function => Some("VAR_EXTERNAL"),
+            Section::Input | Section::Output | Section::InOut | Section::Temporary if text.constant => Some("CONSTANT"),
+            Section::Temporary if text.retain => Some("RETAIN"),
+            _ => None,
+        };
+        if let Some(section) = section {
+            let unit = kind.name();
+            return Err(self.told.error(text.name.at, Kind::Section { section, unit }));
+        }
+        if text.section == Section::External {
+            return self.external(unit, text);
+        }
+        let (variable, image) = self.variable(Some(unit), text)?;
+        let keeps = text.retain || text.address.is_some() || matches!(variable.ty, Type::Block(_));
+        let forgets = kind == UnitKind::Function || text.section == Section::Temporary;
+        if forgets && keeps {
+            let name = text.name.text.clone();
+            return Err(self.told.error(text.name.at, Kind::StateInFunction { name }));
+        }
+        // A variable that is passed by reference is the address of another one.
+        let image = if text.section == Section::InOut {
+            vec![NOWHERE]
+        } else {
+            image
+        };
+        self.add_variable(unit, variable, &image)
+    }
+
+    fn add_variable(&mut self, unit: usize, mut variable: Variable, image: &[i64]) -> Read<()> {
+        let at = variable.at;
+        let own = &mut self.units[unit];
+        if own.by_name.contains_key(&key(&variable.name)) {
+            let name = variable.name;
+            return Err(self.told.error(at, Kind::Twice { name }));
+        }
+        variable.offset = own.image.len() as u32;
+        own.image.extend_from_slice(image);
+        own.by_name.insert(key(&variable.name), own.variables.len());
+        own.variables.push(variable);
+        let size = own.image.len();
+        self.lay_out(size.min(image.len() + 1), at)?;
+        if size > MEMORY_MAX {
+            return Err(self.told.error(at, Kind::Memory { most: MEMORY_MAX }));
+        }
+        Ok(())
+    }
+
+    /// VAR_EXTERNAL names a global variable, which is there without it, too; its type must be that one's.
+    fn external(&mut self, unit: usize, text: &'a syntax::Variable) -> Read<()> {
+        let ty = self.type_of(Some(unit), &text.ty)?;
+        let name = text.name.text.clone();
+        let Some(global) = self.global_by_name.get(&text.name.key()) else {
+            let nearest = nearest(&name, self.globals.iter().map(|global| global.name.as_str()));
+            return Err(self.told.error(text.name.at, Kind::Undeclared { name, nearest }));
+        };
+        let declared = self.globals[*global].ty;
+        if declared != ty {
+            let wanted = self.types.name(declared, &self.units);
+            return Err(self.told.error(text.ty.at, Kind::ExternalType { name, wanted }));
+        }
+        Ok(())
+    }
+}

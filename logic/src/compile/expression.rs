@@ -1,0 +1,422 @@
+//! Expressions: names and types of what is written, constants worked out. Operators are in `operator`.
+
+use super::Compiler;
+use super::emit::Emitter;
+use super::tree::{Node, NodeKind};
+use super::types::Type;
+use crate::arithmetic::{self, Binary, Flags, Unary};
+use crate::diagnostic::{Kind, Reported, Span};
+use crate::scalar::Scalar;
+use crate::syntax::{self, Access, Expression, ExpressionKind, Name};
+
+pub(super) type Read<T> = Result<T, Reported>;
+
+pub(super) const BOOL: Type = Type::Scalar(Scalar::Bool);
+pub(super) const LREAL: Type = Type::Scalar(Scalar::Lreal);
+
+/// Checks what stands in one unit, and makes its instructions.
+pub(super) struct Checker<'c, 'a, 't> {
+    pub(super) compiler: &'c mut Compiler<'a, 't>,
+    /// `None`: a declaration outside of units.
+    pub(super) unit: Option<usize>,
+    /// Control variables of the loops around.
+    pub(super) controls: Vec<String>,
+    pub(super) emitter: Emitter,
+    /// What is declared takes constants only.
+    pub(super) is_declaration: bool,
+}
+
+impl<'c, 'a, 't> Checker<'c, 'a, 't> {
+    /// For what is declared.
+    pub(super) fn new(compiler: &'c mut Compiler<'a, 't>, unit: Option<usize>) -> Checker<'c, 'a, 't> {
+        Checker {
+            compiler,
+            unit,
+            controls: Vec::new(),
+            emitter: Emitter::default(),
+            is_declaration: true,
+        }
+    }
+
+    pub(super) fn error<T>(&mut self, at: Span, kind: Kind) -> Read<T> {
+        Err(self.compiler.told.error(at, kind))
+    }
+
+    pub(super) fn type_name(&self, ty: Type) -> String {
+        self.compiler.types.name(ty, &self.compiler.units)
+    }
+
+    /// The slot of a constant expression.
+    pub(super) fn constant(mut self, expression: &Expression, ty: Type) -> Read<i64> {
+        self.constant_value(expression, ty)
+    }
+
+    pub(super) fn constant_value(&mut self, expression: &Expression, ty: Type) -> Read<i64> {
+        let node = self.expression_of(expression, ty)?;
+        match node.value() {
+            Some(value) => Ok(value),
+            None => self.error(expression.at, Kind::Constant),
+        }
+    }
+
+    /// An expression whose value goes to something of this type.
+    pub(super) fn expression_of(&mut self, expression: &Expression, ty: Type) -> Read<Node> {
+        let node = self.expression(expression, Some(ty))?;
+        self.coerce(node, ty)
+    }
+
+    /// An expression that has a type; `expected` decides where it is open.
+    pub(super) fn typed(&mut self, expression: &Expression, expected: Option<Type>) -> Read<Node> {
+        let node = self.expression(expression, expected)?;
+        self.settle(node, expected)
+    }
+
+    /// Gives a literal a type: the expected one if it fits, else DINT, LINT or LREAL.
+    pub(super) fn settle(&mut self, node: Node, expected: Option<Type>) -> Read<Node> {
+        let expected = expected.and_then(Type::scalar);
+        let ty = match node.kind {
+            NodeKind::Integer(value) => {
+                let fits = |scalar: Scalar| (scalar.range().0..=scalar.range().1).contains(&value);
+                let wanted =
+                    expected.filter(|scalar| scalar.is_integer() || scalar.is_bit_string() || scalar.is_real());
+                let whole = [Scalar::Dint, Scalar::Lint].into_iter().find(|scalar| fits(*scalar));
+                wanted.or(whole).unwrap_or(Scalar::Ulint)
+            }
+            NodeKind::Real(_) => expected.filter(|scalar| scalar.is_real()).unwrap_or(Scalar::Lreal),
+            _ => return Ok(node),
+        };
+        self.coerce(node, Type::Scalar(ty))
+    }
+
+    /// `expected` helps where what is written does not decide: values of enumerations.
+    pub(super) fn expression(&mut self, expression: &Expression, expected: Option<Type>) -> Read<Node> {
+        let at = expression.at;
+        let constant = |ty: Scalar, value: i64| Ok(Node::constant(Type::Scalar(ty), value, at));
+        match &expression.kind {
+            ExpressionKind::Integer(value) => Ok(Node {
+                ty: Type::AnyInteger,
+                kind: NodeKind::Integer(*value),
+                at,
+            }),
+            ExpressionKind::Real(value) => Ok(Node {
+                ty: Type::AnyReal,
+                kind: NodeKind::Real(*value),
+                at,
+            }),
+            ExpressionKind::Bool(value) => constant(Scalar::Bool, i64::from(*value)),
+            ExpressionKind::Time(value) => constant(Scalar::Time, *value),
+            ExpressionKind::Text(text) => {
+                let number = self.compiler.text(text);
+                constant(Scalar::String, number)
+            }
+            ExpressionKind::Typed(prefix, value) => self.literal_of(prefix, value),
+            ExpressionKind::Variable(access) => self.variable(access, expected),
+            ExpressionKind::Unary(operator, operand) => self.unary(*operator, operand, expected, at),
+            ExpressionKind::Binary(operator, left, right) => {
+                use syntax::Binary as Word;
+                let compares = [
+                    Word::Less,
+                    Word::Greater,
+                    Word::LessEqual,
+                    Word::GreaterEqual,
+                    Word::Equal,
+                    Word::NotEqual,
+                ];
+                let expected = expected.filter(|_| !compares.contains(operator));
+                let left = self.expression(left, expected)?;
+                // The value of an enumeration on the right is one of that on the left.
+                let enumeration = Some(left.ty).filter(|ty| matches!(ty, Type::Enumeration(_)));
+                let right = self.expression(right, enumeration.or(expected))?;
+                self.operator(*operator, left, right, at)
+            }
+            ExpressionKind::Call(name, arguments) => self.function(name, arguments, expected, at),
+        }
+    }
+
+    /// `INT#5`, `Colour#Red`.
+    fn literal_of(&mut self, prefix: &Name, value: &Expression) -> Read<Node> {
+        let at = prefix.at.to(value.at);
+        if let Some(scalar) = Scalar::of_name(&prefix.text) {
+            let mut node = self.expression(value, None)?;
+            if let (Scalar::Bool, NodeKind::Integer(number @ (0 | 1))) = (scalar, &node.kind) {
+                return Ok(Node::constant(BOOL, *number as i64, at));
+            }
+            if node.value().is_none() && !matches!(node.kind, NodeKind::Integer(_) | NodeKind::Real(_)) {
+                return self.error(value.at, Kind::Constant);
+            }
+            node.at = at;
+            return self.coerce(node, Type::Scalar(scalar));
+        }
+        let enumerations = &self.compiler.types.enumerations;
+        let found = enumerations
+            .iter()
+            .position(|known| known.name.eq_ignore_ascii_case(&prefix.text));
+        let (Some(index), ExpressionKind::Variable(access)) = (found, &value.kind) else {
+            let known = enumerations
+                .iter()
+                .map(|known| known.name.as_str())
+                .chain(Scalar::ALL.map(Scalar::name));
+            let nearest = crate::diagnostic::kind::nearest(&prefix.text, known);
+            let name = prefix.text.clone();
+            return self.error(prefix.at, Kind::NoType { name, nearest });
+        };
+        let values = &enumerations[index].values;
+        let member = &access.name.text;
+        if let Some((_, number)) = values.iter().find(|(known, _)| known.eq_ignore_ascii_case(member)) {
+            return Ok(Node::constant(Type::Enumeration(index as u32), *number, at));
+        }
+        let nearest = crate::diagnostic::kind::nearest(member, values.iter().map(|(known, _)| known.as_str()));
+        let (name, member) = (enumerations[index].name.clone(), member.clone());
+        self.error(value.at, Kind::NoMember { name, member, nearest })
+    }
+
+    fn variable(&mut self, access: &Access, expected: Option<Type>) -> Read<Node> {
+        if access.steps.is_empty()
+            && !self.is_variable(&access.name)
+            && let Some(value) = self.value_of_enumeration(&access.name, expected)?
+        {
+            return Ok(value);
+        }
+        if let Some(value) = self.constant_variable(access) {
+            return Ok(value);
+        }
+        let place = self.place(access)?;
+        if self.is_declaration {
+            return self.error(access.at, Kind::Constant);
+        }
+        Ok(Node {
+            ty: place.ty,
+            at: access.at,
+            kind: NodeKind::Load(Box::new(place)),
+        })
+    }
+
+    /// The value of this name of an enumeration, if there is one.
+    fn value_of_enumeration(&mut self, name: &Name, expected: Option<Type>) -> Read<Option<Node>> {
+        let Some(values) = self.compiler.values.get(&name.key()) else {
+            return Ok(None);
+        };
+        let wanted = values
+            .iter()
+            .find(|(index, _)| expected == Some(Type::Enumeration(*index)));
+        match wanted.or(values.first().filter(|_| values.len() == 1)) {
+            Some((index, value)) => Ok(Some(Node::constant(Type::Enumeration(*index), *value, name.at))),
+            None => {
+                let example = values.first().map_or(0, |(index, _)| *index as usize);
+                let example = self.compiler.types.enumerations.get(example);
+                let example = example.map_or_else(String::new, |known| known.name.clone());
+                let value = name.text.clone();
+                self.error(name.at, Kind::Ambiguous { value, example })
+            }
+        }
+    }
+
+    fn unary(&mut self, operator: syntax::Unary, operand: &Expression, expected: Option<Type>, at: Span) -> Read<Node> {
+        let mut node = self.expression(operand, expected)?;
+        node.at = at;
+        if operator == syntax::Unary::Not {
+            let node = self.settle(node, expected)?;
+            return match node.ty {
+                Type::Scalar(scalar) if scalar == Scalar::Bool || scalar.is_bit_string() => {
+                    Ok(self.folded(Unary::Not, scalar, node))
+                }
+                _ => self.no_operand("NOT", &node),
+            };
+        }
+        let minus = operator == syntax::Unary::Minus;
+        match (&mut node.kind, node.ty) {
+            (NodeKind::Integer(value), _) if minus => *value = -*value,
+            (NodeKind::Real(value), _) if minus => *value = -*value,
+            (NodeKind::Integer(_) | NodeKind::Real(_), _) => {}
+            (_, Type::Scalar(scalar)) if scalar.is_signed() || scalar.is_real() || scalar == Scalar::Time => {
+                if minus {
+                    return Ok(self.folded(Unary::Negate, scalar, node));
+                }
+            }
+            // Brackets around a NOT are a plus that changes nothing.
+            _ if !minus => {}
+            _ => return self.no_operand("-", &node),
+        }
+        Ok(node)
+    }
+
+    pub(super) fn no_operand<T>(&mut self, operator: &str, node: &Node) -> Read<T> {
+        let ty = self.type_name(node.ty);
+        let cure_text = match node.ty {
+            Type::Scalar(scalar) if scalar.is_integer() && matches!(operator, "NOT" | "AND" | "OR" | "XOR") => {
+                let bits = ["BYTE", "WORD", "DWORD", "LWORD"][(scalar.bits() / 8).ilog2() as usize];
+                Some(format!("write {}_TO_{bits}(..)", scalar.name()))
+            }
+            Type::Scalar(scalar) if scalar.is_integer() => Some(format!("write {}_TO_LREAL(..)", scalar.name())),
+            Type::Scalar(scalar) if scalar.is_bit_string() => {
+                let whole = ["USINT", "UINT", "UDINT", "ULINT"][(scalar.bits() / 8).ilog2() as usize];
+                Some(format!("write {}_TO_{whole}(..)", scalar.name()))
+            }
+            _ => None,
+        };
+        let operator = operator.to_owned();
+        self.error(
+            node.at,
+            Kind::Operand {
+                operator,
+                ty,
+                cure_text,
+            },
+        )
+    }
+
+    /// An operation on one value, worked out if that is constant.
+    pub(super) fn folded(&self, operation: Unary, scalar: Scalar, node: Node) -> Node {
+        let (ty, at) = (node.ty, node.at);
+        if let Some(value) = node.value() {
+            let mut flags = Flags::default();
+            let value = arithmetic::unary(operation, scalar, value, &mut flags);
+            if flags == Flags::default() {
+                return Node::constant(ty, value, at);
+            }
+        }
+        let kind = NodeKind::Unary(operation, scalar, Box::new(node));
+        Node { ty, kind, at }
+    }
+
+    /// An operation on two values of `scalar`, worked out if they are constant.
+    pub(super) fn folded_pair(
+        &mut self,
+        operation: Binary,
+        scalar: Scalar,
+        pair: [Node; 2],
+        ty: Type,
+        at: Span,
+    ) -> Read<Node> {
+        let [left, right] = pair;
+        let divides = matches!(operation, Binary::Divide | Binary::Modulo | Binary::ScaleDown);
+        let is_real = scalar.is_real() || operation == Binary::ScaleDown;
+        let is_zero = |value: i64| {
+            if is_real {
+                f64::from_bits(value as u64) == 0.0
+            } else {
+                value == 0
+            }
+        };
+        if divides && right.value().is_some_and(is_zero) {
+            return self.error(right.at, Kind::DivisionByZero);
+        }
+        if let (Some(a), Some(b)) = (left.value(), right.value()) {
+            let mut flags = Flags::default();
+            let value = arithmetic::binary(operation, scalar, a, b, &mut flags);
+            if flags == Flags::default() {
+                return Ok(Node::constant(ty, value, at));
+            }
+        }
+        let kind = NodeKind::Binary(operation, scalar, Box::new(left), Box::new(right));
+        Ok(Node { ty, kind, at })
+    }
+
+    /// A conversion, worked out if the value is constant.
+    pub(super) fn converted(&self, from: Scalar, to: Scalar, node: Node) -> Node {
+        let (ty, at) = (Type::Scalar(to), node.at);
+        if let Some(value) = node.value() {
+            let mut flags = Flags::default();
+            let value = arithmetic::convert(from, to, value, &mut flags);
+            if flags == Flags::default() {
+                return Node::constant(ty, value, at);
+            }
+        }
+        // Among integers that hold each other, and REAL and LREAL, a slot is the same.
+        let same = from.widens_to(to) && (from.is_integer() == to.is_integer());
+        let kind = if same {
+            node.kind
+        } else {
+            NodeKind::Convert(from, to, Box::new(node))
+        };
+        Node { ty, kind, at }
+    }
+
+    /// A value as one of this type, which it becomes by itself or not at all.
+    pub(super) fn coerce(&mut self, node: Node, to: Type) -> Read<Node> {
+        let at = node.at;
+        match (&node.kind, node.ty, to) {
+            (_, from, to) if from == to => Ok(node),
+            (NodeKind::Integer(value), _, Type::Scalar(Scalar::Bool)) => {
+                let word = if *value == 0 { "FALSE" } else { "TRUE" };
+                let value = value.to_string();
+                self.error(at, Kind::NumberForBool { value, word })
+            }
+            (NodeKind::Integer(value), _, Type::Scalar(scalar)) if scalar.is_integer() || scalar.is_bit_string() => {
+                let (low, high) = scalar.range();
+                // A bit string takes what is written as it is.
+                let slot = scalar.wrap(*value);
+                if !slot.1 {
+                    return Ok(Node::constant(to, slot.0, at));
+                }
+                let value = value.to_string();
+                let (low, high) = (low.to_string(), high.to_string());
+                self.error(
+                    at,
+                    Kind::OutOfRange {
+                        value,
+                        ty: scalar.name(),
+                        low,
+                        high,
+                    },
+                )
+            }
+            (NodeKind::Integer(value), _, Type::Scalar(scalar)) if scalar.is_real() => {
+                Ok(Node::constant(to, arithmetic::of_real(scalar, *value as f64), at))
+            }
+            (NodeKind::Real(value), _, Type::Scalar(scalar)) if scalar.is_real() => {
+                let slot = arithmetic::of_real(scalar, *value);
+                if f64::from_bits(slot as u64).is_finite() {
+                    return Ok(Node::constant(to, slot, at));
+                }
+                let (value, low, high) = (value.to_string(), f32::MIN.to_string(), f32::MAX.to_string());
+                self.error(
+                    at,
+                    Kind::OutOfRange {
+                        value,
+                        ty: scalar.name(),
+                        low,
+                        high,
+                    },
+                )
+            }
+            (_, Type::Scalar(from), Type::Scalar(scalar)) if from.widens_to(scalar) => {
+                Ok(self.converted(from, scalar, node))
+            }
+            (_, from, to) => {
+                let cure_text = match (from, to) {
+                    (Type::Scalar(from), Type::Scalar(to)) if from != Scalar::String && to != Scalar::String => {
+                        Some(format!("write {}_TO_{}(..)", from.name(), to.name()))
+                    }
+                    (Type::AnyReal, Type::Scalar(to)) if to.is_integer() => {
+                        Some(format!("write LREAL_TO_{}(..)", to.name()))
+                    }
+                    (Type::AnyInteger | Type::AnyReal, Type::Scalar(Scalar::Time)) => Some("write T#5s".into()),
+                    _ => None,
+                };
+                let (from, to) = (self.type_name(from), self.type_name(to));
+                self.error(at, Kind::Mismatch { from, to, cure_text })
+            }
+        }
+    }
+
+    /// Values that become one type by themselves; `None` if there is none.
+    pub(super) fn common(&mut self, nodes: &[Node]) -> Option<Type> {
+        let typed = nodes.iter().map(|node| node.ty);
+        let mut common = None;
+        for ty in typed {
+            common = match (common, ty) {
+                (None, ty) => Some(ty),
+                (Some(known), ty) if known == ty => Some(known),
+                (Some(Type::AnyInteger), Type::AnyReal) | (Some(Type::AnyReal), Type::AnyInteger) => {
+                    Some(Type::AnyReal)
+                }
+                (Some(Type::AnyInteger | Type::AnyReal), ty) => Some(ty),
+                (Some(known), Type::AnyInteger | Type::AnyReal) => Some(known),
+                (Some(Type::Scalar(a)), Type::Scalar(b)) => Some(Type::Scalar(a.common(b)?)),
+                _ => return None,
+            };
+        }
+        common
+    }
+}

@@ -1,0 +1,476 @@
+//! Calls of functions: those of the file, and those of the standard.
+
+use super::expression::{Checker, Read};
+use super::tree::{Node, NodeKind};
+use super::types::Type;
+use crate::arithmetic::{Binary, Unary};
+use crate::diagnostic::kind::nearest;
+use crate::diagnostic::{Kind, Span};
+use crate::scalar::Scalar;
+use crate::syntax::{self, Argument, ArgumentValue, Expression, Name, Section, UnitKind, key};
+
+/// A function of the standard.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Standard {
+    /// Of a REAL or LREAL.
+    Real(Unary),
+    Absolute,
+    Truncate,
+    Move,
+    Not,
+    /// As the operator, with as many inputs as it takes.
+    Operator(syntax::Binary, bool),
+    Shift(Binary),
+    Extreme(Binary),
+    Limit,
+    Select,
+    Multiplex,
+    Convert(Scalar, Scalar),
+}
+
+/// Functions with their inputs.
+#[rustfmt::skip]
+const FUNCTIONS: [(&str, Standard, &[&str]); 38] = {
+    use Standard::*;
+    use syntax::Binary as Word;
+    const IN: &[&str] = &["IN"];
+    const PAIR: &[&str] = &["IN1", "IN2"];
+    const SHIFT: &[&str] = &["IN", "N"];
+    [
+        ("ABS", Absolute, IN), ("SQRT", Real(Unary::SquareRoot), IN), ("LN", Real(Unary::Ln), IN), ("LOG", Real(Unary::Log), IN),
+        ("EXP", Real(Unary::Exp), IN), ("SIN", Real(Unary::Sin), IN), ("COS", Real(Unary::Cos), IN), ("TAN", Real(Unary::Tan), IN),
+        ("ASIN", Real(Unary::Asin), IN), ("ACOS", Real(Unary::Acos), IN), ("ATAN", Real(Unary::Atan), IN),
+        ("TRUNC", Truncate, IN), ("MOVE", Move, IN), ("NOT", Not, IN),
+        ("EXPT", Operator(Word::Power, false), PAIR),
+        ("ADD", Operator(Word::Add, true), PAIR), ("SUB", Operator(Word::Subtract, false), PAIR),
+        ("MUL", Operator(Word::Multiply, true), PAIR), ("DIV", Operator(Word::Divide, false), PAIR),
+        ("MOD", Operator(Word::Modulo, false), PAIR),
+        ("GT", Operator(Word::Greater, false), PAIR), ("GE", Operator(Word::GreaterEqual, false), PAIR),
+        ("EQ", Operator(Word::Equal, false), PAIR), ("LE", Operator(Word::LessEqual, false), PAIR),
+        ("LT", Operator(Word::Less, false), PAIR), ("NE", Operator(Word::NotEqual, false), PAIR),
+        ("AND", Operator(Word::And, true), PAIR), ("OR", Operator(Word::Or, true), PAIR), ("XOR", Operator(Word::Xor, true), PAIR),
+        ("SHL", Shift(Binary::ShiftLeft), SHIFT), ("SHR", Shift(Binary::ShiftRight), SHIFT),
+        ("ROL", Shift(Binary::RotateLeft), SHIFT), ("ROR", Shift(Binary::RotateRight), SHIFT),
+        ("SEL", Select, &["G", "IN0", "IN1"]), ("LIMIT", Limit, &["MN", "IN", "MX"]), ("MUX", Multiplex, &["K", "IN0", "IN1"]),
+        ("MAX", Extreme(Binary::Greatest), PAIR), ("MIN", Extreme(Binary::Least), PAIR),
+    ]
+};
+
+fn standard(name: &str) -> Option<(String, Standard, &'static [&'static str])> {
+    let same = |(known, ..): &&(&str, Standard, &'static [&'static str])| known.eq_ignore_ascii_case(name);
+    if let Some((known, function, inputs)) = FUNCTIONS.iter().find(same) {
+        return Some(((*known).to_owned(), *function, inputs));
+    }
+    let upper = name.to_ascii_uppercase();
+    let (from, to) = upper.split_once("_TO_")?;
+    let (from, to) = (Scalar::of_name(from)?, Scalar::of_name(to)?);
+    let converts = from != to && from != Scalar::String && to != Scalar::String;
+    converts.then(|| (upper.clone(), Standard::Convert(from, to), &["IN"][..]))
+}
+
+/// Whether a name is that of a standard function.
+pub(super) fn is_standard(name: &str) -> bool {
+    standard(name).is_some()
+}
+
+impl Checker<'_, '_, '_> {
+    pub(super) fn function(
+        &mut self,
+        name: &Name,
+        arguments: &[Argument],
+        expected: Option<Type>,
+        at: Span,
+    ) -> Read<Node> {
+        if let Some(unit) = self.compiler.unit_by_name.get(&name.key()).copied() {
+            return self.own_function(unit, name, arguments, at);
+        }
+        if let Some((known, function, inputs)) = standard(&name.text) {
+            let values = self.in_order(&known, function, inputs, arguments, at)?;
+            return self.standard(&known, function, &values, expected, at);
+        }
+        let name_text = name.text.clone();
+        if let Some(found) = self.find(name) {
+            let ty = self.found(found).ty;
+            return match ty {
+                Type::Block(_) => self.error(at, Kind::BlockInExpression { name: name_text }),
+                _ => self.error(
+                    at,
+                    Kind::NoFunction {
+                        name: name_text,
+                        nearest: None,
+                    },
+                ),
+            };
+        }
+        let units = self
+            .compiler
+            .units
+            .iter()
+            .filter(|unit| unit.kind == UnitKind::Function);
+        let known = units
+            .map(|unit| unit.name.as_str())
+            .chain(FUNCTIONS.iter().map(|(name, ..)| *name));
+        let nearest = nearest(&name.text, known);
+        self.error(
+            name.at,
+            Kind::NoFunction {
+                name: name_text,
+                nearest,
+            },
+        )
+    }
+
+    /// A function of the file.
+    fn own_function(&mut self, unit: usize, name: &Name, arguments: &[Argument], at: Span) -> Read<Node> {
+        let name_text = name.text.clone();
+        match self.compiler.units[unit].kind {
+            UnitKind::Function => {}
+            UnitKind::Block => return self.error(at, Kind::BlockAsFunction { name: name_text }),
+            UnitKind::Program => return self.error(at, Kind::ProgramCalled { name: name_text }),
+        }
+        if self.is_declaration {
+            return self.error(at, Kind::Constant);
+        }
+        self.compiler.body(unit, name.at)?;
+        let called = &self.compiler.units[unit];
+        let Some(result) = called.result else {
+            return Err(crate::diagnostic::Reported);
+        };
+        let inputs = called
+            .variables
+            .iter()
+            .filter(|variable| variable.section == Section::Input);
+        let inputs: Vec<_> = inputs
+            .map(|input| (input.name.clone(), input.ty, input.offset))
+            .collect();
+        let image = called.image.clone();
+        let by_name = arguments.iter().filter(|argument| argument.name.is_some()).count();
+        if by_name != 0 && by_name != arguments.len() {
+            return self.error(at, Kind::ArgumentsMixed);
+        }
+        if by_name == 0 && arguments.len() != inputs.len() {
+            let (wanted, got) = (count_of(inputs.len()), arguments.len());
+            return self.error(
+                at,
+                Kind::ArgumentCount {
+                    name: name_text,
+                    wanted,
+                    got,
+                },
+            );
+        }
+        let mut given: Vec<Option<Node>> = vec![None; inputs.len()];
+        for (place, argument) in arguments.iter().enumerate() {
+            let index = match &argument.name {
+                None => place,
+                Some(wanted) => {
+                    let names = inputs.iter().map(|(input, ..)| input.as_str());
+                    self.input_named(&name_text, wanted, names)?
+                }
+            };
+            let value = self.given(argument, &name_text)?;
+            if given[index].is_some() {
+                let argument = inputs[index].0.clone();
+                return self.error(value.at, Kind::ArgumentTwice { argument });
+            }
+            given[index] = Some(self.expression_of(value, inputs[index].1)?);
+        }
+        let mut values = Vec::new();
+        for ((input, ty, offset), given) in inputs.into_iter().zip(given) {
+            let value = match given {
+                Some(value) => value,
+                // What is left out has the value of its declaration.
+                None if ty.is_single() => Node::constant(ty, image[offset as usize], at),
+                None => {
+                    return self.error(
+                        at,
+                        Kind::ArgumentMissing {
+                            name: name_text,
+                            argument: input,
+                        },
+                    );
+                }
+            };
+            values.push((offset, value));
+        }
+        let kind = NodeKind::Call(unit, values);
+        Ok(Node { ty: result, kind, at })
+    }
+
+    fn input_named<'n>(
+        &mut self,
+        name: &str,
+        wanted: &Name,
+        known: impl Iterator<Item = &'n str> + Clone,
+    ) -> Read<usize> {
+        if let Some(index) = known.clone().position(|input| key(input) == wanted.key()) {
+            return Ok(index);
+        }
+        let (nearest, argument) = (nearest(&wanted.text, known), wanted.text.clone());
+        let name = name.to_owned();
+        self.error(
+            wanted.at,
+            Kind::NoArgument {
+                name,
+                argument,
+                direction: "input",
+                nearest,
+            },
+        )
+    }
+
+    fn given<'e>(&mut self, argument: &'e Argument, name: &str) -> Read<&'e Expression> {
+        match &argument.value {
+            ArgumentValue::Given(value) => Ok(value),
+            ArgumentValue::Taken(access) => {
+                let argument = argument
+                    .name
+                    .as_ref()
+                    .map_or_else(String::new, |name| name.text.clone());
+                let name = name.to_owned();
+                self.error(
+                    access.at,
+                    Kind::NoArgument {
+                        name,
+                        argument,
+                        direction: "output",
+                        nearest: None,
+                    },
+                )
+            }
+        }
+    }
+
+    /// The inputs of a standard function in their order.
+    fn in_order<'e>(
+        &mut self,
+        name: &str,
+        function: Standard,
+        inputs: &[&str],
+        arguments: &'e [Argument],
+        at: Span,
+    ) -> Read<Vec<&'e Expression>> {
+        let extends = matches!(
+            function,
+            Standard::Operator(_, true) | Standard::Extreme(_) | Standard::Multiplex
+        );
+        let got = arguments.len();
+        if got != inputs.len() && !(extends && got > inputs.len()) {
+            let wanted = if extends {
+                format!("{} inputs or more", inputs.len())
+            } else {
+                count_of(inputs.len())
+            };
+            let name = name.to_owned();
+            return self.error(at, Kind::ArgumentCount { name, wanted, got });
+        }
+        let by_name = arguments.iter().filter(|argument| argument.name.is_some()).count();
+        if by_name != 0 && by_name != got {
+            return self.error(at, Kind::ArgumentsMixed);
+        }
+        // IN1, IN2, IN3 ..; of MUX K, IN0, IN1 ..
+        let names = (0..got).map(|place| match inputs.get(place) {
+            Some(name) => (*name).to_owned(),
+            None if function == Standard::Multiplex => format!("IN{}", place - 1),
+            None => format!("IN{}", place + 1),
+        });
+        let names: Vec<String> = names.collect();
+        let mut ordered: Vec<Option<&Expression>> = vec![None; got];
+        for (place, argument) in arguments.iter().enumerate() {
+            let index = match &argument.name {
+                None => place,
+                Some(wanted) => self.input_named(name, wanted, names.iter().map(String::as_str))?,
+            };
+            let value = self.given(argument, name)?;
+            if ordered[index].replace(value).is_some() {
+                let argument = names[index].clone();
+                return self.error(value.at, Kind::ArgumentTwice { argument });
+            }
+        }
+        Ok(ordered.into_iter().flatten().collect())
+    }
+
+    fn standard(
+        &mut self,
+        name: &str,
+        function: Standard,
+        values: &[&Expression],
+        expected: Option<Type>,
+        at: Span,
+    ) -> Read<Node> {
+        const LREAL: Type = Type::Scalar(Scalar::Lreal);
+        // Each has one input at least.
+        let first = values[0];
+        match function {
+            Standard::Real(operation) => {
+                let wanted = expected
+                    .filter(|ty| ty.scalar().is_some_and(Scalar::is_real))
+                    .unwrap_or(LREAL);
+                let node = self.typed(first, Some(wanted))?;
+                match node.ty.scalar() {
+                    Some(scalar) if scalar.is_real() => Ok(self.folded(operation, scalar, Node { at, ..node })),
+                    _ => self.no_operand(name, &node),
+                }
+            }
+            Standard::Absolute => {
+                let node = self.typed(first, expected)?;
+                match node.ty.scalar() {
+                    Some(scalar) if scalar.is_number() => Ok(self.folded(Unary::Absolute, scalar, Node { at, ..node })),
+                    _ => self.no_operand(name, &node),
+                }
+            }
+            Standard::Truncate => {
+                let node = self.typed(first, Some(LREAL))?;
+                let Some(scalar) = node.ty.scalar().filter(|scalar| scalar.is_real()) else {
+                    return self.no_operand(name, &node);
+                };
+                let to = expected.and_then(Type::scalar).filter(|scalar| scalar.is_integer());
+                let cut = self.folded(Unary::Truncate, scalar, Node { at, ..node });
+                Ok(self.converted(scalar, to.unwrap_or(Scalar::Dint), cut))
+            }
+            Standard::Move => self.typed(first, expected),
+            Standard::Not => {
+                let node = self.typed(first, expected)?;
+                match node.ty.scalar() {
+                    Some(scalar) if scalar == Scalar::Bool || scalar.is_bit_string() => {
+                        Ok(self.folded(Unary::Not, scalar, Node { at, ..node }))
+                    }
+                    _ => self.no_operand(name, &node),
+                }
+            }
+            Standard::Operator(word, _) => {
+                let mut sum = self.expression(first, None)?;
+                for value in &values[1..] {
+                    let right = self.expression(value, None)?;
+                    sum = self.operator(word, sum, right, at)?;
+                }
+                Ok(sum)
+            }
+            Standard::Shift(operation) => {
+                let node = self.typed(first, expected)?;
+                let Some(scalar) = node.ty.scalar().filter(|scalar| scalar.is_bit_string()) else {
+                    return self.no_operand(name, &node);
+                };
+                let count = self.typed(values[1], None)?;
+                if !count.ty.scalar().is_some_and(Scalar::is_integer) {
+                    return self.no_operand(name, &count);
+                }
+                let ty = node.ty;
+                self.folded_pair(operation, scalar, [node, count], ty, at)
+            }
+            Standard::Extreme(operation) => {
+                let (ty, nodes) = self.alike(name, values, expected, at)?;
+                let scalar = self.ordered(name, ty, &nodes)?;
+                let mut nodes = nodes.into_iter();
+                let Some(mut extreme) = nodes.next() else {
+                    return Err(crate::diagnostic::Reported);
+                };
+                for node in nodes {
+                    extreme = self.folded_pair(operation, scalar, [extreme, node], ty, at)?;
+                }
+                Ok(extreme)
+            }
+            Standard::Limit => {
+                let (ty, nodes) = self.alike(name, values, expected, at)?;
+                let scalar = self.ordered(name, ty, &nodes)?;
+                let Ok([low, value, high]) = <[Node; 3]>::try_from(nodes) else {
+                    return Err(crate::diagnostic::Reported);
+                };
+                let above = self.folded_pair(Binary::Greatest, scalar, [value, low], ty, at)?;
+                self.folded_pair(Binary::Least, scalar, [above, high], ty, at)
+            }
+            Standard::Select => {
+                let selector = self.expression_of(first, Type::Scalar(Scalar::Bool))?;
+                let (ty, nodes) = self.alike(name, &values[1..], expected, at)?;
+                let mut nodes = nodes.into_iter();
+                let (Some(for_false), Some(for_true)) = (nodes.next(), nodes.next()) else {
+                    return Err(crate::diagnostic::Reported);
+                };
+                let kind = NodeKind::Select(Box::new([selector, for_false, for_true]));
+                Ok(Node { ty, kind, at })
+            }
+            Standard::Multiplex => {
+                let selector = self.typed(first, None)?;
+                if !selector.ty.scalar().is_some_and(Scalar::is_integer) {
+                    return self.no_operand(name, &selector);
+                }
+                let (ty, mut nodes) = self.alike(name, &values[1..], expected, at)?;
+                nodes.insert(0, selector);
+                let kind = NodeKind::Choose(nodes);
+                Ok(Node { ty, kind, at })
+            }
+            Standard::Convert(from, to) => {
+                let node = self.expression_of(first, Type::Scalar(from))?;
+                Ok(self.converted(from, to, Node { at, ..node }))
+            }
+        }
+    }
+
+    /// Inputs of one type.
+    fn alike(
+        &mut self,
+        name: &str,
+        values: &[&Expression],
+        expected: Option<Type>,
+        at: Span,
+    ) -> Read<(Type, Vec<Node>)> {
+        let mut nodes = Vec::new();
+        for value in values {
+            nodes.push(self.expression(value, expected)?);
+        }
+        let Some(common) = self.common(&nodes) else {
+            let different = nodes
+                .iter()
+                .find(|node| node.ty != nodes[0].ty)
+                .map_or(nodes[0].ty, |node| node.ty);
+            let (left, right) = (self.type_name(nodes[0].ty), self.type_name(different));
+            let operator = name.to_owned();
+            return self.error(
+                at,
+                Kind::Operands {
+                    operator,
+                    left,
+                    right,
+                    cure_text: None,
+                },
+            );
+        };
+        let open = matches!(common, Type::AnyInteger | Type::AnyReal);
+        let mut common = common;
+        if open {
+            // The type that holds all of them.
+            for node in &nodes {
+                let ty = self.settle(node.clone(), expected)?.ty;
+                let wider = match (common.scalar(), ty.scalar()) {
+                    (Some(a), Some(b)) => a.common(b).map(Type::Scalar),
+                    _ => Some(ty),
+                };
+                common = wider.unwrap_or(ty);
+            }
+        }
+        if !common.is_single() {
+            let node = nodes.swap_remove(0);
+            return self.no_operand(name, &node);
+        }
+        let nodes = nodes.into_iter().map(|node| self.coerce(node, common));
+        Ok((common, nodes.collect::<Read<_>>()?))
+    }
+
+    /// A type whose values have an order.
+    fn ordered(&mut self, name: &str, ty: Type, nodes: &[Node]) -> Read<Scalar> {
+        match ty.scalar() {
+            Some(scalar) if scalar.is_number() || scalar == Scalar::Time => Ok(scalar),
+            _ => {
+                let node = nodes[0].clone();
+                self.no_operand(name, &node)
+            }
+        }
+    }
+}
+
+fn count_of(inputs: usize) -> String {
+    match inputs {
+        1 => "1 input".into(),
+        count => format!("{count} inputs"),
+    }
+}

@@ -1,0 +1,389 @@
+//! Declarations and statements to instructions: names, types, layout of the memory, the longest way through a scan.
+//!
+//! In:  a file as it is written.
+//! Out: a [`Logic`], or what is wrong with the file.
+//!
+//! `declare` lays out variables, `expression` and `statement` turn what is written into a tree whose names and types are known,
+//! `emit` turns that into instructions. A unit is compiled before the first one that calls it, so a call of one that is under way is a recursion.
+
+mod assign;
+mod call;
+mod declare;
+mod emit;
+mod expression;
+mod function;
+mod operator;
+mod place;
+mod statement;
+mod tree;
+mod types;
+
+use crate::block::Block;
+use crate::code::{Op, Switch};
+use crate::diagnostic::{Diagnostic, Diagnostics, Kind, Reported, Span, place};
+use crate::logic::{Leaf, Logic, Role, Variable as LogicVariable};
+use crate::scalar::Scalar;
+use crate::syntax::{self, Section, UnitKind};
+use crate::{parse, token};
+use std::collections::{BTreeMap, BTreeSet};
+use types::Type;
+
+/// Octets of a program at most.
+pub const TEXT_MAX: usize = 1 << 20;
+/// Values that the variables of a program hold at most.
+pub const MEMORY_MAX: usize = 1 << 16;
+/// Iterations to which a loop is bound where the program tells nothing else.
+pub const ITERATIONS_MAX: u32 = 1000;
+/// Instructions of a program at most.
+const CODE_MAX: usize = 1 << 20;
+/// Values that are laid out at most, those of types counted, too.
+const LAYOUT_MAX: usize = 1 << 22;
+/// Types and calls are nested so deep at most.
+const DEPTH_MAX: usize = 32;
+
+/// Compiles a file.
+///
+/// # Errors
+/// All that is wrong with it, with warnings and notes, in the order of the text.
+pub fn compile(text: &str) -> Result<Logic, Vec<Diagnostic>> {
+    let mut told = Diagnostics::new(text);
+    if text.len() > TEXT_MAX {
+        told.error(Span::default(), Kind::TooLong { most: TEXT_MAX });
+        return Err(told.finish());
+    }
+    let tokens = token::tokens(text, &mut told);
+    let file = parse::file(tokens, &mut told);
+    let mut compiler = Compiler::new(&file, told);
+    compiler.declare();
+    compiler.bodies();
+    compiler.finish(text)
+}
+
+/// Where the compilation of something is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State<T> {
+    Untouched,
+    UnderWay,
+    Done(T),
+    /// Told already.
+    Wrong,
+}
+
+/// A variable of a unit, or a global one.
+#[derive(Clone, Debug)]
+struct Variable {
+    name: String,
+    section: Section,
+    constant: bool,
+    retain: bool,
+    ty: Type,
+    /// Slots behind the first one of its unit; of a global variable its slot.
+    offset: u32,
+    /// Of a constant of an elementary type.
+    value: Option<i64>,
+    address: Option<String>,
+    at: Span,
+    /// Some statement assigns it.
+    assigned: bool,
+}
+
+/// A unit: those of the file, and the standard blocks.
+#[derive(Debug)]
+struct Unit<'a> {
+    name: String,
+    kind: UnitKind,
+    /// `None`: a standard block.
+    text: Option<&'a syntax::Unit>,
+    block: Option<Block>,
+    variables: Vec<Variable>,
+    by_name: BTreeMap<String, usize>,
+    result: Option<Type>,
+    /// Of its variables, and of its code.
+    interface: State<()>,
+    body: State<Body>,
+    /// Values of its variables at the start.
+    image: Vec<i64>,
+    /// First slot of a program or function.
+    frame: u32,
+}
+
+/// The code of a unit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Body {
+    entry: u32,
+    /// Of the longest way through it, those of the call not counted.
+    steps: u64,
+    /// Values on the stack at most, calls that are under way at most.
+    stack: usize,
+    nesting: usize,
+}
+
+/// A type that has a name, and the values it gives at the start where it gives some.
+type Declared = (Type, Option<Vec<i64>>);
+
+struct Compiler<'a, 't> {
+    file: &'a syntax::File,
+    told: Diagnostics<'t>,
+    types: types::Types,
+    /// By name: place in the file, and what became of it.
+    declared: BTreeMap<String, (usize, State<Declared>)>,
+    values: BTreeMap<String, Vec<(u32, i64)>>,
+    units: Vec<Unit<'a>>,
+    unit_by_name: BTreeMap<String, usize>,
+    globals: Vec<Variable>,
+    global_by_name: BTreeMap<String, usize>,
+    memory: Vec<i64>,
+    laid_out: usize,
+    depth: usize,
+    code: Vec<Op>,
+    /// Octets of the text.
+    places: Vec<u32>,
+    switches: Vec<Switch>,
+    texts: Vec<String>,
+    text_by_content: BTreeMap<String, i64>,
+    falling_edge_told: bool,
+}
+
+impl<'a, 't> Compiler<'a, 't> {
+    fn new(file: &'a syntax::File, told: Diagnostics<'t>) -> Compiler<'a, 't> {
+        Compiler {
+            file,
+            told,
+            types: types::Types::default(),
+            declared: BTreeMap::new(),
+            values: BTreeMap::new(),
+            units: Vec::new(),
+            unit_by_name: BTreeMap::new(),
+            globals: Vec::new(),
+            global_by_name: BTreeMap::new(),
+            memory: Vec::new(),
+            laid_out: 0,
+            depth: 0,
+            code: Vec::new(),
+            places: Vec::new(),
+            switches: Vec::new(),
+            // The text of a STRING that is given none.
+            texts: vec![String::new()],
+            text_by_content: BTreeMap::from([(String::new(), 0)]),
+            falling_edge_told: false,
+        }
+    }
+
+    fn unit(&self, unit: usize) -> &Unit<'a> {
+        &self.units[unit]
+    }
+
+    /// The number of a text.
+    fn text(&mut self, text: &str) -> i64 {
+        if let Some(number) = self.text_by_content.get(text) {
+            return *number;
+        }
+        let number = self.texts.len() as i64;
+        self.texts.push(text.to_owned());
+        self.text_by_content.insert(text.to_owned(), number);
+        number
+    }
+
+    /// Puts values into the memory; the slot of the first one.
+    fn allocate(&mut self, image: &[i64], at: Span) -> Result<u32, Reported> {
+        let slot = self.memory.len();
+        if slot + image.len() > MEMORY_MAX {
+            return Err(self.told.error(at, Kind::Memory { most: MEMORY_MAX }));
+        }
+        self.memory.extend_from_slice(image);
+        Ok(slot as u32)
+    }
+
+    fn bodies(&mut self) {
+        for unit in 0..self.units.len() {
+            // What is wrong has been told.
+            let _ = self.body(unit, Span::default());
+        }
+        if !self.file.units.iter().any(|unit| unit.kind == UnitKind::Program) && !self.told.has_errors() {
+            self.told.error(Span::default(), Kind::NoProgram);
+        }
+    }
+
+    fn finish(mut self, text: &str) -> Result<Logic, Vec<Diagnostic>> {
+        let entry = self.code.len() as u32;
+        let (mut steps_max, mut stack, mut nesting) = (1_u64, 0, 0);
+        for unit in 0..self.units.len() {
+            let State::Done(body) = self.units[unit].body else {
+                continue;
+            };
+            if self.units[unit].kind != UnitKind::Program {
+                continue;
+            }
+            self.code.push(Op::Address(self.units[unit].frame));
+            self.code.push(Op::Call(body.entry));
+            steps_max = steps_max.saturating_add(body.steps).saturating_add(2);
+            stack = stack.max(1 + body.stack);
+            nesting = nesting.max(1 + body.nesting);
+        }
+        self.code.push(Op::Return);
+        if self.code.len() > CODE_MAX {
+            self.told.error(Span::default(), Kind::Code { most: CODE_MAX });
+        }
+        if self.told.has_errors() {
+            return Err(self.told.finish());
+        }
+        self.addresses();
+        if self.told.has_errors() {
+            return Err(self.told.finish());
+        }
+        let lines = Lines::new(text);
+        let mut places: Vec<(u32, u32)> = self.places.iter().map(|at| lines.place(text, *at)).collect();
+        places.resize(self.code.len(), (1, 1));
+        let variables = self.leaves(&lines, text);
+        let enumerations = self.types.enumerations.drain(..).map(|enumeration| enumeration.values);
+        Ok(Logic {
+            enumerations: enumerations.collect(),
+            code: self.code.into(),
+            places: places.into(),
+            switches: self.switches.into(),
+            texts: self.texts.into(),
+            memory: self.memory.into(),
+            entry,
+            stack,
+            nesting,
+            steps_max,
+            variables,
+            warnings: self.told.finish(),
+        })
+    }
+
+    /// No two variables are at one address: neither would know what the other assigns.
+    fn addresses(&mut self) {
+        let mut known = BTreeSet::new();
+        let own = self.units.iter().flat_map(|unit| &unit.variables);
+        for variable in self.globals.iter().chain(own) {
+            let Some(address) = &variable.address else { continue };
+            let bit = address
+                .strip_prefix('%')
+                .filter(|rest| rest.as_bytes().get(1).is_some_and(u8::is_ascii_digit));
+            let address = bit.map_or_else(|| address.clone(), |bit| format!("%{}X{}", &bit[..1], &bit[1..]));
+            if !known.insert(address.clone()) {
+                let name = variable.name.clone();
+                self.told.error(variable.at, Kind::AddressTwice { name, address });
+            }
+        }
+    }
+
+    /// All variables of programs and all global ones by their single values, in the order of the file.
+    fn leaves(&self, lines: &Lines, text: &str) -> Vec<LogicVariable> {
+        let mut leaves = Vec::new();
+        let globals = self.globals.iter().map(|variable| ("", 0, variable));
+        let programs = self.units.iter().filter(|unit| unit.kind == UnitKind::Program);
+        let own = programs.flat_map(|unit| {
+            unit.variables
+                .iter()
+                .map(|variable| (unit.name.as_str(), unit.frame, variable))
+        });
+        for (program, frame, variable) in globals.chain(own) {
+            if matches!(variable.section, Section::InOut | Section::External) {
+                continue;
+            }
+            let address = variable.address.as_deref();
+            let role = match (
+                variable.section,
+                address.map(|address| address.get(..2).unwrap_or_default()),
+            ) {
+                (Section::Input, _) | (_, Some("%I")) => Role::Input,
+                (Section::Output, _) | (_, Some("%Q")) => Role::Output,
+                (_, Some(pin)) if !pin.starts_with('%') => {
+                    if variable.assigned {
+                        Role::Output
+                    } else {
+                        Role::Input
+                    }
+                }
+                _ => Role::Internal,
+            };
+            let whole = LogicVariable {
+                name: variable.name.clone(),
+                program: program.to_owned(),
+                ty: String::new(),
+                role,
+                retain: variable.retain,
+                address: variable.address.clone(),
+                line: lines.place(text, variable.at.start).0,
+                slot: frame + variable.offset,
+                kind: Leaf::Scalar(Scalar::Bool),
+            };
+            self.leaves_of(variable.ty, &whole, &mut leaves);
+        }
+        leaves
+    }
+
+    fn leaves_of(&self, ty: Type, whole: &LogicVariable, leaves: &mut Vec<LogicVariable>) {
+        let part = |name: String, offset: u32| LogicVariable {
+            name,
+            slot: whole.slot + offset,
+            ..whole.clone()
+        };
+        let kind = match ty {
+            Type::Scalar(scalar) => Leaf::Scalar(scalar),
+            Type::Enumeration(index) => Leaf::Enumeration(index),
+            Type::Structure(index) => {
+                for member in &self.types.structures[index as usize].members {
+                    self.leaves_of(
+                        member.ty,
+                        &part(format!("{}.{}", whole.name, member.name), member.offset),
+                        leaves,
+                    );
+                }
+                return;
+            }
+            Type::Array(index) => {
+                let array = &self.types.arrays[index as usize];
+                let stride = self.types.size(array.element, &self.units);
+                let count = array
+                    .dimensions
+                    .iter()
+                    .map(|(_, length)| *length as usize)
+                    .product::<usize>();
+                for element in 0..count {
+                    let name = format!("{}[{}]", whole.name, array.indices(element));
+                    self.leaves_of(array.element, &part(name, element as u32 * stride), leaves);
+                }
+                return;
+            }
+            Type::Block(unit) => {
+                for variable in &self.units[unit as usize].variables {
+                    if variable.section != Section::InOut {
+                        self.leaves_of(
+                            variable.ty,
+                            &part(format!("{}.{}", whole.name, variable.name), variable.offset),
+                            leaves,
+                        );
+                    }
+                }
+                return;
+            }
+            Type::AnyInteger | Type::AnyReal => return,
+        };
+        leaves.push(LogicVariable {
+            ty: self.types.name(ty, &self.units),
+            kind,
+            ..whole.clone()
+        });
+    }
+}
+
+/// Where the lines of a text begin.
+struct Lines(Vec<u32>);
+
+impl Lines {
+    fn new(text: &str) -> Lines {
+        let ends = text.bytes().enumerate().filter(|(_, octet)| *octet == b'\n');
+        Lines(std::iter::once(0).chain(ends.map(|(at, _)| at as u32 + 1)).collect())
+    }
+
+    /// Line and column of an octet, counted from 1.
+    fn place(&self, text: &str, at: u32) -> (u32, u32) {
+        let line = self.0.partition_point(|start| *start <= at).max(1);
+        let start = self.0[line - 1];
+        let column = place(&text[start as usize..], at.saturating_sub(start)).1;
+        (line as u32, column)
+    }
+}

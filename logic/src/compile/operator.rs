@@ -1,0 +1,255 @@
+//! Operators: which types they take together, and what that makes.
+
+use super::expression::{BOOL, Checker, LREAL, Read};
+use super::tree::{Node, NodeKind};
+use super::types::Type;
+use crate::arithmetic::Binary;
+use crate::diagnostic::{Kind, Span};
+use crate::scalar::Scalar;
+use crate::syntax;
+
+impl Checker<'_, '_, '_> {
+    /// `a + b` of what has been checked.
+    pub(super) fn operator(&mut self, operator: syntax::Binary, left: Node, right: Node, at: Span) -> Read<Node> {
+        use syntax::Binary as Word;
+        match operator {
+            Word::Add | Word::Subtract | Word::Multiply | Word::Divide | Word::Modulo => {
+                self.arithmetic(operator, left, right, at)
+            }
+            Word::Power => self.power(left, right, at),
+            Word::And | Word::Or | Word::Xor => self.bitwise(operator, left, right, at),
+            Word::AndThen | Word::OrElse => {
+                let left = self.coerce(left, BOOL)?;
+                let right = Box::new(self.coerce(right, BOOL)?);
+                let kind = match operator {
+                    Word::AndThen => NodeKind::AndThen(Box::new(left), right),
+                    _ => NodeKind::OrElse(Box::new(left), right),
+                };
+                Ok(Node { ty: BOOL, kind, at })
+            }
+            Word::Less | Word::Greater | Word::LessEqual | Word::GreaterEqual | Word::Equal | Word::NotEqual => {
+                self.comparison(operator, left, right, at)
+            }
+        }
+    }
+
+    fn no_operands<T>(&mut self, operator: &str, left: Type, right: Type, at: Span) -> Read<T> {
+        let cure_text = match (left, right) {
+            (Type::Scalar(Scalar::Bool), Type::AnyInteger) | (Type::AnyInteger, Type::Scalar(Scalar::Bool)) => {
+                Some("write TRUE or FALSE".to_owned())
+            }
+            (Type::Scalar(left), Type::Scalar(right)) if left.is_integer() && right.is_real() => {
+                Some(format!("write {}_TO_{}(..)", left.name(), right.name()))
+            }
+            (Type::Scalar(left), Type::Scalar(right)) if left.is_real() && right.is_integer() => {
+                Some(format!("write {}_TO_{}(..)", right.name(), left.name()))
+            }
+            _ => None,
+        };
+        let (left, right) = (self.type_name(left), self.type_name(right));
+        let operator = operator.to_owned();
+        self.error(
+            at,
+            Kind::Operands {
+                operator,
+                left,
+                right,
+                cure_text,
+            },
+        )
+    }
+
+    fn arithmetic(&mut self, word: syntax::Binary, left: Node, right: Node, at: Span) -> Read<Node> {
+        use syntax::Binary as Word;
+        let operation = match word {
+            Word::Add => Binary::Add,
+            Word::Subtract => Binary::Subtract,
+            Word::Multiply => Binary::Multiply,
+            Word::Divide => Binary::Divide,
+            _ => Binary::Modulo,
+        };
+        const TIME: Type = Type::Scalar(Scalar::Time);
+        let scales = matches!(word, Word::Multiply | Word::Divide);
+        if left.ty == TIME && scales && right.ty != TIME {
+            return self.scaled(operation, left, right, at);
+        }
+        if right.ty == TIME && word == Word::Multiply && left.ty != TIME {
+            return self.scaled(operation, right, left, at);
+        }
+        let types = (left.ty, right.ty);
+        let pair = [left, right];
+        let Some(common) = self.common(&pair) else {
+            return self.no_operands(word.word(), types.0, types.1, at);
+        };
+        let scalar = match common {
+            Type::AnyInteger | Type::AnyReal => return self.literals(operation, &pair, common, at),
+            Type::Scalar(Scalar::Time) if !scales && word != Word::Modulo => Scalar::Time,
+            Type::Scalar(scalar) if scalar.is_integer() || scalar.is_real() && word != Word::Modulo => scalar,
+            _ => {
+                let [left, right] = &pair;
+                let culprit = if matches!(left.ty, Type::AnyInteger | Type::AnyReal) {
+                    right
+                } else {
+                    left
+                };
+                let culprit = culprit.clone();
+                return self.no_operand(word.word(), &culprit);
+            }
+        };
+        let [left, right] = pair;
+        let pair = [self.coerce(left, common)?, self.coerce(right, common)?];
+        self.folded_pair(operation, scalar, pair, common, at)
+    }
+
+    /// Two literals together are a literal.
+    fn literals(&mut self, operation: Binary, pair: &[Node; 2], common: Type, at: Span) -> Read<Node> {
+        let [NodeKind::Integer(a), NodeKind::Integer(b)] = [&pair[0].kind, &pair[1].kind] else {
+            let [left, right] = [
+                self.settle(pair[0].clone(), Some(LREAL))?,
+                self.settle(pair[1].clone(), Some(LREAL))?,
+            ];
+            if operation == Binary::Modulo {
+                return self.no_operand("MOD", &left);
+            }
+            let mut node = self.folded_pair(operation, Scalar::Lreal, [left, right], LREAL, at)?;
+            if let Some(slot) = node.value() {
+                (node.ty, node.kind) = (common, NodeKind::Real(f64::from_bits(slot as u64)));
+            }
+            return Ok(node);
+        };
+        let result = match operation {
+            Binary::Add => a.checked_add(*b),
+            Binary::Subtract => a.checked_sub(*b),
+            Binary::Multiply => a.checked_mul(*b),
+            _ if *b == 0 => return self.error(pair[1].at, Kind::DivisionByZero),
+            Binary::Divide => a.checked_div(*b),
+            _ => a.checked_rem(*b),
+        };
+        // Beyond all types, but small enough that no sum of such overflows.
+        match result.filter(|value| value.unsigned_abs() < 1 << 100) {
+            Some(value) => Ok(Node {
+                ty: common,
+                kind: NodeKind::Integer(value),
+                at,
+            }),
+            None => {
+                let (low, high) = Scalar::Lint.range();
+                let (value, low, high) = ("this".into(), low.to_string(), high.to_string());
+                self.error(
+                    at,
+                    Kind::OutOfRange {
+                        value,
+                        ty: "LINT",
+                        low,
+                        high,
+                    },
+                )
+            }
+        }
+    }
+
+    /// TIME times or through a number.
+    fn scaled(&mut self, operation: Binary, time: Node, number: Node, at: Span) -> Read<Node> {
+        let number = self.settle(number, Some(LREAL))?;
+        let ty = time.ty;
+        match number.ty {
+            Type::Scalar(scalar) if scalar.widens_to(Scalar::Lint) => {
+                // As a count of nanoseconds both are of one type.
+                self.folded_pair(operation, Scalar::Time, [time, number], ty, at)
+            }
+            Type::Scalar(scalar) if scalar.is_real() => {
+                let operation = if operation == Binary::Multiply {
+                    Binary::ScaleUp
+                } else {
+                    Binary::ScaleDown
+                };
+                self.folded_pair(operation, Scalar::Time, [time, number], ty, at)
+            }
+            other => {
+                let word = if operation == Binary::Multiply { "*" } else { "/" };
+                self.no_operands(word, ty, other, at)
+            }
+        }
+    }
+
+    pub(super) fn power(&mut self, left: Node, right: Node, at: Span) -> Read<Node> {
+        let base = self.settle(left, Some(LREAL))?;
+        let exponent = self.settle(right, Some(LREAL))?;
+        let Some(scalar) = base.ty.scalar().filter(|scalar| scalar.is_real()) else {
+            return self.no_operand("**", &base);
+        };
+        let Some(of_exponent) = exponent.ty.scalar().filter(|scalar| scalar.is_number()) else {
+            return self.no_operand("**", &exponent);
+        };
+        let ty = base.ty;
+        let exponent = self.converted(of_exponent, Scalar::Lreal, exponent);
+        self.folded_pair(Binary::Power, scalar, [base, exponent], ty, at)
+    }
+
+    fn bitwise(&mut self, word: syntax::Binary, left: Node, right: Node, at: Span) -> Read<Node> {
+        let operation = match word {
+            syntax::Binary::And => Binary::And,
+            syntax::Binary::Or => Binary::Or,
+            _ => Binary::Xor,
+        };
+        let pair = [left, right];
+        let common = self.common(&pair);
+        let [left, right] = pair;
+        let suits = |ty: Type| matches!(ty, Type::Scalar(scalar) if scalar == Scalar::Bool || scalar.is_bit_string());
+        match common {
+            Some(ty @ Type::Scalar(scalar)) if suits(ty) => {
+                let pair = [self.coerce(left, ty)?, self.coerce(right, ty)?];
+                self.folded_pair(operation, scalar, pair, ty, at)
+            }
+            _ => {
+                let is_open = |node: &Node| matches!(node.ty, Type::AnyInteger | Type::AnyReal);
+                if suits(left.ty) && suits(right.ty) {
+                    return self.no_operands(word.word(), left.ty, right.ty, at);
+                }
+                let culprit = if suits(left.ty) || (is_open(&left) && !suits(right.ty)) {
+                    &right
+                } else {
+                    &left
+                };
+                let culprit = culprit.clone();
+                self.no_operand(word.word(), &culprit)
+            }
+        }
+    }
+
+    fn comparison(&mut self, word: syntax::Binary, left: Node, right: Node, at: Span) -> Read<Node> {
+        use syntax::Binary as Word;
+        let operation = match word {
+            Word::Less => Binary::Less,
+            Word::Greater => Binary::Greater,
+            Word::LessEqual => Binary::LessEqual,
+            Word::GreaterEqual => Binary::GreaterEqual,
+            Word::Equal => Binary::Equal,
+            _ => Binary::NotEqual,
+        };
+        let equality = matches!(word, Word::Equal | Word::NotEqual);
+        let types = (left.ty, right.ty);
+        let pair = [left, right];
+        let Some(mut common) = self.common(&pair) else {
+            return self.no_operands(word.word(), types.0, types.1, at);
+        };
+        common = match common {
+            Type::AnyInteger => Type::Scalar(Scalar::Lint),
+            Type::AnyReal => LREAL,
+            other => other,
+        };
+        let scalar = match common {
+            Type::Scalar(scalar) if scalar.is_number() || scalar == Scalar::Time => scalar,
+            Type::Scalar(scalar) if equality => scalar,
+            Type::Enumeration(_) if equality => Scalar::Dint,
+            _ => return self.no_operands(word.word(), types.0, types.1, at),
+        };
+        if scalar.is_real() && equality {
+            let ty = scalar.name();
+            self.compiler.told.warning(at, Kind::RealEqual { ty });
+        }
+        let [left, right] = pair;
+        let pair = [self.coerce(left, common)?, self.coerce(right, common)?];
+        self.folded_pair(operation, scalar, pair, BOOL, at)
+    }
+}

@@ -1,0 +1,238 @@
+//! Variables, elements and members: what a name means, and where that lies.
+
+use super::expression::{Checker, Read};
+use super::tree::{Base, Index, Node, Place};
+use super::types::Type;
+use super::{State, Variable};
+use crate::diagnostic::kind::nearest;
+use crate::diagnostic::{Kind, Span};
+use crate::scalar::Scalar;
+use crate::syntax::{Access, Expression, Name, Section, Step, UnitKind, key};
+
+/// A variable of the unit, or a global one, by its place among them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Found {
+    Own(usize),
+    Global(usize),
+}
+
+impl Checker<'_, '_, '_> {
+    /// What a name means; variables of the unit hide global ones.
+    pub(super) fn find(&self, name: &Name) -> Option<Found> {
+        let key = name.key();
+        let own = self.unit.and_then(|unit| self.compiler.units[unit].by_name.get(&key));
+        let global = || {
+            self.compiler
+                .global_by_name
+                .get(&key)
+                .map(|index| Found::Global(*index))
+        };
+        own.map(|index| Found::Own(*index)).or_else(global)
+    }
+
+    pub(super) fn found(&mut self, found: Found) -> &mut Variable {
+        match (found, self.unit) {
+            (Found::Own(index), Some(unit)) => &mut self.compiler.units[unit].variables[index],
+            (Found::Own(index) | Found::Global(index), _) => &mut self.compiler.globals[index],
+        }
+    }
+
+    pub(super) fn is_variable(&self, name: &Name) -> bool {
+        self.find(name).is_some()
+    }
+
+    /// The value of a variable that is constant and single.
+    pub(super) fn constant_variable(&mut self, access: &Access) -> Option<Node> {
+        if !access.steps.is_empty() {
+            return None;
+        }
+        let found = self.find(&access.name)?;
+        let variable = self.found(found);
+        Some(Node::constant(variable.ty, variable.value?, access.at))
+    }
+
+    fn undeclared<T>(&mut self, name: &Name) -> Read<T> {
+        let compiler = &self.compiler;
+        // A declaration that is wrong has been told; what depends on it is not told again.
+        let is_wrong = |unit: usize| {
+            let text = compiler.units[unit].text.map_or(&[][..], |text| &text.variables);
+            let mut known = text.iter().chain(&compiler.file.globals);
+            known.any(|variable| variable.name.key() == name.key())
+        };
+        if self.unit.is_some_and(is_wrong) && compiler.told.has_errors() {
+            return Err(crate::diagnostic::Reported);
+        }
+        let own = self.unit.map_or(&[][..], |unit| &compiler.units[unit].variables);
+        let variables = own
+            .iter()
+            .chain(&compiler.globals)
+            .map(|variable| variable.name.as_str());
+        let values = compiler.types.enumerations.iter().flat_map(|known| &known.values);
+        let nearest = nearest(&name.text, variables.chain(values.map(|(name, _)| name.as_str())));
+        let name_text = name.text.clone();
+        self.error(
+            name.at,
+            Kind::Undeclared {
+                name: name_text,
+                nearest,
+            },
+        )
+    }
+
+    /// Where something lies.
+    pub(super) fn place(&mut self, access: &Access) -> Read<Place> {
+        let name = &access.name;
+        let Some(found) = self.find(name) else {
+            return self.undeclared(name);
+        };
+        let in_function = self
+            .unit
+            .is_some_and(|unit| self.compiler.units[unit].kind == UnitKind::Function);
+        let variable = self.found(found).clone();
+        if in_function && matches!(found, Found::Global(_)) && !variable.constant {
+            let name_text = name.text.clone();
+            return self.error(name.at, Kind::GlobalInFunction { name: name_text });
+        }
+        let is_input_address = variable
+            .address
+            .as_ref()
+            .is_some_and(|address| address.starts_with("%I"));
+        let read_only = match variable.section {
+            _ if variable.constant => Some("a constant"),
+            Section::Input => Some("an input"),
+            _ if is_input_address => Some("an input"),
+            _ => None,
+        };
+        let (base, offset) = match (found, variable.section) {
+            (Found::Global(_), _) => (Base::Global, variable.offset),
+            (Found::Own(_), Section::InOut) => (Base::ThisReference(variable.offset), 0),
+            (Found::Own(_), _) => (Base::This, variable.offset),
+        };
+        let mut place = Place {
+            base,
+            offset,
+            indices: Vec::new(),
+            ty: variable.ty,
+            read_only,
+            name: name.text.clone(),
+            at: access.at,
+        };
+        for step in &access.steps {
+            match step {
+                Step::Member(member) => self.member(&mut place, member)?,
+                Step::Index(indices, at) => self.element(&mut place, indices, *at)?,
+            }
+        }
+        if let Type::Block(unit) = place.ty {
+            // Its size is known only if its variables are.
+            if !matches!(self.compiler.units[unit as usize].interface, State::Done(())) {
+                return Err(crate::diagnostic::Reported);
+            }
+            place.read_only = place.read_only.or(Some("an instance of a function block"));
+        }
+        Ok(place)
+    }
+
+    fn member(&mut self, place: &mut Place, member: &Name) -> Read<()> {
+        let wanted = member.key();
+        let compiler = &self.compiler;
+        let (found, known): (_, Vec<&str>) = match place.ty {
+            Type::Structure(index) => {
+                let members = &compiler.types.structures[index as usize].members;
+                let found = members.iter().find(|member| key(&member.name) == wanted);
+                let names = members.iter().map(|member| member.name.as_str());
+                (
+                    found.map(|member| (member.ty, member.offset, place.read_only)),
+                    names.collect(),
+                )
+            }
+            Type::Block(unit) => {
+                let unit = &compiler.units[unit as usize];
+                let visible = |variable: &&Variable| matches!(variable.section, Section::Input | Section::Output);
+                let found = unit.by_name.get(&wanted).map(|index| &unit.variables[*index]);
+                if found.is_some_and(|variable| !visible(&variable)) {
+                    let (name, member_text) = (unit.name.clone(), member.text.clone());
+                    return self.error(
+                        member.at,
+                        Kind::Hidden {
+                            name,
+                            member: member_text,
+                        },
+                    );
+                }
+                let read_only =
+                    |section: Section| (section == Section::Output).then_some("an output of a function block");
+                let names = unit
+                    .variables
+                    .iter()
+                    .filter(visible)
+                    .map(|variable| variable.name.as_str());
+                (
+                    found.map(|found| (found.ty, found.offset, read_only(found.section))),
+                    names.collect(),
+                )
+            }
+            _ => {
+                let ty = self.type_name(place.ty);
+                return self.error(member.at, Kind::NoStruct { ty });
+            }
+        };
+        let Some((ty, offset, read_only)) = found else {
+            let nearest = nearest(&member.text, known);
+            let (name, member_text) = (self.type_name(place.ty), member.text.clone());
+            return self.error(
+                member.at,
+                Kind::NoMember {
+                    name,
+                    member: member_text,
+                    nearest,
+                },
+            );
+        };
+        (place.ty, place.read_only) = (ty, read_only);
+        place.offset += offset;
+        place.name = format!("{}.{}", place.name, member.text);
+        Ok(())
+    }
+
+    fn element(&mut self, place: &mut Place, indices: &[Expression], at: Span) -> Read<()> {
+        let Type::Array(index) = place.ty else {
+            let ty = self.type_name(place.ty);
+            return self.error(at, Kind::NoArray { ty });
+        };
+        let array = self.compiler.types.arrays[index as usize].clone();
+        if array.dimensions.len() != indices.len() {
+            let (ty, wanted, got) = (self.type_name(place.ty), array.dimensions.len(), indices.len());
+            return self.error(at, Kind::Dimensions { ty, wanted, got });
+        }
+        let mut stride = self.compiler.types.size(array.element, &self.compiler.units);
+        // The last index is the fastest one.
+        for (value, (low, length)) in indices.iter().zip(&array.dimensions).rev() {
+            let node = self.typed(value, Some(Type::Scalar(Scalar::Lint)))?;
+            if !node.ty.scalar().is_some_and(Scalar::is_integer) {
+                return self.coerce(node, Type::Scalar(Scalar::Dint)).map(|_| ());
+            }
+            match node.value() {
+                Some(value) => {
+                    let element = value.wrapping_sub(i64::from(*low));
+                    if !(0..i64::from(*length)).contains(&element) {
+                        let high = (i64::from(*low) + i64::from(*length) - 1) as i32;
+                        let (value, low) = (value.to_string(), *low);
+                        return self.error(node.at, Kind::Index { value, low, high });
+                    }
+                    place.offset += element as u32 * stride;
+                }
+                None => place.indices.push(Index {
+                    value: node,
+                    low: *low,
+                    length: *length,
+                    stride,
+                }),
+            }
+            stride *= length;
+        }
+        place.ty = array.element;
+        place.name = format!("{}[..]", place.name);
+        Ok(())
+    }
+}

@@ -1,0 +1,208 @@
+//! A compiled program.
+
+use crate::arithmetic::of_real;
+use crate::code::{Op, Switch};
+use crate::diagnostic::Diagnostic;
+use crate::scalar::Scalar;
+use crate::value::Value;
+
+/// What a variable is for the outside.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// VAR_INPUT of a program, a variable at `%I`, one at a pin that no statement assigns.
+    Input,
+    /// VAR_OUTPUT of a program, a variable at `%Q`, one at a pin that a statement assigns.
+    Output,
+    /// Any other.
+    Internal,
+}
+
+/// One value of a program: a variable of an elementary type or an enumeration, or such an element or member.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Variable {
+    /// As it is written in the program that it belongs to: `spindle`, `delay.Q`, `pocket[3].tool`.
+    pub name: String,
+    /// Name of its program; empty: VAR_GLOBAL.
+    pub program: String,
+    /// Name of its type.
+    pub ty: String,
+    /// What it is for the outside.
+    pub role: Role,
+    /// Whether it survives a restart.
+    pub retain: bool,
+    /// What it is bound to: `%IX0.0`, `io.5.in-03`.
+    pub address: Option<String>,
+    /// Line of its declaration, counted from 1.
+    pub line: u32,
+    pub(crate) slot: u32,
+    pub(crate) kind: Leaf,
+}
+
+impl Variable {
+    /// Whether this is the same variable in another compilation: name and type are.
+    pub(crate) fn is_same(&self, other: &Variable) -> bool {
+        let same = |a: &str, b: &str| a.eq_ignore_ascii_case(b);
+        same(&self.name, &other.name) && same(&self.program, &other.program) && same(&self.ty, &other.ty)
+    }
+
+    fn full_name(&self) -> String {
+        match self.program.as_str() {
+            "" => self.name.clone(),
+            program => format!("{program}.{}", self.name),
+        }
+    }
+}
+
+/// What a single slot holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Leaf {
+    Scalar(Scalar),
+    Enumeration(u32),
+}
+
+/// A program that has been compiled; [`crate::Runtime`] runs it.
+#[derive(Clone, Debug)]
+pub struct Logic {
+    pub(crate) code: Box<[Op]>,
+    /// Line and column of each instruction.
+    pub(crate) places: Box<[(u32, u32)]>,
+    pub(crate) switches: Box<[Switch]>,
+    pub(crate) texts: Box<[String]>,
+    /// Names of the values of each enumeration.
+    pub(crate) enumerations: Box<[Vec<(String, i64)>]>,
+    /// As it is at the start.
+    pub(crate) memory: Box<[i64]>,
+    pub(crate) entry: u32,
+    pub(crate) stack: usize,
+    pub(crate) nesting: usize,
+    pub(crate) steps_max: u64,
+    pub(crate) variables: Vec<Variable>,
+    pub(crate) warnings: Vec<Diagnostic>,
+}
+
+impl Logic {
+    /// Steps of the longest possible scan.
+    pub fn steps_max(&self) -> u64 {
+        self.steps_max
+    }
+
+    /// Instructions.
+    pub fn instructions(&self) -> usize {
+        self.code.len()
+    }
+
+    /// Values that are kept in memory.
+    pub fn values(&self) -> usize {
+        self.memory.len()
+    }
+
+    /// Warnings and notes of the compilation, in the order of the text.
+    pub fn warnings(&self) -> &[Diagnostic] {
+        &self.warnings
+    }
+
+    /// All variables, in the order of their declaration.
+    pub fn all_variables(&self) -> impl Iterator<Item = &Variable> {
+        self.variables.iter()
+    }
+
+    /// What the program reads from outside.
+    pub fn inputs(&self) -> impl Iterator<Item = &Variable> {
+        self.variables.iter().filter(|variable| variable.role == Role::Input)
+    }
+
+    /// What the program tells the outside.
+    pub fn outputs(&self) -> impl Iterator<Item = &Variable> {
+        self.variables.iter().filter(|variable| variable.role == Role::Output)
+    }
+
+    /// The variable of this name; with the name of its program and a point before it where several programs have one.
+    pub fn variable(&self, name: &str) -> Option<&Variable> {
+        let mut found = self
+            .variables
+            .iter()
+            .filter(|variable| variable.name.eq_ignore_ascii_case(name));
+        match (found.next(), found.next()) {
+            (Some(variable), None) => Some(variable),
+            _ => self
+                .variables
+                .iter()
+                .find(|variable| variable.full_name().eq_ignore_ascii_case(name)),
+        }
+    }
+
+    /// The shortest name under which [`Logic::variable`] finds a variable.
+    pub fn name(&self, variable: &Variable) -> String {
+        match self.variable(&variable.name) {
+            Some(found) if found == variable => variable.name.clone(),
+            _ => variable.full_name(),
+        }
+    }
+
+    /// What a slot of a variable holds.
+    pub(crate) fn value(&self, variable: &Variable, slot: i64) -> Value<'_> {
+        match variable.kind {
+            Leaf::Scalar(Scalar::Bool) => Value::Bool(slot != 0),
+            Leaf::Scalar(Scalar::Real) => Value::Real(f64::from_bits(slot as u64) as f32),
+            Leaf::Scalar(Scalar::Lreal) => Value::Lreal(f64::from_bits(slot as u64)),
+            Leaf::Scalar(Scalar::Time) => Value::Time(slot),
+            Leaf::Scalar(Scalar::String) => {
+                let text = usize::try_from(slot).ok().and_then(|index| self.texts.get(index));
+                Value::Text(text.map_or("", String::as_str))
+            }
+            Leaf::Scalar(scalar) => Value::Integer(scalar.number(slot)),
+            Leaf::Enumeration(index) => {
+                let values = self.enumerations.get(index as usize).map_or(&[][..], Vec::as_slice);
+                let name = values.iter().find(|(_, value)| *value == slot);
+                name.map_or(Value::Integer(i128::from(slot)), |(name, _)| Value::Text(name))
+            }
+        }
+    }
+
+    /// The other way; `None`: no value of the type.
+    pub(crate) fn slot_value(&self, variable: &Variable, value: Value<'_>) -> Option<i64> {
+        match (variable.kind, value) {
+            (Leaf::Scalar(Scalar::Bool), Value::Bool(value)) => Some(i64::from(value)),
+            (Leaf::Scalar(Scalar::Time), Value::Time(nanoseconds)) => Some(nanoseconds),
+            (Leaf::Scalar(scalar), Value::Real(value)) if scalar.is_real() => Some(of_real(scalar, f64::from(value))),
+            (Leaf::Scalar(scalar), Value::Lreal(value)) if scalar.is_real() => Some(of_real(scalar, value)),
+            (Leaf::Scalar(scalar), Value::Integer(value)) if scalar.is_integer() || scalar.is_bit_string() => {
+                let (slot, changed) = scalar.wrap(value);
+                (!changed).then_some(slot)
+            }
+            (Leaf::Scalar(Scalar::String), Value::Text(text)) => {
+                let index = self.texts.iter().position(|known| known == text);
+                index.map(|index| index as i64)
+            }
+            (Leaf::Enumeration(index), value) => {
+                let values = self.enumerations.get(index as usize)?;
+                let is_meant = |(name, number): &&(String, i64)| match value {
+                    Value::Text(text) => name.eq_ignore_ascii_case(text),
+                    Value::Integer(value) => i128::from(*number) == value,
+                    _ => false,
+                };
+                values.iter().find(is_meant).map(|(_, number)| *number)
+            }
+            _ => None,
+        }
+    }
+
+    /// Reads a value as it stands in a table: BOOL as 0 or 1, TIME in milliseconds, a value of an enumeration by its name.
+    pub fn read<'t>(&self, variable: &Variable, text: &'t str) -> Option<Value<'t>> {
+        let value = match variable.kind {
+            Leaf::Scalar(Scalar::Bool) => match text {
+                "0" => Value::Bool(false),
+                "1" => Value::Bool(true),
+                _ => return None,
+            },
+            Leaf::Scalar(Scalar::Time) => Value::Time(crate::duration::of_milliseconds(text)?),
+            Leaf::Scalar(scalar) if scalar.is_real() => {
+                let value = text.parse::<f64>().ok().filter(|value| value.is_finite())?;
+                Value::Lreal(value)
+            }
+            Leaf::Scalar(Scalar::String) | Leaf::Enumeration(_) => Value::Text(text),
+            Leaf::Scalar(_) => Value::Integer(text.parse().ok()?),
+        };
+        self.slot_value(variable, value).map(|_| value)
+    }
+}

@@ -1,0 +1,384 @@
+//! Runs a compiled program, one scan after the other.
+//!
+//! In:  values of inputs, the time of the scan.
+//! Out: values of outputs, and what went wrong.
+//!
+//! RT: a scan neither allocates nor locks, makes no system call, and ends within [`Logic::steps_max`] steps.
+
+use crate::arithmetic::{Flags, binary, convert, unary};
+use crate::code::{NOWHERE, Op};
+use crate::logic::{Logic, Variable};
+use crate::scalar::Scalar;
+use crate::value::Value;
+use std::fmt;
+use std::sync::Arc;
+
+/// What can go wrong while a program runs. Each has a result nevertheless, and the scan goes on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wrong {
+    /// The result is 0.
+    DivisionByZero,
+    /// What is read is 0, what is written is lost, a block is not called.
+    Index,
+    /// MUX with a selector that is no place of its inputs: the result is 0.
+    Selector,
+    /// BY 0: the loop is left out.
+    StepZero,
+    /// The loop ends.
+    Iterations,
+    /// The scan ends: a mistake of this compiler, for the longest scan is counted.
+    Steps,
+}
+
+impl fmt::Display for Wrong {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Wrong::Steps => "the scan has more steps than were counted, and ends",
+            Wrong::DivisionByZero => "division by zero: the result is 0",
+            Wrong::Index => "an index is out of its array: 0 is read, nothing is written",
+            Wrong::Selector => "MUX has no input of this number: the result is 0",
+            Wrong::StepZero => "the step of the loop is 0: it is left out",
+            Wrong::Iterations => {
+                "the loop has more iterations than it is bound to, and ends: {max_iterations := n} sets more"
+            }
+        })
+    }
+}
+
+/// Something that went wrong, and where.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Fault {
+    /// What.
+    pub wrong: Wrong,
+    /// Line of the program, counted from 1.
+    pub line: u32,
+    /// Character in the line, counted from 1.
+    pub column: u32,
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}:{}: {}", self.line, self.column, self.wrong)
+    }
+}
+
+/// A program that runs: its memory, and what went wrong so far.
+#[derive(Clone, Debug)]
+pub struct Runtime {
+    logic: Arc<Logic>,
+    memory: Box<[i64]>,
+    stack: Box<[i64]>,
+    /// Where calls go back to, and what ran there.
+    calls: Box<[(u32, u32)]>,
+    fault: Option<Fault>,
+    faults: u64,
+    overflows: u64,
+}
+
+impl Runtime {
+    /// At its initial values; the first scan is yet to come.
+    pub fn new(logic: Arc<Logic>) -> Runtime {
+        Runtime {
+            memory: logic.memory.clone(),
+            stack: vec![0; logic.stack].into(),
+            calls: vec![(0, 0); logic.nesting].into(),
+            logic,
+            fault: None,
+            faults: 0,
+            overflows: 0,
+        }
+    }
+
+    /// What runs.
+    pub fn logic(&self) -> &Arc<Logic> {
+        &self.logic
+    }
+
+    /// The first thing that went wrong since the start or [`Runtime::clear_fault`].
+    pub fn fault(&self) -> Option<Fault> {
+        self.fault
+    }
+
+    /// Times that something went wrong.
+    pub fn faults(&self) -> u64 {
+        self.faults
+    }
+
+    /// Results of integers that did not fit into their type and wrapped, and conversions that ended at the end of a range.
+    pub fn overflows(&self) -> u64 {
+        self.overflows
+    }
+
+    /// Forgets what went wrong; variables stay as they are.
+    pub fn clear_fault(&mut self) {
+        self.fault = None;
+    }
+
+    /// The value of a variable of this program.
+    pub fn get(&self, variable: &Variable) -> Value<'_> {
+        let slot = self.memory.get(variable.slot as usize).copied().unwrap_or(0);
+        self.logic.value(variable, slot)
+    }
+
+    /// Gives a variable a value; `false`: it is none of its type, and nothing changes.
+    ///
+    /// RT: no allocation, no locks, bounded.
+    pub fn set(&mut self, variable: &Variable, value: Value<'_>) -> bool {
+        let slot = self.logic.slot_value(variable, value);
+        match (slot, self.memory.get_mut(variable.slot as usize)) {
+            (Some(value), Some(slot)) => {
+                *slot = value;
+                true
+            }
+            _ => false,
+        }
+    }
+
+    /// Takes over what another program remembers, one that runs until now: RETAIN variables or all, by name and type.
+    /// Edges and timers go on, for blocks are taken over with what they remember. Says how many variables were taken.
+    pub fn take_over(&mut self, before: &Runtime, only_retained: bool) -> usize {
+        let mut taken = 0;
+        for variable in self.logic.all_variables() {
+            if only_retained && !variable.retain {
+                continue;
+            }
+            let Some(old) = before.logic.all_variables().find(|old| variable.is_same(old)) else {
+                continue;
+            };
+            let is_text = variable.ty == Scalar::String.name();
+            let value = before.memory.get(old.slot as usize).copied().filter(|_| !is_text);
+            if let (Some(value), Some(slot)) = (value, self.memory.get_mut(variable.slot as usize)) {
+                *slot = value;
+                taken += 1;
+            }
+        }
+        taken
+    }
+
+    /// One scan: all programs once, in the order of the file. All blocks see this time, which must not go back. Steps that it took.
+    ///
+    /// RT: no allocation, no locks, bounded by [`Logic::steps_max`].
+    pub fn scan(&mut self, now_ns: i64) -> u64 {
+        let Runtime {
+            logic,
+            memory,
+            stack,
+            calls,
+            ..
+        } = self;
+        let mut machine = Machine { memory, stack, top: 0 };
+        let mut flags = Flags::default();
+        let (mut steps, mut at, mut this, mut depth) = (0_u64, logic.entry, 0_u32, 0_usize);
+        let (mut fault, mut faults) = (None, 0_u64);
+        while let Some(op) = logic.code.get(at as usize) {
+            // Never more than were counted when it was compiled: the count bounds the scan whatever the code is.
+            steps += op.steps();
+            let here = at;
+            if steps > logic.steps_max {
+                flags.wrong = Some(Wrong::Steps);
+            }
+            at += 1;
+            match *op {
+                _ if flags.wrong.is_some() => at = u32::MAX,
+                Op::Push(value) => machine.push(value),
+                Op::Load(slot) => machine.push(machine.read(i64::from(slot))),
+                Op::LoadThis(offset) => machine.push(machine.read(i64::from(this) + i64::from(offset))),
+                Op::LoadAt => {
+                    let address = machine.pop();
+                    machine.push(machine.read(address));
+                }
+                Op::Store(slot) => {
+                    let value = machine.pop();
+                    machine.write(i64::from(slot), value);
+                }
+                Op::StoreThis(offset) => {
+                    let value = machine.pop();
+                    machine.write(i64::from(this) + i64::from(offset), value);
+                }
+                Op::StoreAt => {
+                    let value = machine.pop();
+                    let address = machine.pop();
+                    machine.write(address, value);
+                }
+                Op::Address(slot) => machine.push(i64::from(slot)),
+                Op::AddressThis(offset) => machine.push(i64::from(this) + i64::from(offset)),
+                Op::Offset(offset) => {
+                    let address = machine.pop();
+                    machine.push(address.saturating_add(i64::from(offset)));
+                }
+                Op::Index { low, length, stride } => {
+                    let index = machine.pop().wrapping_sub(i64::from(low));
+                    let address = machine.pop();
+                    if (0..i64::from(length)).contains(&index) {
+                        machine.push(address.saturating_add(index * i64::from(stride)));
+                    } else {
+                        flags.wrong = Some(Wrong::Index);
+                        machine.push(NOWHERE);
+                    }
+                }
+                Op::Copy(slots) => {
+                    let source = machine.pop();
+                    let target = machine.pop();
+                    machine.copy(source, target, slots);
+                }
+                Op::Unary(operation, scalar) => {
+                    let a = machine.pop();
+                    machine.push(unary(operation, scalar, a, &mut flags));
+                }
+                Op::Binary(operation, scalar) => {
+                    let b = machine.pop();
+                    let a = machine.pop();
+                    machine.push(binary(operation, scalar, a, b, &mut flags));
+                }
+                Op::Convert(from, to) => {
+                    let a = machine.pop();
+                    machine.push(convert(from, to, a, &mut flags));
+                }
+                Op::Select => {
+                    let b = machine.pop();
+                    let a = machine.pop();
+                    let selector = machine.pop();
+                    machine.push(if selector != 0 { b } else { a });
+                }
+                Op::Choose(values) => match machine.choose(values) {
+                    Some(value) => machine.push(value),
+                    None => {
+                        flags.wrong = Some(Wrong::Selector);
+                        machine.push(0);
+                    }
+                },
+                Op::Jump(target) => at = target,
+                Op::JumpUnless(target) => {
+                    if machine.pop() == 0 {
+                        at = target;
+                    }
+                }
+                Op::Switch(table) => {
+                    let value = machine.pop();
+                    at = logic
+                        .switches
+                        .get(table as usize)
+                        .map_or(at, |table| table.target(value));
+                }
+                Op::Iterations(scalar, most) => {
+                    let by = machine.pop();
+                    let to = scalar.number(machine.pop());
+                    let from = scalar.number(machine.pop());
+                    let (count, wrong) = iterations(from, to, scalar.number(by), most);
+                    flags.wrong = flags.wrong.or(wrong);
+                    machine.push(i64::from(count));
+                }
+                Op::Count { slot, exit } | Op::Guard { slot, exit } => {
+                    let left = machine.read(i64::from(slot));
+                    machine.write(i64::from(slot), left.saturating_sub(1));
+                    if left <= 0 {
+                        at = exit;
+                        if let Op::Guard { .. } = op {
+                            flags.wrong = Some(Wrong::Iterations);
+                        }
+                    }
+                }
+                Op::Call(target) => {
+                    if let Some(call) = calls.get_mut(depth) {
+                        let address = machine.pop();
+                        // An instance that an index does not reach is not called.
+                        if let Ok(address) = u32::try_from(address) {
+                            *call = (at, this);
+                            depth += 1;
+                            (at, this) = (target, address);
+                        }
+                    }
+                }
+                Op::Block(block) => {
+                    let address = machine.pop();
+                    let slots = usize::try_from(address)
+                        .ok()
+                        .and_then(|from| machine.memory.get_mut(from..));
+                    block.call(slots.unwrap_or_default(), now_ns);
+                }
+                Op::Return => match depth.checked_sub(1).and_then(|last| Some((last, calls.get(last)?))) {
+                    Some((last, call)) => {
+                        depth = last;
+                        (at, this) = *call;
+                    }
+                    None => break,
+                },
+            }
+            if let Some(wrong) = flags.wrong.take() {
+                faults += 1;
+                let (line, column) = logic.places.get(here as usize).copied().unwrap_or_default();
+                fault = fault.or(Some(Fault { wrong, line, column }));
+            }
+        }
+        self.fault = self.fault.or(fault);
+        self.faults += faults;
+        self.overflows += flags.overflows;
+        steps
+    }
+}
+
+/// Iterations of FOR, at most so many.
+fn iterations(from: i128, to: i128, by: i128, most: u32) -> (u32, Option<Wrong>) {
+    let way = if by >= 0 { to - from } else { from - to };
+    if by == 0 {
+        return (0, Some(Wrong::StepZero));
+    }
+    if way < 0 {
+        return (0, None);
+    }
+    match u32::try_from(way / by.abs() + 1) {
+        Ok(count) if count <= most => (count, None),
+        _ => (most, Some(Wrong::Iterations)),
+    }
+}
+
+/// Memory and stack. What is beyond either is 0, and what goes there is lost.
+struct Machine<'r> {
+    memory: &'r mut [i64],
+    stack: &'r mut [i64],
+    top: usize,
+}
+
+impl Machine<'_> {
+    #[inline]
+    fn push(&mut self, value: i64) {
+        if let Some(place) = self.stack.get_mut(self.top) {
+            *place = value;
+            self.top += 1;
+        }
+    }
+
+    #[inline]
+    fn pop(&mut self) -> i64 {
+        self.top = self.top.saturating_sub(1);
+        self.stack.get(self.top).copied().unwrap_or(0)
+    }
+
+    #[inline]
+    fn read(&self, address: i64) -> i64 {
+        self.memory.get(address as usize).copied().unwrap_or(0)
+    }
+
+    #[inline]
+    fn write(&mut self, address: i64, value: i64) {
+        if let Some(slot) = self.memory.get_mut(address as usize) {
+            *slot = value;
+        }
+    }
+
+    fn copy(&mut self, source: i64, target: i64, slots: u32) {
+        for offset in 0..i64::from(slots) {
+            let value = self.read(source.saturating_add(offset));
+            self.write(target.saturating_add(offset), value);
+        }
+    }
+
+    /// Takes the selector and values off the stack; `None`: no value has this number.
+    fn choose(&mut self, values: u32) -> Option<i64> {
+        let first = self.top.saturating_sub(values as usize);
+        self.top = first.saturating_sub(1);
+        let selector = self.stack.get(self.top).copied()?;
+        let index = u32::try_from(selector).ok().filter(|index| *index < values)?;
+        self.stack.get(first + index as usize).copied()
+    }
+}

@@ -1,0 +1,362 @@
+//! What is told about a program that is wrong or may not be meant: the place, the rule, the cure.
+
+mod common;
+
+use common::{errors, warnings};
+
+const HEAD: &str = "PROGRAM p VAR a, b, level : INT; r : REAL; c, d : BOOL; t : TON; l : ARRAY[1..3] OF INT; w : WORD; u : TIME; END_VAR VAR_OUTPUT q : BOOL; END_VAR VAR_INPUT i : BOOL; END_VAR\n";
+
+/// The errors of these statements, from their second line on.
+fn told(statements: &str) -> Vec<String> {
+    errors(&format!("{HEAD}{statements}\nEND_PROGRAM"))
+}
+
+#[test]
+fn statements() {
+    let cases = [
+        ("a = 5;", "2:3: = compares: write := to assign"),
+        ("a := 5\nb := 6;", "2:6: ; is missing behind the statement"),
+        ("IF c THEN a := 1; END_IF\nb := 2;", "2:19: ; is missing behind END_IF"),
+        ("IF c a := 1; END_IF;", "2:6: THEN is expected here, not a"),
+        (
+            "a := r;",
+            "2:6: REAL does not become INT by itself: write REAL_TO_INT(..)",
+        ),
+        (
+            "a := 1.5;",
+            "2:6: a real number does not become INT by itself: write LREAL_TO_INT(..)",
+        ),
+        ("a := 40000;", "2:6: 40000 is out of the range of INT: -32768 to 32767"),
+        ("c := 1;", "2:6: 1 is no BOOL: write TRUE"),
+        ("c := d = 1;", "2:10: 1 is no BOOL: write TRUE"),
+        ("c := a AND b;", "2:6: AND does not take INT: write INT_TO_WORD(..)"),
+        ("w := w + 1;", "2:6: + does not take WORD: write WORD_TO_UINT(..)"),
+        ("r := a ** 2;", "2:6: ** does not take INT: write INT_TO_LREAL(..)"),
+        ("u := 5;", "2:6: an integer does not become TIME by itself: write T#5s"),
+        (
+            "c := a < b < 3;",
+            "2:6: < does not take BOOL and an integer together: write TRUE or FALSE",
+        ),
+        ("c := c > d;", "2:6: > does not take BOOL and BOOL together"),
+        (
+            "a := TON(IN := c);",
+            "2:6: TON is a function block: declare an instance of it, VAR x : TON; END_VAR, and call that",
+        ),
+        (
+            "TON(IN := c);",
+            "2:1: TON is a function block: declare an instance of it, VAR x : TON; END_VAR, and call that",
+        ),
+        (
+            "c := t(IN := c);",
+            "2:6: a block is called as a statement; its outputs are read as t.Q",
+        ),
+        ("SQRT(r);", "2:1: SQRT is a function: its result is used, x := SQRT(..)"),
+        (
+            "a(b := 1);",
+            "2:1: a is no instance of a function block, and cannot be called",
+        ),
+        ("r := SQTR(r);", "2:6: SQTR is no function: is SQRT meant?"),
+        ("a := SEL(c, 1);", "2:6: SEL takes 3 inputs, not 2"),
+        ("a := MAX(1);", "2:6: MAX takes 2 inputs or more, not 1"),
+        (
+            "a := LIMIT(MN := 0, INN := 5, MX := 9);",
+            "2:21: LIMIT has no input INN: is IN meant?",
+        ),
+        ("t(INN := c);", "2:3: TON has no input INN: is IN meant?"),
+        ("t(c, T#1s);", "2:3: inputs of a block are given by name: t(IN := ..)"),
+        ("t(IN := c, IN := d);", "2:12: IN is given twice"),
+        ("t(IN => c);", "2:3: TON has no output IN"),
+        (
+            "t.Q := TRUE;",
+            "2:1: t.Q is an output of a function block, and is not assigned here",
+        ),
+        ("c := t.PHASE;", "2:8: PHASE of TON is not visible from outside"),
+        ("c := t.ETT;", "2:8: TON has no ETT: is ET meant?"),
+        ("i := TRUE;", "2:1: i is an input, and is not assigned here"),
+        ("levl := 1;", "2:1: levl is not declared: is level meant?"),
+        ("zebra := 1;", "2:1: zebra is not declared"),
+        ("l[4] := 1;", "2:3: 4 is out of the array: 1 to 3"),
+        ("a := l[0];", "2:8: 0 is out of the array: 1 to 3"),
+        ("a := l[1, 2];", "2:7: ARRAY [1..3] OF INT has 1 dimensions, not 2"),
+        ("a := l;", "2:6: ARRAY [1..3] OF INT does not become INT by itself"),
+        ("a := a[1];", "2:7: INT has no elements"),
+        ("a := a.x;", "2:8: INT has no members"),
+        ("a := b / 0;", "2:10: division by zero"),
+        ("a := 5 MOD (2 - 2);", "2:12: division by zero"),
+        ("r := r / 0.0;", "2:10: division by zero"),
+        (
+            "FOR a := 1 TO 3 DO a := 2; END_FOR;",
+            "2:20: a counts the loop, and is not assigned inside",
+        ),
+        (
+            "FOR a := 1 TO 3 BY 0 DO ; END_FOR;",
+            "2:20: the step of a loop is not 0",
+        ),
+        (
+            "FOR r := 1 TO 3 DO ; END_FOR;",
+            "2:5: the control variable of FOR is an integer variable of its own, no element and no member",
+        ),
+        (
+            "FOR l[1] := 1 TO 3 DO ; END_FOR;",
+            "2:5: the control variable of FOR is an integer variable of its own, no element and no member",
+        ),
+        ("EXIT;", "2:1: EXIT stands in a loop only"),
+        (
+            "CASE a OF 1: b := 1; 0..3: b := 2; END_CASE;",
+            "2:22: 1 is already selected above",
+        ),
+        (
+            "CASE a OF 3..1: b := 1; END_CASE;",
+            "2:11: a range begins with its lower value",
+        ),
+        ("CASE a OF b: b := 1; END_CASE;", "2:11: a constant is needed here"),
+        (
+            "CASE c OF 1: b := 1; END_CASE;",
+            "2:6: TRUE or FALSE are not selected here: write IF",
+        ),
+        (
+            "IF a THEN ; END_IF;",
+            "2:4: INT does not become BOOL by itself: write INT_TO_BOOL(..)",
+        ),
+        ("a := ;", "2:6: a value is expected here, not ;"),
+        ("a := (1 + 2;", "2:12: ) is expected here, not ;"),
+        ("END_IF;", "2:1: END_PROGRAM is expected here, not END_IF"),
+        (
+            "a := %IX0.0;",
+            "2:6: %IX0.0 in an expression; a variable may be declared AT it is not supported",
+        ),
+    ];
+    for (statements, wanted) in cases {
+        assert_eq!(told(statements)[0], wanted, "{statements}");
+    }
+}
+
+#[test]
+fn declarations() {
+    let cases = [
+        (
+            "PROGRAM p VAR a : IMT; END_VAR END_PROGRAM",
+            "1:19: IMT is no type: is INT meant?",
+        ),
+        (
+            "PROGRAM p VAR a : INT; A : INT; END_VAR END_PROGRAM",
+            "1:24: A is already declared",
+        ),
+        (
+            "PROGRAM p VAR if : INT; END_VAR END_PROGRAM",
+            "1:15: if is a word of the language",
+        ),
+        (
+            "PROGRAM p VAR CONSTANT a : INT; END_VAR END_PROGRAM",
+            "1:24: a constant needs a value: write :=",
+        ),
+        (
+            "PROGRAM p VAR CONSTANT a : INT := 1; END_VAR a := 2; END_PROGRAM",
+            "1:46: a is a constant, and is not assigned here",
+        ),
+        (
+            "PROGRAM p VAR a : ARRAY[3..1] OF INT; END_VAR END_PROGRAM",
+            "1:25: bounds of an array are from -2147483648 to 2147483647, the lower one first",
+        ),
+        (
+            "PROGRAM p VAR a : ARRAY[1..100000] OF INT; END_VAR END_PROGRAM",
+            "1:19: the variables need more memory than 65536 values",
+        ),
+        (
+            "PROGRAM p VAR a : ARRAY[1..2] OF INT := [1, 2, 3]; END_VAR END_PROGRAM",
+            "1:41: 3 values for 2",
+        ),
+        (
+            "PROGRAM p VAR a : INT := [1]; END_VAR END_PROGRAM",
+            "1:26: this is no value of INT",
+        ),
+        (
+            "PROGRAM p VAR a AT %IW0 : BOOL; END_VAR END_PROGRAM",
+            "1:20: %IW0 holds 16 bits, a BOOL does not",
+        ),
+        (
+            "PROGRAM p VAR a AT %IX0.0 : BOOL; b AT %I0.0 : BOOL; END_VAR END_PROGRAM",
+            "1:35: b is at %IX0.0, as another variable is",
+        ),
+        (
+            "PROGRAM p VAR a AT %IX0.0 : BOOL; END_VAR a := TRUE; END_PROGRAM",
+            "1:43: a is an input, and is not assigned here",
+        ),
+        (
+            "FUNCTION f : INT VAR t : TON; END_VAR f := 1; END_FUNCTION",
+            "1:22: a function keeps nothing, so it has no function block and no address: t",
+        ),
+        (
+            "FUNCTION f : INT VAR_OUTPUT x : INT; END_VAR f := 1; END_FUNCTION",
+            "1:29: VAR_OUTPUT does not belong into a FUNCTION",
+        ),
+        ("FUNCTION f : INT f := f(); END_FUNCTION", "1:23: f contains itself"),
+        (
+            "FUNCTION f : INT f := g(); END_FUNCTION FUNCTION g : INT g := f(); END_FUNCTION",
+            "1:63: f contains itself",
+        ),
+        (
+            "FUNCTION_BLOCK f VAR x : f; END_VAR END_FUNCTION_BLOCK",
+            "1:26: f contains itself",
+        ),
+        (
+            "TYPE a : STRUCT x : b; END_STRUCT; b : STRUCT x : a; END_STRUCT; END_TYPE",
+            "1:51: a contains itself",
+        ),
+        (
+            "FUNCTION_BLOCK f VAR_IN_OUT x : INT; END_VAR END_FUNCTION_BLOCK PROGRAM p VAR b : f; END_VAR b(); END_PROGRAM",
+            "1:94: x of f is missing",
+        ),
+        (
+            "FUNCTION_BLOCK f VAR_IN_OUT x : INT; END_VAR END_FUNCTION_BLOCK PROGRAM p VAR b : f; END_VAR b(x := 5); END_PROGRAM",
+            "1:101: x is VAR_IN_OUT: it takes a variable that may be assigned",
+        ),
+        (
+            "VAR_GLOBAL g : INT; END_VAR FUNCTION f : INT f := g; END_FUNCTION",
+            "1:51: a function sees constants only of VAR_GLOBAL: g may be given as an input",
+        ),
+        (
+            "PROGRAM p VAR_EXTERNAL g : INT; END_VAR END_PROGRAM",
+            "1:24: g is not declared",
+        ),
+        (
+            "VAR_GLOBAL g : INT; END_VAR PROGRAM p VAR_EXTERNAL g : DINT; END_VAR END_PROGRAM",
+            "1:56: the type of g is INT where it is declared",
+        ),
+        (
+            "TYPE a : (x, y); b : (x, z); END_TYPE PROGRAM p VAR c : INT; END_VAR IF x = x THEN ; END_IF; END_PROGRAM",
+            "1:73: x belongs to several enumerations: write a#x",
+        ),
+        (
+            "TYPE a : (x, y); END_TYPE PROGRAM p VAR c : a; END_VAR c := a#z; END_PROGRAM",
+            "1:63: a has no z",
+        ),
+        (
+            "PROGRAM p VAR a : INT (0..5); END_VAR END_PROGRAM",
+            "1:19: a subrange is not supported",
+        ),
+        (
+            "TYPE s : STRUCT if : INT; x : INT; END_STRUCT; t : INT; END_TYPE PROGRAM p VAR a : s; b : t; END_VAR a.x := b; END_PROGRAM",
+            "1:17: if is a word of the language",
+        ),
+        ("CLASS c END_CLASS", "1:1: object orientation is not supported"),
+        ("TYPE a : INT; END_TYPE", "1:1: there is no PROGRAM in the file"),
+        ("", "1:1: there is no PROGRAM in the file"),
+        (
+            "x := 5;",
+            "1:1: PROGRAM, FUNCTION_BLOCK, FUNCTION, TYPE or VAR_GLOBAL is expected here, not x",
+        ),
+    ];
+    for (text, wanted) in cases {
+        assert_eq!(errors(text)[0], wanted, "{text}");
+    }
+}
+
+#[test]
+fn all_errors_are_told_at_once_in_their_order() {
+    let text = "a = 5;\nb := r;\nIF c THEN\n  zebra := 1;\n  c := 1;\nEND_IF\nFOR a := 1 TO q DO ; END_FOR;";
+    let wanted = [
+        "2:3: = compares: write := to assign",
+        "3:6: REAL does not become INT by itself: write REAL_TO_INT(..)",
+        "5:3: zebra is not declared",
+        "6:8: 1 is no BOOL: write TRUE",
+        "7:1: ; is missing behind END_IF",
+        "8:15: BOOL does not become INT by itself: write BOOL_TO_INT(..)",
+    ];
+    assert_eq!(told(text), wanted);
+}
+
+#[test]
+fn what_may_not_be_meant_is_a_warning() {
+    let of = |statements: &str| warnings(&format!("{HEAD}{statements}\nEND_PROGRAM"));
+    let cases = [
+        (
+            "r := -r ** 2;",
+            "2:6: warning: - is stronger than **: this is (-a) ** b",
+        ),
+        (
+            "c := r = 1.5;",
+            "2:6: warning: two REAL are hardly ever equal: compare their difference with a tolerance",
+        ),
+        (
+            "q := c;\nq := d;",
+            "3:1: warning: q is assigned twice; the last value counts",
+        ),
+        (
+            "IF TRUE THEN a := 1; ELSE a := 2; END_IF;",
+            "2:22: warning: this branch is never reached: the condition above is TRUE",
+        ),
+        ("{hint} a := 1;", "2:1: note: the pragma has no effect"),
+    ];
+    for (statements, wanted) in cases {
+        assert_eq!(of(statements), [wanted], "{statements}");
+    }
+    assert!(of("r := (-r) ** 2; q := FALSE; IF c THEN q := TRUE; END_IF;").is_empty());
+    let of_enumeration = "TYPE e : (x, y); END_TYPE PROGRAM p VAR v : e; n : INT; END_VAR\nCASE v OF x: n := 1; y: n := 2; ELSE n := 3; END_CASE; END_PROGRAM";
+    assert_eq!(
+        warnings(of_enumeration),
+        ["2:33: warning: ELSE is never reached: every value is selected above"]
+    );
+    let falling = "PROGRAM p VAR f : F_TRIG; END_VAR f(CLK := TRUE); f(CLK := FALSE); END_PROGRAM";
+    assert_eq!(
+        warnings(falling),
+        ["1:35: note: F_TRIG gives no pulse in its first call; some controls do"]
+    );
+}
+
+#[test]
+fn an_error_is_shown_with_its_line() {
+    let text = "PROGRAM p\nVAR x : INT; END_VAR\n  x := 'ä' + zebra;\nEND_PROGRAM";
+    let Err(errors) = logic::compile(text) else {
+        panic!("it compiles")
+    };
+    let shown = errors[0].render("machine.st");
+    assert!(shown.contains("machine.st:3:14") && shown.contains("^^^^^"), "{shown}");
+}
+
+#[test]
+fn what_nests_too_deep_or_is_too_long_is_refused() {
+    let nested = |open: &str, close: &str, count: usize| {
+        format!(
+            "PROGRAM p VAR x : INT; c : BOOL; END_VAR {}{} END_PROGRAM",
+            open.repeat(count),
+            close.repeat(count)
+        )
+    };
+    for text in [
+        nested("x := (", ")", 1).replace('(', &"(".repeat(10_000)),
+        nested("IF c THEN ", "END_IF; ", 10_000),
+        format!(
+            "PROGRAM p VAR x : INT; END_VAR x := {}1; END_PROGRAM",
+            "1 + ".repeat(10_000)
+        ),
+        format!(
+            "PROGRAM p VAR x : INT; END_VAR x := {}1; END_PROGRAM",
+            "-".repeat(10_000)
+        ),
+        format!(
+            "PROGRAM p VAR x : {}INT; END_VAR END_PROGRAM",
+            "ARRAY[1..1] OF ".repeat(10_000)
+        ),
+        format!("PROGRAM p VAR x : INT := {}1; END_VAR END_PROGRAM", "[".repeat(10_000)),
+        format!(
+            "PROGRAM p VAR x : INT; END_VAR x{} := 1; END_PROGRAM",
+            "[1]".repeat(10_000)
+        ),
+    ] {
+        let told = errors(&text);
+        assert!(
+            told.iter().any(|one| one.contains("nested deeper than")),
+            "{:.100}: {told:?}",
+            text
+        );
+    }
+    let chain: String = (0..100)
+        .map(|index| format!("FUNCTION f{index} : INT f{index} := f{}(); END_FUNCTION ", index + 1))
+        .collect();
+    assert!(errors(&chain).iter().any(|one| one.contains("nested deeper than")));
+    assert_eq!(
+        errors(&" ".repeat(2 << 20)),
+        ["1:1: a program has at most 1048576 octets"]
+    );
+}
