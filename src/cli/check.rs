@@ -11,6 +11,7 @@ use crate::cli::bus::check::{budget_json, list_cdc, node_json, write_budget, wri
 use crate::config::{BusKind, Config, HomingBy, Joint, SUBSTEPS, rate_max_hz};
 use crate::host::steadiness::Steadiness;
 use crate::operator::refusal::Refusal;
+use crate::operator::tuning::stability::{GAIN_MARGIN_DB, Margins, PHASE_MARGIN_DEG, margins_of_joint};
 use crate::rt::pins::{CAPACITY, Pins, PinsError};
 use crate::rt::steps::StepDrives;
 use anyhow::Context;
@@ -20,6 +21,7 @@ use std::fmt::{self, Write as _};
 use std::io::{ErrorKind, Write as _};
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 /// Arguments of `check`.
 #[derive(Debug, clap::Args)]
@@ -87,7 +89,8 @@ pub(super) fn print(text: &str) -> std::io::Result<()> {
 /// What shows only when the parts are put together: whether the pins exist that nets name.
 fn connections(config: &Config, plans: &[NodePlan]) -> Result<(), PinsError> {
     // A control of this machine may be running: not under its name, and not where it would be found.
-    let name = format!("check-{}", std::process::id());
+    static CHECKS: AtomicU64 = AtomicU64::new(0);
+    let name = format!("check-{}-{}", std::process::id(), CHECKS.fetch_add(1, Relaxed));
     let mut hal = Hal::create_in(&[std::env::temp_dir()], &name, CAPACITY)?;
     Pins::new(&mut hal, config, plans, &StepDrives::new(config)).map(drop)
 }
@@ -137,6 +140,9 @@ impl fmt::Display for Summary<'_> {
         }
         for (number, joint) in config.joints.iter().enumerate() {
             writeln!(f, "  {number:>3}  {}", self.joint(number, joint)?)?;
+            if joint.pid.is_some() {
+                writeln!(f, "       loop      {}", loop_text(config, joint))?;
+            }
         }
         if !config.axes.is_empty() {
             writeln!(f, "axes")?;
@@ -196,6 +202,21 @@ impl Summary<'_> {
     }
 }
 
+fn margins(config: &Config, joint: &Joint) -> Option<Margins> {
+    margins_of_joint(joint, f64::from(config.cycle_us) * 1e-6)
+}
+
+/// How far the loop of a joint, which the control closes, is from ringing.
+fn loop_text(config: &Config, joint: &Joint) -> String {
+    match margins(config, joint) {
+        Some(margins) if margins.suffice() => margins.to_string(),
+        Some(margins) => {
+            format!("{margins}; {GAIN_MARGIN_DB} dB and {PHASE_MARGIN_DEG} degrees are wanted at the least")
+        }
+        None => "margins unknown without lag_ms: isocnc tune pid measures it".to_owned(),
+    }
+}
+
 fn to_json(config: &Config, plans: &[NodePlan]) -> Json {
     let nodes = config.bus.nodes.iter().zip(plans);
     let nodes = nodes.map(|(node, plan)| node_json(node, plan));
@@ -207,6 +228,7 @@ fn to_json(config: &Config, plans: &[NodePlan]) -> Json {
             "velocity_mm_s": joint.limits.velocity_mm_s,
             "acceleration_mm_s2": joint.limits.acceleration_mm_s2,
             "jerk_mm_s3": joint.limits.jerk_mm_s3,
+            "margins": margins(config, joint),
             "homing_method": match joint.homing.by {
                 HomingBy::Drive { method, .. } => Some(method),
                 HomingBy::Control(_) => None,
@@ -278,6 +300,25 @@ mod tests {
                 "no {expected:?}, in this order, in\n{text}"
             );
         }
+    }
+
+    #[test]
+    fn a_loop_of_the_control_has_its_margins_where_the_lag_is_known() {
+        let file = include_str!("../../configs/loop3-demo.toml");
+        let said = |lag: &str| {
+            let gains = "pid = { p = 40.0, ff1 = 1.0, ";
+            assert!(file.contains(gains));
+            let text = file.replacen(gains, &format!("{gains}{lag}"), 1);
+            let config = config::parse(&text, Path::new("m.toml")).expect("a machine file without errors");
+            loop_text(&config, &config.joints[0])
+        };
+        assert_eq!(said(""), "margins unknown without lag_ms: isocnc tune pid measures it");
+        // 40 /s behind 2 ms, half a cycle and 1.66 ms: 40 rad/s take 9.5 degrees.
+        assert_eq!(
+            said("lag_ms = 1.66, "),
+            "gain margin 21.5 dB, phase margin 80 degrees, crossover 6.4 Hz"
+        );
+        assert!(said("lag_ms = 30.0, ").ends_with("6 dB and 45 degrees are wanted at the least"));
     }
 
     #[test]

@@ -191,7 +191,7 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
         }
     }
     let pid = position_loop::keys(section, mode, velocity_mm_s);
-    if let (Some(Some(gains)), Some(mode)) = (&pid, mode) {
+    if let (Some(Some((gains, _))), Some(mode)) = (&pid, mode) {
         let goes_on_alone = reactions.as_ref().is_some_and(|it| it.connection_lost == Some(0));
         position_loop::suits(
             section,
@@ -227,7 +227,8 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
         velocity_ratio: velocity_ratio?,
         torque_per_mm_s2: torque_per_mm_s2?,
         reactions: reactions?,
-        pid: pid?,
+        pid: pid?.map(|(gains, _)| gains),
+        amplifier_lag_s: pid?.and_then(|(_, lag_s)| lag_s),
         travel_mm: travel_mm?,
         limits,
         stop,

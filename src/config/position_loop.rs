@@ -10,17 +10,22 @@ use motion::rt::PidGains;
 
 /// Greatest gain of any kind.
 pub const GAIN_MAX: f64 = 1e6;
+/// Longest lag of an amplifier that is believed, ms.
+const LAG_MS_MAX: f64 = 1000.0;
 /// Greatest share of the rated torque that 6071 holds.
 const TORQUE_MAX: f64 = 32.767;
 /// Share of a joint's velocity that its drive may be told, where the machine file says nothing: room for the loop to catch up.
 const VELOCITY_SHARE: f64 = 1.2;
+
+/// Gains, and what the amplifier takes until it follows, s, if that is known.
+pub(super) type Loop = (PidGains, Option<f64>);
 
 /// `Some(None)`: the drive holds the position that it is told.
 pub(super) fn keys(
     section: &mut Section<'_, '_>,
     mode: Option<DriveMode>,
     velocity_mm_s: Option<f64>,
-) -> Option<Option<PidGains>> {
+) -> Option<Option<Loop>> {
     let by_control = section.word("loop", &[("drive", false), ("pid", true)], false)?;
     let gains = match section.optional_section("pid") {
         None => None,
@@ -56,7 +61,7 @@ pub(super) fn keys(
     }
 }
 
-fn gains(table: &mut Section<'_, '_>, mode: Option<DriveMode>, velocity_mm_s: Option<f64>) -> Option<PidGains> {
+fn gains(table: &mut Section<'_, '_>, mode: Option<DriveMode>, velocity_mm_s: Option<f64>) -> Option<Loop> {
     let is_torque = mode == Some(DriveMode::Cst);
     let gain = Bound::Within(0.0, GAIN_MAX);
     let p = table.number("p", Bound::Positive(GAIN_MAX), None);
@@ -94,9 +99,15 @@ fn gains(table: &mut Section<'_, '_>, mode: Option<DriveMode>, velocity_mm_s: Op
             format!("must be above velocity_mm_s, {velocity}: the loop needs room to catch up"),
         );
     }
+    let amplifier_lag_s = match table.optional("lag_ms") {
+        Some(item) => Some(Some(
+            item.number(&table.key("lag_ms"), Bound::Within(0.0, LAG_MS_MAX))? / 1000.0,
+        )),
+        None => Some(None),
+    };
     let [ff0, ff1, ff2, ff3] = ff;
     let [velocity_max, acceleration_max, jerk_max] = ff_max;
-    Some(PidGains {
+    let gains = PidGains {
         p: p?,
         i: i?,
         d: d?,
@@ -108,7 +119,8 @@ fn gains(table: &mut Section<'_, '_>, mode: Option<DriveMode>, velocity_mm_s: Op
         derivative_max: derivative_max?,
         ff_max: [velocity_max?, acceleration_max?, jerk_max?],
         output_max: output_max?,
-    })
+    };
+    Some((gains, amplifier_lag_s?))
 }
 
 /// Notes what of a joint and its node does not suit a loop of the control.

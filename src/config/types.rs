@@ -413,6 +413,8 @@ pub struct Joint {
     /// The position loop that the control closes for a drive in CSV or CST: mm to mm/s, or to a share of the rated torque;
     /// `None`: the drive holds the position that it is told.
     pub pid: Option<PidGains>,
+    /// What its amplifier takes until it follows, beside the cycles of the bus, s; `None`: nobody has measured it.
+    pub amplifier_lag_s: Option<f64>,
     /// Soft limits, lower below upper.
     pub travel_mm: [f64; 2],
     /// Limits of the plan.

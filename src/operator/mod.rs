@@ -21,3 +21,4 @@ pub mod systemd;
 mod table_writer;
 #[cfg(test)]
 mod tests_kills;
+pub mod tuning;

@@ -9,11 +9,22 @@
 use super::path_judge::PathJudge;
 use super::report::Deviation;
 use crate::plot::PathSample;
-use crate::rt::shared::Trace;
+use crate::rt::shared::{JointTrace, Trace};
 use motion::canon::Axis;
 
 /// Samples kept: 3.7 MB. An even number.
 const SAMPLES_MAX: usize = 65_536;
+
+/// Cycles of one joint that are kept: a quarter of an hour, 70 MB, only where somebody asks.
+const JOINT_SAMPLES_MAX: usize = 1_000_000;
+
+/// One cycle of one joint, and the line of the program that it belongs to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JointSample {
+    pub cycle: u64,
+    pub line: u32,
+    pub joint: JointTrace,
+}
 
 /// Records of one run.
 #[derive(Debug, Default)]
@@ -30,6 +41,8 @@ pub struct Recorder {
     line: u32,
     last_line: u32,
     judge: Option<PathJudge>,
+    /// Cycles of one joint; `None`: nobody asked for them.
+    joint: Option<Vec<JointSample>>,
 }
 
 impl Recorder {
@@ -44,6 +57,13 @@ impl Recorder {
         if record.following_error_mm > self.following_error_max_mm {
             self.following_error_max_mm = record.following_error_mm;
             self.following_error_line = record.line;
+        }
+        if let Some(joint) = self.joint.as_mut().filter(|joint| joint.len() < JOINT_SAMPLES_MAX) {
+            joint.push(JointSample {
+                cycle: record.cycle,
+                line: record.line,
+                joint: record.joint,
+            });
         }
         let xyz = |position: &motion::canon::Position| [Axis::X, Axis::Y, Axis::Z].map(|axis| position[axis]);
         let sample = PathSample {
@@ -68,6 +88,16 @@ impl Recorder {
                 self.cycles_of_last = 1;
             }
         }
+    }
+
+    /// From now on each cycle of the traced joint is kept.
+    pub fn keep_joint(&mut self) {
+        self.joint.get_or_insert_default();
+    }
+
+    /// Cycles of the traced joint, since they are kept; a quarter of an hour at the most.
+    pub fn joint_samples(&self) -> &[JointSample] {
+        self.joint.as_deref().unwrap_or_default()
     }
 
     /// Makes one sample of two.
@@ -154,6 +184,7 @@ mod tests {
                 rapid: false,
                 following_error_mm: off_mm,
                 starved: false,
+                joint: JointTrace::NONE,
             });
             if cycle + 1 == SAMPLES_MAX as u64 {
                 let each = recorder.samples().iter().map(|sample| sample.command[0] as u64);

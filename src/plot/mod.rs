@@ -4,6 +4,7 @@
 //! In:  samples of the recorder, pictures of others.
 //! Out: SVG and HTML that any browser shows; small, for points that cannot be told apart are left out.
 
+pub(crate) mod chart;
 pub(crate) mod circle;
 pub(crate) mod lines;
 pub(crate) mod sheet;

@@ -148,6 +148,37 @@ pub struct Trace {
     pub following_error_mm: f64,
     /// The program has begun to move, and now rests only because nothing more has been planned yet.
     pub starved: bool,
+    /// The joint that [`RtStatus::trace_joint`] has chosen.
+    pub joint: JointTrace,
+}
+
+/// One cycle of one joint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JointTrace {
+    /// Command that goes to its drive, mm.
+    pub command_mm: f64,
+    /// What the drive has told, mm.
+    pub actual_mm: f64,
+    /// As [`Drive::following_error_mm`](super::drives::Drive::following_error_mm) says.
+    pub following_error_mm: f64,
+    /// What the position loop of the control asks of the amplifier, mm/s or a share of the rated torque; NaN where there is none.
+    pub output: f64,
+    /// Torque that the drive tells of (6077), 1/1000 of the rated torque; NaN where it is not mapped.
+    pub torque: f64,
+    /// Whether the drive has answered in this cycle.
+    pub fresh: bool,
+}
+
+impl JointTrace {
+    /// Of a joint that is not there.
+    pub const NONE: JointTrace = JointTrace {
+        command_mm: 0.0,
+        actual_mm: 0.0,
+        following_error_mm: 0.0,
+        output: f64::NAN,
+        torque: f64::NAN,
+        fresh: false,
+    };
 }
 
 /// Latest values, readable by any thread at any time; each value is whole, the values are not of one instant.
@@ -183,6 +214,8 @@ pub struct RtStatus {
     pub pockets: ToolPockets,
     /// One more than the number of the tool that the last change brought; 0: there was none.
     tool: AtomicU64,
+    /// Joint of which the trace tells.
+    traced_joint: AtomicU32,
     /// What a program waits for.
     waiting: WaitingCell,
     switched_off: AtomicU64,
@@ -246,6 +279,7 @@ impl RtStatus {
             lead: AtomicU64::new(0),
             pockets: ToolPockets::default(),
             tool: AtomicU64::new(0),
+            traced_joint: AtomicU32::new(0),
             waiting: WaitingCell::default(),
             switched_off: AtomicU64::new(0),
             chain_open: AtomicBool::new(false),
@@ -317,6 +351,16 @@ impl RtStatus {
     pub fn lead(&self) -> (u32, f64) {
         let word = self.lead.load(Relaxed);
         ((word >> 32) as u32, f64::from(f32::from_bits(word as u32)))
+    }
+
+    /// From now on the trace of a program tells of this joint. Not of real time.
+    pub fn trace_joint(&self, joint: usize) {
+        self.traced_joint.store(joint as u32, Relaxed);
+    }
+
+    /// The joint of which the trace tells. RT.
+    pub fn traced_joint(&self) -> usize {
+        self.traced_joint.load(Relaxed) as usize
     }
 
     /// Orders an emergency stop, from any thread.

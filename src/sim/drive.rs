@@ -50,6 +50,7 @@ const BENCH: Joint = Joint {
     counts_per_unit: [10_000, 1],
     velocity_ratio: [1, 1],
     torque_per_mm_s2: None,
+    amplifier_lag_s: None,
     reactions: Reactions {
         quick_stop: None,
         shutdown: None,

@@ -51,6 +51,7 @@ pub(super) fn test_config() -> Config {
         counts_per_unit: [10_000, 1],
         velocity_ratio: [1, 1],
         torque_per_mm_s2: None,
+        amplifier_lag_s: None,
         reactions: Reactions::default(),
         pid: None,
         travel_mm,

@@ -2,27 +2,20 @@
 //!
 //! In:  a machine file. Out: a program of circles that is run from power-on to power-off; a table, JSON, a picture.
 
+use super::experiment;
 use crate::bus;
-use crate::config::{BusKind, Config};
-use crate::host::signals::{StopSignal, exit_code};
+use crate::config::Config;
 use crate::host::terminal::say;
-use crate::machine::sequence::Outcome;
-use crate::machine::tables::{Tables, lock};
 use crate::operator::circularity::{Circularity, circularity};
-use crate::operator::progress::Progress;
 use crate::operator::refusal::Refusal;
 use crate::operator::report::prepare_for;
-use crate::operator::session::{self, Program, Session, Task, Wire};
 use crate::plot::circle::{Way, circle_svg};
-use crate::program::text::Reader;
-use crate::program::{Begin, check};
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
 use motion::canon::Axis;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::Mutex;
 
 /// Turns each way; the one in the middle counts.
 const TURNS: u32 = 3;
@@ -137,7 +130,6 @@ pub(super) fn ball_bar(args: &BallBarArgs) -> anyhow::Result<ExitCode> {
             bail!("{what} {value}: must be above 0");
         }
     }
-    let signal = StopSignal::install().context("signals")?;
     let config = bus::read(&args.machine).map_err(Refusal::from)?;
     let axes = args.plane.axes();
     let middle_mm = match args.middle[..] {
@@ -147,50 +139,11 @@ pub(super) fn ball_bar(args: &BallBarArgs) -> anyhow::Result<ExitCode> {
     };
     let (text, lines) = program(args.plane, middle_mm, args.radius, args.feed);
     let name = "ball bar";
-    let tables = Tables::read(&config).map_err(|error| Refusal::of_file(name, error).nothing_moved())?;
-    let tables = Mutex::new(tables);
-    let reader = Reader::from(text.as_bytes());
-    let begin = Begin::at_home(&config);
-    let checked = check(&config, &lock(&tables), name, reader, &begin, signal.cancel());
-    let overview = match (checked, signal.caught()) {
-        (Ok(overview), _) => overview,
-        (Err(_), Some(signal)) => {
-            say("stopped while the circles were checked; nothing was moved\n");
-            return Ok(ExitCode::from(exit_code(signal)));
-        }
-        (Err(errors), None) => return Err(Refusal::of_file(name, errors).nothing_moved().into()),
-    };
     prepare_for(&args.out, &[PICTURE, DATA])?;
-    let wire = match config.bus.kind {
-        BusKind::Powerlink => Wire::Interface(config.bus.interface.clone()),
-        BusKind::Memory | BusKind::None => Wire::Memory,
+    let ended = match experiment::run(&config, name, &text, args.json, &mut None)? {
+        Ok(ended) => ended,
+        Err(code) => return Ok(code),
     };
-    let session = Session {
-        config: &config,
-        tables: &tables,
-        task: Task::Once(Program { name, text: reader }, &overview),
-        quiet: args.json,
-        signal,
-        keep_rights: false,
-    };
-    let mut progress = Progress::new(&overview, args.json);
-    let ended = session::run(&session, wire, &mut progress)?;
-    drop(progress);
-    if ended.operator.outcome() != Some(Outcome::Completed) {
-        let why = ended
-            .operator
-            .journal()
-            .last()
-            .map_or_else(String::new, |entry| entry.text.clone());
-        let refusal = Refusal::of_file(name, format!("the circles did not come to their end: {why}"));
-        return match session.signal.caught() {
-            Some(signal) => {
-                say("stopped before the end of the circles\n");
-                Ok(ExitCode::from(exit_code(signal)))
-            }
-            None => Err(refusal.into()),
-        };
-    }
     let axes_at = axes.map(|axis| axis as usize);
     let found = circularity(
         ended.operator.recorder.samples(),
@@ -289,6 +242,7 @@ fn write(folder: &Path, title: &str, axes: [Axis; 2], found: &Circularity) -> an
 mod tests {
     use super::*;
     use crate::config;
+    use crate::machine::sequence::Outcome;
     use crate::operator::rehearsal::rehearse;
     use crate::sim::NetConfig;
 

@@ -796,6 +796,7 @@ impl<B: CyclicBus> MotionController<B> {
                 rapid: self.sample.rapid,
                 following_error_mm,
                 starved: self.program_has_moved && self.sample.state == SampleState::Starved,
+                joint: self.parts.drives.trace(self.outlets.live.traced_joint()),
             };
             self.trace_lost += u64::from(self.outlets.trace.push(record).is_err());
         }

@@ -12,6 +12,7 @@
 //! The loop works in the drive's own coordinates, which homing does not shift.
 
 use super::homing::Found;
+use super::shared::JointTrace;
 use crate::bus::layout::{Field, Layout};
 use crate::bus::plan::NodePlan;
 use crate::bus::{InputImage, NodeIndex, NodeState, OutputImage};
@@ -103,6 +104,7 @@ struct Fields {
     statusword: Field,
     position: Field,
     following_error: Option<Field>,
+    torque: Option<Field>,
     mode_display: Option<Field>,
     digital_inputs: Option<Field>,
     error_code: Option<Field>,
@@ -127,6 +129,7 @@ impl Fields {
             statusword: inputs.find(0x6041, 0)?,
             position: inputs.find(0x6064, 0)?,
             following_error: inputs.find(0x60F4, 0),
+            torque: inputs.find(0x6077, 0),
             mode_display: inputs.find(0x6061, 0),
             digital_inputs: inputs.find(0x60FD, 0),
             error_code: inputs.find(0x603F, 0),
@@ -163,6 +166,8 @@ pub struct Drive {
     effort: Effort,
     /// Whether an answer has come in this cycle.
     fresh: bool,
+    /// Torque that it told of last, 1/1000 of the rated one; NaN: it does not.
+    torque: f64,
     /// Position at which the drive counts 0.
     zero_mm: f64,
     /// `None`: the drive homes itself; else whether the control has homed it since it came on line.
@@ -203,6 +208,7 @@ impl Drive {
             pid: joint.pid.map(|gains| Pid::new(gains, cycle_s)),
             effort: Effort::default(),
             fresh: false,
+            torque: f64::NAN,
             zero_mm: match joint.homing.by {
                 HomingBy::Drive { .. } => joint.homing.position_mm,
                 HomingBy::Control(_) => 0.0,
@@ -268,6 +274,9 @@ impl Drive {
             digital_inputs: read(self.fields.digital_inputs) as u32,
             error_code: read(self.fields.error_code) as u16,
         };
+        if let Some(field) = self.fields.torque {
+            self.torque = field.read_signed(payload) as f64;
+        }
         if let Some(touch) = &mut self.touch {
             touch.watch(payload);
         }
@@ -463,6 +472,22 @@ impl Drive {
         }
     }
 
+    fn trace(&self) -> JointTrace {
+        JointTrace {
+            command_mm: self.command_mm,
+            actual_mm: self.actual_mm(),
+            following_error_mm: self.following_error_mm(),
+            // As it was sent, in whole units of the object.
+            output: match (&self.pid, self.mode) {
+                (None, _) => f64::NAN,
+                (Some(_), DriveMode::Cst) => f64::from(self.setpoint.target_torque) / 1000.0,
+                (Some(_), _) => f64::from(self.setpoint.target_velocity) / self.velocity_per_mm_s,
+            },
+            torque: self.torque,
+            fresh: self.fresh,
+        }
+    }
+
     /// Whether the drive shows a warning.
     pub fn warns(&self) -> bool {
         self.axis.warning()
@@ -563,6 +588,11 @@ impl Drives {
         for (drive, &command_mm) in self.drives.iter_mut().zip(command_mm) {
             drive.write(now_ns, command_mm, outputs);
         }
+    }
+
+    /// The last cycle of a joint; zeros where there is none. RT.
+    pub fn trace(&self, joint: usize) -> JointTrace {
+        self.drives.get(joint).map_or(JointTrace::NONE, Drive::trace)
     }
 
     /// So many cycles were left out. RT.

@@ -1,0 +1,343 @@
+//! A program that is run to measure: from power-on to power-off, asked for before, with one joint under the eye.
+//!
+//! In:  a machine file, a joint, moves. Out: the record of that joint.
+
+use crate::bus;
+use crate::config::{BusKind, Config, Joint};
+use crate::host::signals::{StopSignal, exit_code};
+use crate::host::terminal::say;
+use crate::machine::sequence::Outcome;
+use crate::machine::state::State;
+use crate::machine::tables::{Tables, lock};
+use crate::operator::operator_loop::{LoopTask, Running};
+use crate::operator::progress::Progress;
+use crate::operator::refusal::Refusal;
+use crate::operator::session::{self, Ended, Program, Session, Task, Wire};
+use crate::operator::tuning::record::Record;
+use crate::program::text::Reader;
+use crate::program::{Begin, check};
+use crate::rt::shared::Command;
+use crate::rt::waiting::Waiting;
+use anyhow::{Context, bail, ensure};
+use clap::Args;
+use motion::kinematics::Transform;
+use std::io::{BufRead, IsTerminal};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Mutex;
+
+/// What all measurements of one joint are asked.
+#[derive(Clone, Debug, Args)]
+pub(super) struct JointArgs {
+    /// Machine file.
+    machine: PathBuf,
+    /// The joint that moves
+    #[arg(long, value_name = "N")]
+    pub(super) joint: usize,
+    /// Place from which it sets out, mm in the machine [default: so that the middle of its way is that of its travel]
+    #[arg(long, value_name = "MM", allow_hyphen_values = true)]
+    from: Option<f64>,
+    /// Folder for the picture and the figures
+    #[arg(long, default_value = "isocnc-out")]
+    pub(super) out: PathBuf,
+    /// Print JSON
+    #[arg(long)]
+    pub(super) json: bool,
+    /// Do not ask before the machine moves
+    #[arg(long)]
+    yes: bool,
+}
+
+impl JointArgs {
+    /// # Errors
+    /// A machine file with errors; a joint that is none, or that no axis moves alone.
+    pub(super) fn read(&self) -> anyhow::Result<Config> {
+        let config = bus::read(&self.machine).map_err(Refusal::from)?;
+        let joints = config.joints.len();
+        ensure!(
+            self.joint < joints,
+            "--joint {}: {} has {joints} joints, from 0 on",
+            self.joint,
+            config.name
+        );
+        letter(&config, self.joint)?;
+        Ok(config)
+    }
+
+    /// Both ends of the way, mm in the machine.
+    ///
+    /// # Errors
+    /// A way that leaves the soft limits.
+    pub(super) fn way(&self, joint: &Joint, distance_mm: f64) -> anyhow::Result<[f64; 2]> {
+        let [low, high] = joint.travel_mm;
+        let from_mm = self.from.unwrap_or(f64::midpoint(low, high) - distance_mm / 2.0);
+        let way = [from_mm, from_mm + distance_mm];
+        let is_within = way.iter().all(|end| (low..=high).contains(end));
+        ensure!(
+            is_within,
+            "from {from_mm} to {} mm: must lie within the soft limits of the joint, {low} to {high}",
+            way[1]
+        );
+        Ok(way)
+    }
+}
+
+/// A number above 0 and up to `most`.
+///
+/// # Errors
+/// It is none.
+pub(super) fn within(name: &str, value: f64, most: f64) -> anyhow::Result<f64> {
+    ensure!(
+        value > 0.0 && value <= most,
+        "{name} {value}: must be above 0, and {most} at the most"
+    );
+    Ok(value)
+}
+
+/// The letter of the axis that is this joint.
+///
+/// # Errors
+/// There is none.
+pub(super) fn letter(config: &Config, joint: usize) -> anyhow::Result<char> {
+    let is_axis = matches!(config.kinematics().transform(), Transform::Trivial);
+    let map = config.axes.iter().find(|map| map.joints.contains(&joint));
+    match map {
+        Some(map) if is_axis => Ok(map.axis.letter()),
+        _ => bail!(
+            "joint {joint}: is no axis of its own, as the kinematics of {} move several joints together",
+            config.name
+        ),
+    }
+}
+
+/// What a program of one joint does.
+pub(super) struct Plan {
+    /// For messages.
+    pub(super) name: &'static str,
+    pub(super) text: String,
+    /// What the machine will do, for whoever is asked.
+    pub(super) moves: String,
+}
+
+/// Asked where the program rests at M0: `true` goes on, `false` ends it.
+pub(super) type Pause<'a> = &'a mut dyn FnMut(&Record) -> anyhow::Result<bool>;
+
+/// Runs a plan and gives the record of its joint; `None`: nobody wanted it, or it was stopped, which the code says.
+///
+/// # Errors
+/// What keeps it from being run to its end.
+pub(super) fn measure(
+    args: &JointArgs,
+    config: &Config,
+    plan: &Plan,
+    pause: Option<Pause<'_>>,
+) -> anyhow::Result<Result<Record, ExitCode>> {
+    if !args.yes && !agreed(&plan.moves)? {
+        return Ok(Err(ExitCode::FAILURE));
+    }
+    let mut watch = Watch {
+        joint: args.joint,
+        cycle_s: f64::from(config.cycle_us) * 1e-6,
+        pause,
+        paused: false,
+        failed: None,
+        skipped: None,
+        skipped_meanwhile: 0,
+        progress: None,
+    };
+    let ended = match run(config, plan.name, &plan.text, args.json, &mut watch) {
+        // What was found wrong meanwhile is the cause.
+        Err(error) => return Err(watch.failed.take().unwrap_or(error)),
+        Ok(Err(code)) => return Ok(Err(code)),
+        Ok(Ok(ended)) => ended,
+    };
+    if let Some(error) = watch.failed {
+        return Err(error);
+    }
+    if watch.skipped_meanwhile > 0 {
+        eprintln!(
+            "warning: this PC left out {} cycles on the way, in which nothing was measured: figures of time are that much wrong",
+            watch.skipped_meanwhile
+        );
+    }
+    let record = Record::new(ended.operator.recorder.joint_samples(), watch.cycle_s)?;
+    Ok(Ok(record))
+}
+
+/// Whether somebody at the terminal agrees to what is going to move.
+fn agreed(moves: &str) -> anyhow::Result<bool> {
+    let input = std::io::stdin();
+    ensure!(
+        input.is_terminal(),
+        "{moves}\nnobody is there to be asked whether the machine may move; --yes says that it may"
+    );
+    eprint!("{moves}\nIs the way free? [y/N] ");
+    let mut answer = String::new();
+    input.lock().read_line(&mut answer)?;
+    let agreed = matches!(answer.trim(), "y" | "Y" | "yes");
+    if !agreed {
+        eprintln!("nothing was moved");
+    }
+    Ok(agreed)
+}
+
+/// Looks on while a program is run.
+pub(super) trait Onlooker: LoopTask {
+    /// The program is going to be run.
+    fn begin(&mut self, progress: Progress);
+    /// It is over.
+    fn end(&mut self);
+}
+
+/// Runs a program from power-on to power-off; the code says where it was stopped.
+///
+/// # Errors
+/// What keeps it from being run to its end.
+pub(super) fn run(
+    config: &Config,
+    name: &str,
+    text: &str,
+    quiet: bool,
+    onlooker: &mut dyn Onlooker,
+) -> anyhow::Result<Result<Ended, ExitCode>> {
+    let signal = StopSignal::install().context("signals")?;
+    let tables = Tables::read(config).map_err(|error| Refusal::of_file(name, error).nothing_moved())?;
+    let tables = Mutex::new(tables);
+    let reader = Reader::from(text.as_bytes());
+    let checked = check(
+        config,
+        &lock(&tables),
+        name,
+        reader,
+        &Begin::at_home(config),
+        signal.cancel(),
+    );
+    let overview = match (checked, signal.caught()) {
+        (Ok(overview), _) => overview,
+        (Err(_), Some(signal)) => {
+            say("stopped while the program was checked; nothing was moved\n");
+            return Ok(Err(ExitCode::from(exit_code(signal))));
+        }
+        (Err(errors), None) => return Err(Refusal::of_file(name, errors).nothing_moved().into()),
+    };
+    let wire = match config.bus.kind {
+        BusKind::Powerlink => Wire::Interface(config.bus.interface.clone()),
+        BusKind::Memory | BusKind::None => Wire::Memory,
+    };
+    let session = Session {
+        config,
+        tables: &tables,
+        task: Task::Once(Program { name, text: reader }, &overview),
+        quiet,
+        signal,
+        keep_rights: false,
+    };
+    onlooker.begin(Progress::new(&overview, quiet));
+    let mut task = Forward(onlooker);
+    let ended = session::run(&session, wire, &mut task);
+    task.0.end();
+    let ended = ended?;
+    if ended.operator.outcome() == Some(Outcome::Completed) {
+        return Ok(Ok(ended));
+    }
+    if let Some(signal) = session.signal.caught() {
+        say("stopped before the end\n");
+        return Ok(Err(ExitCode::from(exit_code(signal))));
+    }
+    let why = ended.operator.journal().last();
+    let why = why.map_or_else(String::new, |entry| entry.text.clone());
+    Err(Refusal::of_file(name, format!("did not come to its end: {why}")).into())
+}
+
+struct Forward<'a>(&'a mut dyn Onlooker);
+
+impl LoopTask for Forward<'_> {
+    fn tick(&mut self, running: &mut Running, now_ns: u64) {
+        self.0.tick(running, now_ns);
+    }
+}
+
+impl Onlooker for Option<Progress> {
+    fn begin(&mut self, progress: Progress) {
+        *self = Some(progress);
+    }
+
+    fn end(&mut self) {
+        *self = None;
+    }
+}
+
+impl LoopTask for Option<Progress> {
+    fn tick(&mut self, running: &mut Running, now_ns: u64) {
+        if let Some(progress) = self {
+            progress.tick(running, now_ns);
+        }
+    }
+}
+
+/// Has one joint traced, and answers at M0.
+struct Watch<'a> {
+    joint: usize,
+    cycle_s: f64,
+    pause: Option<Pause<'a>>,
+    paused: bool,
+    failed: Option<anyhow::Error>,
+    /// Cycles left out when the program began.
+    skipped: Option<u64>,
+    skipped_meanwhile: u64,
+    progress: Option<Progress>,
+}
+
+impl Onlooker for Watch<'_> {
+    fn begin(&mut self, progress: Progress) {
+        self.progress = Some(progress);
+    }
+
+    fn end(&mut self) {
+        self.progress = None;
+    }
+}
+
+impl LoopTask for Watch<'_> {
+    fn tick(&mut self, running: &mut Running, now_ns: u64) {
+        let operator = &mut running.operator;
+        operator.shared().trace_joint(self.joint);
+        operator.recorder.keep_joint();
+        let live = operator.live();
+        if live.state == State::Running {
+            let before = *self.skipped.get_or_insert(live.cycles_skipped);
+            self.skipped_meanwhile = live.cycles_skipped - before;
+        }
+        if live.waiting == Some(Waiting::Operator) && !self.paused {
+            self.paused = true;
+            let record = Record::new(operator.recorder.joint_samples(), self.cycle_s);
+            let goes_on = record.and_then(|record| match &mut self.pause {
+                Some(pause) => pause(&record),
+                None => Ok(true),
+            });
+            match goes_on {
+                Ok(true) => operator.give(Command::Resume),
+                Ok(false) => operator.end(now_ns),
+                Err(error) => {
+                    self.failed = Some(error);
+                    operator.end(now_ns);
+                }
+            }
+        } else if live.waiting != Some(Waiting::Operator) {
+            self.paused = false;
+        }
+        self.progress.tick(running, now_ns);
+    }
+}
+
+/// Writes the figures and the picture of a measurement.
+///
+/// # Errors
+/// What the file system refuses.
+pub(super) fn write(folder: &Path, name: &str, figures: &serde_json::Value, picture: &str) -> anyhow::Result<()> {
+    for (ending, text) in [("json", &format!("{figures:#}\n")), ("svg", &picture.to_owned())] {
+        let path = folder.join(format!("{name}.{ending}"));
+        files::write(&path, text).with_context(|| path.display().to_string())?;
+    }
+    Ok(())
+}
