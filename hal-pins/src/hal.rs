@@ -355,6 +355,18 @@ impl<T: Value> Input<T> {
     }
 }
 
+impl<T: Value> Input<T> {
+    /// RT: puts another value in place of one that cannot be used, so that nobody takes it for the one in force. An input on a net shows
+    /// what the net has; a value that has come meanwhile stays.
+    pub fn correct(&self, wrong: T, right: T) {
+        let source = self.shared.source[self.index].load(Ordering::Acquire);
+        if source as usize == self.index {
+            let cell = self.shared.words.cell(self.index);
+            let _ = cell.compare_exchange(wrong.to_cell(), right.to_cell(), Ordering::AcqRel, Ordering::Relaxed);
+        }
+    }
+}
+
 impl<T> Clone for Input<T> {
     fn clone(&self) -> Self {
         Input {

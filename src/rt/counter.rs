@@ -14,6 +14,8 @@ pub struct Counter {
     bits: u32,
     /// As it was read last.
     raw: Option<u64>,
+    /// It counts anew: the next value says nothing of how far it has come.
+    anew: bool,
     /// Counts since its own zero, not wrapped.
     counts: i64,
     /// Counts at which [`Counter::counts`] is 0.
@@ -36,6 +38,7 @@ impl Counter {
         Counter {
             bits: bits as u32,
             raw: None,
+            anew: false,
             counts: 0,
             zero: 0,
             latch: None,
@@ -49,7 +52,11 @@ impl Counter {
 
     /// Takes the value of a cycle: the first one is taken with its sign, the others by the shorter way from the one before.
     pub fn update(&mut self, cycle: u64, raw: u64, latch: Option<u64>) {
-        let before = self.raw.unwrap_or(0);
+        let before = match self.raw {
+            _ if std::mem::take(&mut self.anew) => raw,
+            Some(before) => before,
+            None => 0,
+        };
         self.counts = self.counts.wrapping_add(self.difference(raw, before));
         self.raw = Some(raw);
         if let (Some(now), Some(before)) = (latch, self.latch)
@@ -87,6 +94,13 @@ impl Counter {
         }
     }
 
+    /// It was out of sight and may have begun to count anew: the next value is where it was, and no index.
+    pub fn lose_sight(&mut self) {
+        // One that has never been read has nothing to lose.
+        self.anew = self.raw.is_some();
+        (self.latch, self.next, self.seen) = (None, 0, 0);
+    }
+
     /// Counts from here on.
     pub fn reset(&mut self) {
         self.zero = self.counts;
@@ -118,6 +132,26 @@ impl Counter {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    #[test]
+    fn a_counter_that_begins_anew_neither_jumps_nor_shows_an_index() {
+        let mut counter = Counter::new(16);
+        counter.lose_sight();
+        counter.update(0, 500, Some(400));
+        counter.arm();
+        assert_eq!((counter.counts(), counter.latched()), (500, None));
+        counter.lose_sight();
+        counter.update(900, 0, Some(0));
+        assert_eq!(
+            (counter.counts(), counter.latched(), counter.is_armed()),
+            (500, None, true)
+        );
+        assert_eq!(counter.counts_per_cycle(), 0.0);
+        counter.update(901, 20, Some(0));
+        assert_eq!((counter.counts(), counter.counts_per_cycle()), (520, 20.0));
+        counter.update(902, 40, Some(30));
+        assert_eq!((counter.counts(), counter.latched()), (10, Some(0)));
+    }
 
     #[test]
     fn an_index_is_the_new_zero_only_where_it_is_asked_for() {

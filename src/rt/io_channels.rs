@@ -234,12 +234,17 @@ struct Relay {
     switchings: Output<u32>,
 }
 
+/// A node that has been silent for so long, s, may have been restarted meanwhile; none is polled more rarely than that.
+const OUT_OF_SIGHT_S: f64 = 0.1;
+
 /// LinuxCNC's pins of an encoder. A pin has one writer here: `index-enable` stays as it is, and `indexed` says that it was found.
 struct CounterPins {
     place: Place,
     follow: Follow,
     latch: Option<Field>,
     counter: Counter,
+    /// Last cycle in which a value came.
+    seen: u64,
     cycle_s: f64,
     counts: Output<i32>,
     position: Output<f64>,
@@ -283,6 +288,7 @@ impl CounterPins {
             follow,
             latch,
             counter: Counter::new(place.field.object.bits),
+            seen: 0,
             cycle_s,
             counts: hal.output(&pin(name, "counts"))?,
             position: hal.output(&pin(name, "position"))?,
@@ -309,6 +315,9 @@ impl CounterPins {
             }
         }
         let latch = self.latch.map(|latch| latch.read(payload));
+        if (cycle - std::mem::replace(&mut self.seen, cycle)) as f64 * self.cycle_s > OUT_OF_SIGHT_S {
+            self.counter.lose_sight();
+        }
         self.counter.update(cycle, self.place.read(payload), latch);
         if self.reset.get() {
             self.counter.reset();

@@ -11,6 +11,29 @@ use crate::config::GAIN_MAX;
 use hal_pins::{Hal, HalError, Input, Output};
 use motion::rt::PidGains;
 
+/// Gains in the order of their pins.
+fn in_order(gains: &PidGains) -> [f64; 9] {
+    let [ff0, ff1, ff2, ff3] = gains.ff;
+    let PidGains {
+        p,
+        i,
+        d,
+        bias,
+        dead_band,
+        ..
+    } = *gains;
+    [p, i, d, ff0, ff1, ff2, ff3, bias, dead_band]
+}
+
+/// Whether the machine file would allow a value of the pin of this number.
+fn is_legal(number: usize, value: f64) -> bool {
+    match number {
+        0 => value > 0.0 && value <= GAIN_MAX,
+        1 | 2 | 8 => (0.0..=GAIN_MAX).contains(&value),
+        _ => (-GAIN_MAX..=GAIN_MAX).contains(&value),
+    }
+}
+
 /// Those of one joint.
 pub struct LoopPins {
     joint: usize,
@@ -48,13 +71,14 @@ impl LoopPins {
         })
     }
 
-    /// Once a cycle, before the loops are closed; `are_lost` is asked behind the reading: pins that were cut away read as 0. A pin
-    /// beyond what the machine file allows changes nothing. RT.
+    /// Once a cycle, before the loops are closed; `are_lost` is asked behind the reading: pins that were cut away read as 0. A value
+    /// beyond what the machine file allows is not taken, and its pin shows again what is in force. RT.
     pub fn turn(&self, drives: &mut Drives, are_lost: impl Fn() -> bool) {
         let Some(now) = drives.iter().nth(self.joint).and_then(|drive| drive.position_loop()) else {
             return;
         };
-        let [p, i, d, ff0, ff1, ff2, ff3, bias, dead_band] = self.gains.each_ref().map(Input::get);
+        let values = self.gains.each_ref().map(Input::get);
+        let [p, i, d, ff0, ff1, ff2, ff3, bias, dead_band] = values;
         let wanted = PidGains {
             p,
             i,
@@ -64,9 +88,18 @@ impl LoopPins {
             dead_band,
             ..*now.gains()
         };
-        let within = |values: &[f64], least: f64| values.iter().all(|value| (least..=GAIN_MAX).contains(value));
-        let legal = p > 0.0 && within(&[p, i, d, dead_band], 0.0) && within(&[ff0, ff1, ff2, ff3, bias], -GAIN_MAX);
-        if legal && wanted != *now.gains() && !are_lost() {
+        let in_force = in_order(now.gains());
+        if values == in_force || are_lost() {
+            return;
+        }
+        let mut legal = true;
+        for (number, (pin, (value, in_force))) in self.gains.iter().zip(values.into_iter().zip(in_force)).enumerate() {
+            if !is_legal(number, value) {
+                pin.correct(value, in_force);
+                legal = false;
+            }
+        }
+        if legal {
             drives.set_gains(self.joint, wanted);
         }
     }

@@ -96,7 +96,7 @@ impl Proposal {
             .map(|(name, value)| (format!("pid.{joint}.{name}"), value))
     }
 
-    fn to_json(&self) -> Json {
+    fn to_json(self) -> Json {
         let gains = |gains: &PidGains| {
             let [ff0, ff1, ff2, ff3] = gains.ff;
             json!({ "p": gains.p, "i": gains.i, "d": gains.d, "ff0": ff0, "ff1": ff1, "ff2": ff2, "ff3": ff3 })

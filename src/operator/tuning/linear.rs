@@ -58,14 +58,13 @@ impl<const N: usize> LeastSquares<N> {
             }
             solved[pivot] = true;
             let share = 1.0 / matrix[pivot][pivot];
-            for column in 0..N {
-                matrix[pivot][column] *= share;
-            }
+            matrix[pivot] = matrix[pivot].map(|value| value * share);
+            let pivot_row = matrix[pivot];
             right[pivot] *= share;
             for row in (0..N).filter(|&row| row != pivot) {
                 let factor = matrix[row][pivot];
-                for column in 0..N {
-                    matrix[row][column] -= factor * matrix[pivot][column];
+                for (value, of_pivot) in matrix[row].iter_mut().zip(pivot_row) {
+                    *value -= factor * of_pivot;
                 }
                 right[row] -= factor * right[pivot];
             }

@@ -463,8 +463,11 @@ impl<B: CyclicBus> MotionController<B> {
         } else if let Some(program) = &mut self.program {
             if program.is_probing() {
                 let measured = self.parts.drives.measured(&self.parts.kinematics, &self.sample);
-                program.see_probe(self.probe_in_contact[1], &measured);
-                program.see_latches(self.parts.drives.touched(&self.parts.kinematics, &self.sample));
+                let latched = self.parts.drives.touched(&self.parts.kinematics, &self.sample);
+                // The probe may be wired to the drives alone: what all of them have latched is a contact, whatever the pin shows.
+                let in_contact = self.probe_in_contact[1] || matches!(latched, [Some(_), None]);
+                program.see_probe(in_contact, &measured);
+                program.see_latches(latched);
             } else {
                 self.parts.drives.arm_touch_probes();
             }

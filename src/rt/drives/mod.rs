@@ -42,8 +42,12 @@ struct Touch {
     shift: u8,
     /// What the positions were before.
     before: [i32; 2],
+    /// No edge has been stored since: the next one that is counts, also at the very increment of the one before.
+    cleared: [bool; 2],
     /// Positions of the first edges since then, as they came.
     found: [Option<i32>; 2],
+    /// It is switched off, so that the drive forgets what it has stored.
+    off: bool,
 }
 
 impl Touch {
@@ -61,7 +65,9 @@ impl Touch {
             ],
             shift: 8 * (number - 1),
             before: [0; 2],
+            cleared: [false; 2],
             found: [None; 2],
+            off: false,
         })
     }
 
@@ -75,18 +81,30 @@ impl Touch {
         })
     }
 
+    /// RT.
     fn watch(&mut self, payload: &[u8]) {
+        self.off &= self.fields[1].read(payload) >> self.shift & 1 == 1;
         for (edge, last) in self.read(payload).into_iter().enumerate() {
+            self.cleared[edge] |= last.is_none();
             if self.found[edge].is_none() {
-                self.found[edge] = last.filter(|last| *last != self.before[edge]);
+                self.found[edge] = last.filter(|last| self.cleared[edge] || *last != self.before[edge]);
             }
         }
     }
 
+    /// From now on edges count that come. A drive that has stored some is switched off until it says so: positions alone would not
+    /// tell a second touch at the same increment. One that forgets nothing by that is told by its positions. RT.
     fn arm(&mut self) {
         for edge in 0..2 {
-            self.before[edge] = self.found[edge].take().unwrap_or(self.before[edge]);
+            if let Some(found) = self.found[edge].take() {
+                (self.before[edge], self.cleared[edge], self.off) = (found, false, true);
+            }
         }
+    }
+
+    /// 60B8, as far as it is its own. RT.
+    fn function(&self) -> u64 {
+        if self.off { 0 } else { Touch::FUNCTION << self.shift }
     }
 }
 
@@ -370,7 +388,7 @@ impl Drive {
             offset.write(payload, self.setpoint.torque_offset as u64);
         }
         if let Some(touch) = &self.touch {
-            touch.fields[0].write(payload, Touch::FUNCTION << touch.shift);
+            touch.fields[0].write(payload, touch.function());
         }
         if let Some(mode) = self.fields.mode {
             mode.write(payload, self.setpoint.mode as u64);

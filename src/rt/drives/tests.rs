@@ -341,7 +341,8 @@ fn gains_follow_their_pins_and_what_is_no_number_changes_nothing() {
         hal.set(&format!("pid.0.{pin}"), value).unwrap();
         pins.turn(&mut table.drives, || false);
         assert_eq!(gains(&table), turned, "{pin} {value}");
-        hal.set(&format!("pid.0.{pin}"), before).unwrap();
+        let shown = hal.reader::<f64>(&format!("pid.0.{pin}")).unwrap().get();
+        assert_eq!(shown, before, "{pin} shows what is in force, not {value}");
     }
     // What reads as 0 because the file was cut short is no gain.
     hal.set("pid.0.pgain", 5.0).unwrap();
@@ -357,4 +358,44 @@ fn gains_follow_their_pins_and_what_is_no_number_changes_nothing() {
         0.0,
         "the command before is where the joint stands"
     );
+}
+
+#[test]
+fn a_second_touch_at_the_same_increment_is_seen_once_the_drive_has_forgotten_the_first() {
+    let mapped = |objects: &[(u16, u8)]| {
+        let objects = objects
+            .iter()
+            .map(|&(index, bits)| config::Mapped { index, sub: 0, bits });
+        Layout::new(&objects.collect::<Vec<_>>())
+    };
+    let outputs = mapped(&[(0x60B8, 16)]);
+    let inputs = mapped(&[(0x60B9, 16), (0x60BA, 32), (0x60BB, 32)]);
+    let mut touch = Touch::new(1, &outputs, &inputs).unwrap();
+    let mut payload = [0; 10];
+    let mut tell = |touch: &mut Touch, status: u64, rising: i32| {
+        touch.fields[1].write(&mut payload, status);
+        touch.fields[2].write(&mut payload, rising as u64);
+        touch.watch(&payload);
+    };
+    // What was stored before, and not where an edge was since.
+    tell(&mut touch, 0b001, 0);
+    tell(&mut touch, 0b011, 700);
+    assert_eq!((touch.found, touch.function()), ([Some(700), None], Touch::FUNCTION));
+    touch.arm();
+    assert_eq!((touch.found, touch.function()), ([None; 2], 0));
+    // The drive takes some cycles to see that it is off, and as many to see that it is on.
+    tell(&mut touch, 0b011, 700);
+    assert_eq!((touch.found, touch.function()), ([None; 2], 0));
+    tell(&mut touch, 0b000, 700);
+    assert_eq!((touch.found, touch.function()), ([None; 2], Touch::FUNCTION));
+    tell(&mut touch, 0b001, 700);
+    tell(&mut touch, 0b011, 700);
+    assert_eq!(touch.found, [Some(700), None]);
+    // One that forgets nothing is told by its positions.
+    touch.arm();
+    tell(&mut touch, 0b010, 700);
+    tell(&mut touch, 0b011, 700);
+    assert_eq!((touch.found, touch.function()), ([None; 2], Touch::FUNCTION));
+    tell(&mut touch, 0b011, 701);
+    assert_eq!(touch.found, [Some(701), None]);
 }

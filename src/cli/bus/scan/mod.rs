@@ -209,6 +209,7 @@ fn scan_on(
 /// Writes a machine file or adds to it: what was done, and what is otherwise than a file said that was there.
 fn write(path: &Path, args: &ScanArgs, found: &[Found], station: Station) -> anyhow::Result<(String, Vec<String>)> {
     let mut differences = Vec::new();
+    let (mut names, mut moved) = (Vec::new(), Vec::new());
     if std::fs::symlink_metadata(path).is_ok() {
         let config = config::read(path).map_err(Refusal::from)?;
         let known = |id: u8| config.bus.nodes.iter().any(|node| node.id == id);
@@ -221,6 +222,13 @@ fn write(path: &Path, args: &ScanArgs, found: &[Found], station: Station) -> any
             );
             return Ok((text, differences));
         }
+        names.extend(config.bus.nodes.iter().map(|node| node.name.clone()));
+        // One that has moved is in the file already, and what is to be done about it is told.
+        let has_moved = |id: u8| {
+            let place = format!("found at node {id}: set its id back");
+            differences.iter().any(|told: &String| told.contains(&place))
+        };
+        moved.extend(identities.iter().map(|(id, _)| *id).filter(|id| has_moved(*id)));
         // What is added is no longer strange.
         let strangers: Vec<String> = identities
             .iter()
@@ -233,8 +241,8 @@ fn write(path: &Path, args: &ScanArgs, found: &[Found], station: Station) -> any
         Some(folder) => propose::devices(folder, path)?,
         None => Vec::new(),
     };
-    let (mut station, mut modules, mut names) = (station, Vec::new(), Vec::new());
-    for found in found {
+    let (mut station, mut modules) = (station, Vec::new());
+    for found in found.iter().filter(|found| !moved.contains(&found.id)) {
         let (back, module) = propose::ask(station, found, &mut names, &devices)?;
         station = back;
         match module {
@@ -246,8 +254,9 @@ fn write(path: &Path, args: &ScanArgs, found: &[Found], station: Station) -> any
             )),
         }
     }
+    let left_out: String = modules.iter().flat_map(propose::Module::left_out).collect();
     let written = propose::write(path, args.add, modules, &args.interface)?;
-    Ok((propose::told(path, &written), differences))
+    Ok((propose::told(path, &written) + &left_out, differences))
 }
 
 fn tell_foreign(

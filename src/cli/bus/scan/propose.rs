@@ -37,7 +37,8 @@ pub(super) struct Module {
     pub(super) name: String,
     is_drive: bool,
     identity: Identity,
-    /// How many objects of each of [`OBJECTS`] it has.
+    /// How many objects of each of [`OBJECTS`] it has, and how many of them will stand in the file.
+    has: [u8; OBJECTS.len()],
     counts: [u8; OBJECTS.len()],
     /// Its device file, as the machine file names it.
     device_file: Option<String>,
@@ -69,19 +70,19 @@ pub(super) fn ask(
         PROFILE_IO => false,
         _ => return Ok((station, None)),
     };
-    let mut counts = [0; OBJECTS.len()];
+    let mut has = [0; OBJECTS.len()];
     let station = match is_drive {
         true => station,
         false => {
             let mut node = Parameters::new(station, *found);
-            for (count, (index, ..)) in counts.iter_mut().zip(OBJECTS) {
+            for (count, (index, ..)) in has.iter_mut().zip(OBJECTS) {
                 let mut value = [0; 8];
                 let started = node.client().start_read(index, 0);
                 started.with_context(|| format!("node {}", found.id))?;
                 // What it does not have, it refuses.
                 match node.run(&[], &mut value)? {
                     Ok(0) | Err(ClientError::Aborted(_)) => {}
-                    Ok(_) => *count = value[0].min(OBJECTS_MAX),
+                    Ok(_) => *count = value[0],
                     Err(error) => bail!("node {}: {index:04X}h: {error}", found.id),
                 }
             }
@@ -93,10 +94,13 @@ pub(super) fn ask(
         .to_ascii_lowercase()
         .replace([' ', '_'], "-");
     let plain = format!("{}-{}", if is_drive { "drive" } else { "io" }, found.id);
+    // Another node may be called that.
+    let numbered = (2..).map(|number| format!("{plain}-{number}"));
     let name = if config::is_name(&own) && !names.contains(&own) {
         own
     } else {
-        plain
+        let mut free = std::iter::once(plain.clone()).chain(numbered);
+        free.find(|name| !names.contains(name)).unwrap_or(plain)
     };
     names.push(name.clone());
     let fits = |(_, device): &&(String, DeviceDescription)| {
@@ -110,7 +114,8 @@ pub(super) fn ask(
         name,
         is_drive,
         identity: identity(found),
-        counts,
+        has,
+        counts: has.map(|count| count.min(OBJECTS_MAX)),
         device_file,
     };
     Ok((station, Some(module)))
@@ -141,6 +146,18 @@ pub(super) fn devices(folder: &Path, machine_file: &Path) -> anyhow::Result<Vec<
 }
 
 impl Module {
+    /// What of it does not stand in the file, in words.
+    pub(super) fn left_out(&self) -> impl Iterator<Item = String> {
+        let kinds = OBJECTS.iter().zip(self.has.iter().zip(self.counts));
+        let cut = kinds.filter(|(_, (has, count))| **has > *count);
+        cut.map(|((index, ..), (has, count))| {
+            format!(
+                "{} (node {}): of {has} objects {index:04X}h the first {count} are in the file; add those that are wanted\n",
+                self.name, self.id
+            )
+        })
+    }
+
     fn objects(&self, output: bool) -> Vec<(Mapped, &'static str, u8)> {
         let kinds = OBJECTS
             .iter()
