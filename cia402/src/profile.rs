@@ -5,6 +5,28 @@
 
 use core::fmt;
 
+/// Axes that one device may have.
+pub const AXES_MAX: u8 = 8;
+/// From an object of one axis to that of the next.
+const AXIS_STEP: u16 = 0x0800;
+/// The first object of the profile.
+const AXES_BEGIN: u16 = 0x6000;
+
+/// The object of an axis, by that of the first one (axis 0).
+pub const fn on_axis(index: u16, axis: u8) -> u16 {
+    index.wrapping_add(axis as u16 * AXIS_STEP)
+}
+
+/// The axis of an object, and the object of the first axis that it stands for.
+pub const fn axis_of(index: u16) -> (u8, u16) {
+    match index.checked_sub(AXES_BEGIN) {
+        Some(beyond) if beyond < AXIS_STEP * AXES_MAX as u16 => {
+            ((beyond / AXIS_STEP) as u8, AXES_BEGIN + beyond % AXIS_STEP)
+        }
+        _ => (0, index),
+    }
+}
+
 /// State of the drive's power state machine, as the statusword (6041) shows it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum State {

@@ -37,6 +37,7 @@ mod definition;
 #[cfg(feature = "device")]
 pub mod device;
 mod dictionary;
+mod expected;
 pub mod mapping;
 mod objects;
 
@@ -44,4 +45,5 @@ pub use abort::AbortCode;
 pub use data_type::{DataType, Scalar};
 pub use definition::{Access, EntryDef, PdoAccess, Value, lines_of, octets_of};
 pub use dictionary::{BuildError, Dictionary, Handle, Key};
+pub use expected::Expected;
 pub use objects::Objects;

@@ -147,6 +147,15 @@ pub enum BusEvent {
         /// SDO abort code.
         abort: AbortCode,
     },
+    /// An object of a node has another value than its drive profile, or what was written, says.
+    WrongValue {
+        node: NodeIndex,
+        object: (u16, u8),
+        /// What it should be.
+        expected: u32,
+        /// What the node says.
+        got: u32,
+    },
     /// A node has not answered the search for some time; the search goes on.
     Missing(NodeIndex),
     /// A node that the machine file does not have, found while one that it has is missing.

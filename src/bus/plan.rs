@@ -4,6 +4,7 @@
 
 use super::layout::Layout;
 use crate::config::{ConfigurationWrite, Stamp};
+use obd::Expected;
 
 /// One node of the network, ready for its master.
 #[derive(Clone, Debug)]
@@ -16,6 +17,8 @@ pub struct NodePlan {
     pub configuration: Vec<u8>,
     /// What stands in the concise DCF.
     pub writes: Vec<ConfigurationWrite>,
+    /// What is read behind that, and must be so.
+    pub expected: Vec<Expected>,
     /// Date and time (0x1020) that tell this configuration from any other; `None`: the device does not keep them.
     pub stamp: Option<Stamp>,
     /// What was not written, and why.

@@ -3,9 +3,10 @@
 //! In:  the table of the machine file. Out: a [`Bus`] whose nodes fit together; whether its worst cycle fits the cycle is judged by `bus::check`.
 
 use super::document::{Item, Section};
+use super::drive::DriveUse;
 use super::error::nearest;
 use super::node::{self, Names, Network};
-use super::types::{Bus, BusKind, BusLink, DriveMode};
+use super::types::{Bus, BusKind, BusLink};
 use std::path::Path;
 
 /// Least and greatest AsyncMTU; and the octets of an Ethernet header, which it does not count.
@@ -16,7 +17,7 @@ pub(super) fn bus(
     section: &mut Section<'_, '_>,
     cycle_us: Option<u32>,
     folder: &Path,
-    modes: &[(i64, DriveMode)],
+    uses: &[DriveUse],
 ) -> Option<Bus> {
     let cycle_or_most_us = i64::from(cycle_us.unwrap_or(10_000));
     let kind = section.word(
@@ -44,7 +45,7 @@ pub(super) fn bus(
         folder,
         cycle_us,
         multiplex_cycles,
-        modes,
+        uses,
     };
     let mut nodes = Vec::new();
     let mut pending = Vec::new();

@@ -6,7 +6,7 @@
 
 use super::document::{Item, Section};
 use super::mapping::parse_object;
-use super::types::{ConfigurationWrite, DeviceDescription, Identity};
+use super::types::{ConfigurationWrite, DeviceDescription, DriveProfile, Identity};
 use obd::device::{self, Object, TypeCode};
 use obd::{Access, DataType};
 use std::path::Path;
@@ -15,17 +15,19 @@ use toml::de::DeValue;
 /// Mistakes of a device file that are told.
 const MISTAKES_TOLD: usize = 10;
 
-/// Reads the device file; `Some(None)`: there is none. Its path is relative to the machine file, which is in `folder`.
+/// Reads the device file; `Some(None)`: there is none. Its path is relative to the machine file, which is in `folder`; left out:
+/// `usual`.
 pub(super) fn file(
     section: &mut Section<'_, '_>,
     folder: &Path,
     cycle_us: Option<u32>,
+    usual: Option<&Path>,
 ) -> Option<Option<DeviceDescription>> {
-    let Some(item) = section.optional("device_file") else {
-        return Some(None);
+    let path = match (section.optional("device_file"), usual) {
+        (Some(item), _) => folder.join(item.text(&section.key("device_file"))?),
+        (None, Some(usual)) => usual.to_owned(),
+        (None, None) => return Some(None),
     };
-    let text = item.text(&section.key("device_file"))?;
-    let path = folder.join(text);
     let octets = match files::read(&path, files::read::TEXT_MAX) {
         Ok(octets) => octets,
         Err(error) => {
@@ -64,8 +66,14 @@ pub(super) fn file(
 
 /// What the node must say it is: the keys, and what they leave out from the device file. The revision is only checked where the
 /// machine file asks for it: a newer one is no other device.
-pub(super) fn identity(section: &mut Section<'_, '_>, device: Option<&DeviceDescription>) -> Option<Identity> {
+/// What neither of them says, the drive profile does.
+pub(super) fn identity(
+    section: &mut Section<'_, '_>,
+    device: Option<&DeviceDescription>,
+    drive: Option<&DriveProfile>,
+) -> Option<Identity> {
     let file = device.map(|device| &device.identity);
+    let usual = drive.map_or(Identity::default(), |drive| drive.identity);
     let device_type = number(section, "device_type", device, file.and_then(|file| file.device_type));
     let vendor_id = number(section, "vendor_id", device, file.and_then(|file| file.vendor_id));
     let product_code = number(section, "product_code", device, file.and_then(|file| file.product_code));
@@ -74,11 +82,11 @@ pub(super) fn identity(section: &mut Section<'_, '_>, device: Option<&DeviceDesc
         number(section, "serial", None, None),
     );
     Some(Identity {
-        device_type: device_type?,
-        vendor_id: vendor_id?,
-        product_code: product_code?,
-        revision: revision?,
-        serial: serial?,
+        device_type: device_type?.or(usual.device_type),
+        vendor_id: vendor_id?.or(usual.vendor_id),
+        product_code: product_code?.or(usual.product_code),
+        revision: revision?.or(usual.revision),
+        serial: serial?.or(usual.serial),
     })
 }
 
@@ -99,10 +107,11 @@ fn number(
     Some(Some(number))
 }
 
-/// `sdo = [{ object = "0x2010:3", value = 5, bits = 16 }]`.
+/// `sdo = [{ object = "0x2010:3", value = 5, bits = 16 }]`, behind what is `usual` of other objects.
 pub(super) fn writes(
     section: &mut Section<'_, '_>,
     device: Option<&DeviceDescription>,
+    usual: &[ConfigurationWrite],
 ) -> Option<Vec<ConfigurationWrite>> {
     let written = section
         .optional("sdo")
@@ -125,7 +134,12 @@ pub(super) fn writes(
         }
         table.done();
     }
-    complete.then_some(writes)
+    let at = |write: &ConfigurationWrite| (write.index, write.sub);
+    let others = usual
+        .iter()
+        .filter(|usual| writes.iter().all(|write| at(write) != at(usual)));
+    let all = others.chain(&writes).cloned().collect();
+    complete.then_some(all)
 }
 
 fn write(table: &mut Section<'_, '_>, device: Option<&DeviceDescription>) -> Option<ConfigurationWrite> {

@@ -4,8 +4,9 @@
 //! Out: values that the drive takes, as far as its device file tells.
 
 use super::document::{Bound, Section};
-use super::types::{DeviceDescription, Mapped, Node};
+use super::types::{DeviceDescription, DriveProfile, Mapped, Node};
 pub use cia402::Mode as DriveMode;
+use cia402::profile::axis_of;
 use cia402::profile::mode::{HOMING, Offered, supported_bit};
 use obd::device::Value;
 use toml::de::DeTable;
@@ -34,7 +35,7 @@ pub fn targets(mode: DriveMode) -> &'static [(u16, u8)] {
 
 /// The word of the machine file for a mode.
 pub(super) fn mode_word(mode: DriveMode) -> &'static str {
-    let found = MODES.iter().find(|(_, other)| *other == mode);
+    let found = MODES.iter().chain(&SPINDLE_MODES).find(|(_, other)| *other == mode);
     found.map_or("another", |(word, _)| word)
 }
 
@@ -72,8 +73,12 @@ impl Reactions {
     }
 }
 
-/// `[joint.reactions]`.
-pub(super) fn reactions(table: &mut Section<'_, '_>, device: Option<&DeviceDescription>) -> Option<Reactions> {
+/// `[joint.reactions]`; what is left out is as `usual`.
+pub(super) fn reactions(
+    table: &mut Section<'_, '_>,
+    device: Option<&DeviceDescription>,
+    usual: &Reactions,
+) -> Option<Reactions> {
     let quick_stop = reaction(table, "quick_stop", 0x605A, device);
     let shutdown = reaction(table, "shutdown", 0x605B, device);
     let disable = reaction(table, "disable", 0x605C, device);
@@ -81,12 +86,12 @@ pub(super) fn reactions(table: &mut Section<'_, '_>, device: Option<&DeviceDescr
     let fault = reaction(table, "fault", 0x605E, device);
     let connection_lost = reaction(table, "connection_lost", 0x6007, device);
     Some(Reactions {
-        quick_stop: quick_stop?,
-        shutdown: shutdown?,
-        disable: disable?,
-        halt: halt?,
-        fault: fault?,
-        connection_lost: connection_lost?,
+        quick_stop: quick_stop?.or(usual.quick_stop),
+        shutdown: shutdown?.or(usual.shutdown),
+        disable: disable?.or(usual.disable),
+        halt: halt?.or(usual.halt),
+        fault: fault?.or(usual.fault),
+        connection_lost: connection_lost?.or(usual.connection_lost),
     })
 }
 
@@ -183,6 +188,10 @@ pub(super) fn touch_probe(section: &mut Section<'_, '_>, node: Option<&Node>) ->
     complete.then_some(Some(number as u8))
 }
 
+/// Modes of a drive that turns the spindle.
+pub(super) const SPINDLE_MODES: [(&str, DriveMode); 3] =
+    [("vl", DriveMode::Vl), ("pv", DriveMode::Pv), ("csv", DriveMode::Csv)];
+
 const MODES: [(&str, DriveMode); 4] = [
     ("csp", DriveMode::Csp),
     ("ip", DriveMode::Ip),
@@ -190,41 +199,74 @@ const MODES: [(&str, DriveMode); 4] = [
     ("cst", DriveMode::Cst),
 ];
 
-/// Node ids and modes of all joints, as far as they can be read; what is wrong with them is told where they are read.
-pub(super) fn modes(document: &DeTable<'_>) -> Vec<(i64, DriveMode)> {
+/// What a drive is there for, as far as mappings ask.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct DriveUse {
+    /// Id of its node.
+    pub(super) node: i64,
+    /// Of several axes of a device, from 0.
+    pub(super) axis: u8,
+    /// `None`: the usual one of the drive.
+    pub(super) mode: Option<DriveMode>,
+    /// It turns the spindle, and its position is nothing to the control.
+    pub(super) is_spindle: bool,
+}
+
+/// What drives all joints and the spindle, as far as that can be read; what is wrong with it is told where it is read.
+pub(super) fn uses(document: &DeTable<'_>) -> Vec<DriveUse> {
+    let read = |table: &DeTable<'_>, axis_key: &str, is_spindle| {
+        let number = |key: &str| {
+            let number = table.get(key)?.get_ref().as_integer()?;
+            i64::from_str_radix(number.as_str(), number.radix()).ok()
+        };
+        let word = table.get("mode").and_then(|mode| mode.get_ref().as_str());
+        let words: &[(&str, DriveMode)] = if is_spindle { &SPINDLE_MODES } else { &MODES };
+        let mode = word.and_then(|word| words.iter().find(|(name, _)| *name == word));
+        Some(DriveUse {
+            node: number("node")?,
+            axis: number(axis_key).and_then(|axis| u8::try_from(axis).ok()).unwrap_or(0),
+            mode: mode.map(|(_, mode)| *mode),
+            is_spindle,
+        })
+    };
     let tables = document.get("joint").and_then(|joints| joints.get_ref().as_array());
     let tables = tables
         .into_iter()
         .flatten()
         .filter_map(|joint| joint.get_ref().as_table());
+    let spindle = document.get("spindle").and_then(|spindle| spindle.get_ref().as_table());
+    let spindle = spindle.and_then(|spindle| spindle.get("drive")?.get_ref().as_table());
+    // Without a mode it is an output that takes a speed.
+    let spindle = spindle.filter(|drive| drive.contains_key("mode"));
     tables
-        .filter_map(|joint| {
-            let node = joint.get("node")?.get_ref().as_integer()?;
-            let node = i64::from_str_radix(node.as_str(), node.radix()).ok()?;
-            let word = joint.get("mode")?.get_ref().as_str()?;
-            let (_, mode) = MODES.iter().find(|(name, _)| *name == word)?;
-            Some((node, *mode))
-        })
+        .filter_map(|joint| read(joint, "drive_axis", false))
+        .chain(spindle.and_then(|drive| read(drive, "drive_axis", true)))
         .collect()
 }
 
 /// The mode in which the drive is run.
-pub(super) fn mode(section: &mut Section<'_, '_>) -> Option<DriveMode> {
-    section.word("mode", &MODES, DriveMode::Csp)
+pub(super) fn mode(section: &mut Section<'_, '_>, drive: Option<&DriveProfile>) -> Option<DriveMode> {
+    section.word("mode", &MODES, drive.map_or(DriveMode::Csp, DriveProfile::usual_mode))
 }
 
-/// Whether the drive has the modes in which it is to be run, as far as its device file says (6502).
+/// Whether the drive has the modes in which it is to be run, as far as its profile or its device file says (6502).
 pub(super) fn modes_are_offered(section: &mut Section<'_, '_>, node: &Node, mode: DriveMode, homes: bool) {
-    let Some(device) = &node.device else { return };
-    let object = device.object(0x6502, 0);
-    let value = object.and_then(|object| object.actual.as_ref().or(object.default.as_ref()));
-    let Some(supported) = value
-        .and_then(Value::integer)
-        .and_then(|value| u32::try_from(value).ok())
-    else {
+    let tells_mode = node.outputs.iter().any(|object| axis_of(object.index).1 == 0x6060);
+    if homes && node.drive.is_some() && !tells_mode {
+        let rule = "must be by = \"control\": \"0x6060/8\" is not among the outputs of its node, and the drive could not be changed to \
+                    homing";
+        section.wrong("homing", rule);
+    }
+    let of_profile = node.drive.as_ref().and_then(|drive| Some((drive.modes?, &drive.name)));
+    let of_file = || {
+        let device = node.device.as_ref()?;
+        let object = device.object(0x6502, 0)?;
+        let value = object.actual.as_ref().or(object.default.as_ref())?.integer()?;
+        Some((u32::try_from(value).ok()?, &device.file))
+    };
+    let Some((supported, file)) = of_profile.or_else(of_file) else {
         return;
     };
-    let file = &device.file;
     // A file that says 0 does not know.
     if supported != 0 && supported & supported_bit(mode.code()) == 0 {
         let word = mode_word(mode);

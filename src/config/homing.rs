@@ -8,7 +8,9 @@
 
 use super::document::{Bound, Section};
 use super::joints::{ACCELERATION_MAX, LENGTH_MAX, VELOCITY_MAX, ratio};
-use super::types::{AxisMap, HomeSwitch, Homing, HomingBy, HomingByControl, Joint, Net, Node, StopLimits};
+use super::types::{
+    AxisMap, DriveProfile, HomeSwitch, Homing, HomingBy, HomingByControl, Joint, Net, Node, StopLimits,
+};
 use motion::canon::Axis;
 use motion::kinematics::Transform;
 
@@ -35,8 +37,10 @@ const OF_THE_CONTROL: [&str; 8] = [
     "skew_mm",
 ];
 
+pub(super) const METHOD_RULE: &str = "must be a homing method of CiA 402: 1 to 14, 17 to 30, 33, 34, 35 or 37";
+
 /// Homing methods of CiA 402 that a drive does by itself; 15, 16, 31, 32 are reserved, 36 needs a touch probe.
-fn is_homing_method(method: i64) -> bool {
+pub(super) fn is_homing_method(method: i64) -> bool {
     matches!(method, 1..=14 | 17..=30 | 33 | 34 | 35 | 37)
 }
 
@@ -47,24 +51,29 @@ enum By {
 }
 
 /// What is known of the joint; `None` where it has errors of its own.
-pub(super) struct Known {
+pub(super) struct Known<'n> {
     pub(super) travel_mm: Option<[f64; 2]>,
     pub(super) velocity_mm_s: Option<f64>,
     pub(super) stop: Option<StopLimits>,
     pub(super) counts_per_unit: Option<[u32; 2]>,
     /// It has step pulses, and no drive that could search.
     pub(super) with_steps: bool,
+    /// What is known of its drive.
+    pub(super) drive: Option<&'n DriveProfile>,
 }
 
 /// Reads the homing of one joint.
-pub(super) fn homing(joint: &mut Section<'_, '_>, known: &Known) -> Option<Homing> {
+pub(super) fn homing(joint: &mut Section<'_, '_>, known: &Known<'_>) -> Option<Homing> {
     joint.required(
         "homing",
         "how the drive finds its reference point: { method = 35, ... }",
     )?;
     let mut section = joint.section("homing")?;
     let by = section.word("by", &[("drive", By::Drive), ("control", By::Control)], By::Drive)?;
-    let method = if by == By::Drive { method(&mut section) } else { None };
+    let method = match by {
+        By::Drive => method(&mut section, known.drive),
+        By::Control => None,
+    };
     if known.with_steps && method.is_some_and(|method| !matches!(method, 35 | 37)) {
         section.wrong(
             "method",
@@ -158,21 +167,25 @@ fn refuse(section: &mut Section<'_, '_>, keys: &[&'static str], rule: &str) {
     }
 }
 
-fn method(section: &mut Section<'_, '_>) -> Option<i8> {
+fn method(section: &mut Section<'_, '_>, drive: Option<&DriveProfile>) -> Option<i8> {
     let method = section.integer("method", -128..=127, None)?;
     if !is_homing_method(method) {
-        section.wrong(
-            "method",
-            "must be a homing method of CiA 402: 1 to 14, 17 to 30, 33, 34, 35 or 37",
-        );
+        section.wrong("method", METHOD_RULE);
         return None;
     }
-    Some(method as i8)
+    let method = method as i8;
+    if let Some(drive) = drive.filter(|it| !it.homing_methods.is_empty() && !it.homing_methods.contains(&method)) {
+        let methods: Vec<_> = drive.homing_methods.iter().map(i8::to_string).collect();
+        let rule = format!("does not work with {}, only {}", drive.name, methods.join(", "));
+        section.wrong("method", rule);
+        return None;
+    }
+    Some(method)
 }
 
 fn by_control(
     section: &mut Section<'_, '_>,
-    known: &Known,
+    known: &Known<'_>,
     search_mm_s: Option<f64>,
     latch_mm_s: Option<f64>,
 ) -> Option<HomingByControl> {

@@ -7,7 +7,9 @@ use super::homing::{self, Known};
 use super::mapping::parse_object;
 use super::position_loop;
 use super::steps;
-use super::types::{AxisMap, HomingBy, Joint, JointLimits, Mapped, Node, Profile, Sto, StopLimits};
+use super::types::{
+    AxisMap, DriveProfile, HomingBy, InputBits, Joint, JointLimits, Mapped, Node, Profile, Sto, StopLimits,
+};
 use motion::canon::{Axis, Position};
 use std::path::Path;
 
@@ -46,16 +48,10 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
         true => None,
         false => node(section, around, &mut taken.nodes),
     };
-    let mode = drive::mode(section);
-    let counts_per_unit = section
-        .required(
-            "counts_per_unit",
-            "increments of the drive, or steps, per mm (degree), like [10000, 1]",
-        )
-        .and_then(|item| {
-            let rule = "must be two integers: increments and the mm (degrees) that they make";
-            ratio_of_integers(section, "counts_per_unit", item, rule)
-        });
+    let of_node = node.zip(around.nodes).map(|(node, nodes)| &nodes[node]);
+    let known = of_node.and_then(|node| node.drive.as_ref());
+    let mode = drive::mode(section, known);
+    let counts_per_unit = counts_per_unit(section, known, with_steps || of_node.is_some());
     let velocity_ratio = match section.optional("velocity_ratio") {
         None => Some([1, 1]),
         Some(item) => {
@@ -106,19 +102,24 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
     let touch_probe = drive::touch_probe(section, node.zip(around.nodes).map(|(node, nodes)| &nodes[node]));
     let reactions = match section.optional_section("reactions") {
         None if section.has("reactions") => None,
-        None => Some(drive::Reactions::default()),
+        None => Some(known.map_or(drive::Reactions::default(), |known| known.reactions)),
         Some(mut table) => {
             let device = node
                 .zip(around.nodes)
                 .and_then(|(node, nodes)| nodes[node].device.as_ref());
-            let reactions = drive::reactions(&mut table, device);
+            let usual = known.map_or(drive::Reactions::default(), |known| known.reactions);
+            let reactions = drive::reactions(&mut table, device, &usual);
             table.done();
             reactions
         }
     };
     let sto = match section.optional_section("sto") {
         None if section.has("sto") => None,
-        None => Some(None),
+        // Where the object of the profile is among the inputs.
+        None => Some(known.and_then(|known| known.sto).filter(|sto| {
+            let sends = |inputs: &[Mapped]| inputs.iter().any(|it| (it.index, it.sub) == sto.object);
+            inputs.is_some_and(sends)
+        })),
         Some(mut table) => {
             let sto = sto(&mut table, inputs);
             table.done();
@@ -126,7 +127,7 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
         }
     };
     let squaring_offset_mm = section.number("squaring_offset_mm", Bound::Size(LENGTH_MAX), 0.0);
-    let known = Known {
+    let of_joint = Known {
         travel_mm,
         velocity_mm_s,
         stop: stop_acceleration_mm_s2
@@ -137,8 +138,9 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
             }),
         counts_per_unit,
         with_steps,
+        drive: known,
     };
-    let homing = homing::homing(section, &known);
+    let homing = homing::homing(section, &of_joint);
     let counts_per_unit = match (with_steps, counts_per_unit) {
         (false, counts) => counts,
         (true, Some([steps, units])) => {
@@ -238,9 +240,60 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
         unhomed_jog_mm_s: unhomed_jog_mm_s?,
         touch_probe: touch_probe?,
         limits_by_drive: limits_by_drive?,
+        input_bits: known.map_or(InputBits::default(), |known| known.input_bits),
+        home_count: of_node.map_or(0, home_count),
         sto: sto?,
         squaring_offset_mm: squaring_offset_mm?,
     })
+}
+
+/// What the drive counts at its home point: 0, unless something is written into its home offset (607C).
+fn home_count(node: &Node) -> i64 {
+    let written = node.writes.iter().find(|write| (write.index, write.sub) == (0x607C, 0));
+    let offset = written.and_then(|write| <[u8; 4]>::try_from(write.value.as_slice()).ok());
+    let offset = offset.map_or(0, i32::from_le_bytes);
+    match &node.drive {
+        Some(drive) => drive.home_count(offset),
+        None => -i64::from(offset),
+    }
+}
+
+/// `counts_per_unit`, or `turns_per_unit` of a motor whose drive profile knows the increments of a turn. `node_is_known`: the node
+/// has no errors of its own.
+fn counts_per_unit(
+    section: &mut Section<'_, '_>,
+    known: Option<&DriveProfile>,
+    node_is_known: bool,
+) -> Option<[u32; 2]> {
+    let turns = section.optional("turns_per_unit");
+    let Some(item) = turns else {
+        let what = "increments of the drive, or steps, per mm (degree), like [10000, 1]";
+        let item = section.required("counts_per_unit", what)?;
+        let rule = "must be two integers: increments and the mm (degrees) that they make";
+        return ratio_of_integers(section, "counts_per_unit", item, rule);
+    };
+    let rule = "must be two integers: turns of the motor and the mm (degrees) that they make";
+    let [turns, units] = ratio_of_integers(section, "turns_per_unit", item, rule)?;
+    if section.optional("counts_per_unit").is_some() {
+        let rule = "cannot stand beside turns_per_unit: both are the scale";
+        section.wrong("counts_per_unit", rule);
+        return None;
+    }
+    let Some(increments) = known.and_then(|known| known.increments_per_turn) else {
+        if node_is_known {
+            let rule = "needs a drive profile that has increments_per_turn; without one counts_per_unit is the scale";
+            section.wrong("turns_per_unit", rule);
+        }
+        return None;
+    };
+    let Some(counts) = increments.checked_mul(turns) else {
+        section.wrong(
+            "turns_per_unit",
+            format!("makes more increments than there are numbers, {increments} a turn"),
+        );
+        return None;
+    };
+    Some([counts, units])
 }
 
 /// How fast it may be jogged before it is homed; left out: a tenth of its velocity.
@@ -268,7 +321,7 @@ fn limit_switches(section: &mut Section<'_, '_>, inputs: Option<&[Mapped]>) -> O
     Some(by_drive)
 }
 
-fn sto(section: &mut Section<'_, '_>, inputs: Option<&[Mapped]>) -> Option<Sto> {
+pub(super) fn sto(section: &mut Section<'_, '_>, inputs: Option<&[Mapped]>) -> Option<Sto> {
     let what = "an object that the drive sends, like \"0x60FD\" or \"0x2110:1\"";
     let object = section.required("object", what);
     let bit = section.integer("bit", 0..=63, None).map(|bit| bit as u32);

@@ -5,7 +5,8 @@
 
 use super::document::{Item, Section};
 use super::drive::mode_word;
-use super::types::{DeviceDescription, DriveMode, Mapped, Profile, targets};
+use super::types::{DeviceDescription, DriveMode, DriveProfile, Mapped, MappingLimits, Profile, targets};
+use cia402::profile::{axis_of, on_axis};
 use obd::mapping::Direction;
 
 /// Most octets of process data in one PReq or PRes.
@@ -18,8 +19,29 @@ const ENTRIES_MAX: usize = 254;
 pub(super) struct Target<'a> {
     pub(super) profile: Option<Profile>,
     pub(super) device: Option<&'a DeviceDescription>,
-    /// In which its drive is run.
+    /// What is known of its kind of drive.
+    pub(super) drive: Option<&'a DriveProfile>,
+    /// What its axes are there for.
+    pub(super) axes: &'a [AxisUse],
+}
+
+/// One axis of a drive.
+#[derive(Clone, Copy)]
+pub(super) struct AxisUse {
+    /// From 0.
+    pub(super) axis: u8,
     pub(super) mode: DriveMode,
+    /// It turns the spindle, and its position is nothing to the control.
+    pub(super) is_spindle: bool,
+}
+
+impl AxisUse {
+    /// Of a drive that nothing uses yet.
+    pub(super) const BENCH: AxisUse = AxisUse {
+        axis: 0,
+        mode: DriveMode::Csp,
+        is_spindle: false,
+    };
 }
 
 /// One of the two payloads of a node.
@@ -52,17 +74,28 @@ impl Payload {
         }
     }
 
-    /// What the control must send to and hear from a drive in a mode: of each row one, the usual one first.
-    fn required_of_drives(self, mode: DriveMode) -> [&'static [(u16, u8)]; 2] {
+    /// What the control must send to and hear from an axis of a drive: of each row one, the usual one first; objects of axis 0.
+    fn required_of_drives(self, axis: &AxisUse) -> [&'static [(u16, u8)]; 2] {
+        const VELOCITY: [(u16, u8); 1] = [DriveMode::Pv.actual_velocity()];
+        const VL_VELOCITY: [(u16, u8); 1] = [DriveMode::Vl.actual_velocity()];
         match self {
-            Payload::Outputs => [&[(0x6040, 0)], targets(mode)],
+            Payload::Outputs => [&[(0x6040, 0)], targets(axis.mode)],
+            Payload::Inputs if axis.is_spindle && axis.mode == DriveMode::Vl => [&[(0x6041, 0)], &VL_VELOCITY],
+            Payload::Inputs if axis.is_spindle => [&[(0x6041, 0)], &VELOCITY],
             Payload::Inputs => [&[(0x6041, 0)], &[(0x6064, 0)]],
         }
     }
 
-    /// Most octets and objects that the device takes or sends.
-    fn limits(self, device: Option<&DeviceDescription>) -> (usize, usize) {
-        let features = device.map(|device| &device.features);
+    fn of_profile(self, drive: &DriveProfile) -> &MappingLimits {
+        match self {
+            Payload::Outputs => &drive.outputs,
+            Payload::Inputs => &drive.inputs,
+        }
+    }
+
+    /// Most octets and objects that the device takes or sends, and who says so of each.
+    fn limits(self, target: Target<'_>) -> [(usize, String); 2] {
+        let features = target.device.map(|device| &device.features);
         let (octets, objects) = match self {
             Payload::Outputs => (
                 features.and_then(|it| it.preq_octets_max),
@@ -73,13 +106,22 @@ impl Payload {
                 features.and_then(|it| it.tpdo_objects),
             ),
         };
-        // A file that says 0 does not know.
-        let limit = |own: Option<u16>, most| {
-            own.map(usize::from)
-                .filter(|own| *own > 0)
-                .map_or(most, |own| own.min(most))
+        let profile = target.drive.map(|drive| (self.of_profile(drive), &drive.name));
+        let limit = |own: Option<u16>, of_profile: Option<u16>, most: usize| {
+            // A file that says 0 does not know.
+            let of_file = own.filter(|own| *own > 0).zip(target.device.map(|device| &device.file));
+            let of_profile = of_profile.zip(profile.map(|(_, name)| name));
+            let least = of_file.into_iter().chain(of_profile).min_by_key(|(own, _)| *own);
+            match least.filter(|(own, _)| usize::from(*own) < most) {
+                Some((own, who)) => (usize::from(own), format!(", as {who} says")),
+                None => (most, String::new()),
+            }
         };
-        (limit(octets, PAYLOAD_OCTETS_MAX), limit(objects, ENTRIES_MAX))
+        let of_profile = profile.map(|(limits, _)| limits);
+        [
+            limit(octets, of_profile.and_then(|it| it.octets_max), PAYLOAD_OCTETS_MAX),
+            limit(objects, of_profile.and_then(|it| it.objects_max), ENTRIES_MAX),
+        ]
     }
 }
 
@@ -102,31 +144,30 @@ pub(super) fn payload(section: &mut Section<'_, '_>, payload: Payload, target: T
     if !valid {
         return None;
     }
-    let octets: usize = objects.iter().map(|object| usize::from(object.bits / 8)).sum();
-    let (octets_max, objects_max) = payload.limits(target.device);
-    let of = |of_all| match target.device {
-        Some(device) if of_all => format!(", as {} says", device.file),
-        Some(_) | None => String::new(),
-    };
+    let octets = octets(&objects);
+    let [(octets_max, of_octets), (objects_max, of_objects)] = payload.limits(target);
     if octets > octets_max {
-        let said = of(octets_max < PAYLOAD_OCTETS_MAX);
         section.wrong(
             key,
-            format!("must not hold more than {octets_max} octets{said}, holds {octets}"),
+            format!("must not hold more than {octets_max} octets{of_octets}, holds {octets}"),
         );
         return None;
     }
     if objects.len() > objects_max {
-        let said = of(objects_max < ENTRIES_MAX);
-        section.wrong(key, format!("must not hold more than {objects_max} objects{said}"));
+        section.wrong(
+            key,
+            format!("must not hold more than {objects_max} objects{of_objects}"),
+        );
         return None;
     }
-    if target.profile == Some(Profile::Cia402) {
-        let targets = payload.required_of_drives(target.mode)[1];
-        let held: Vec<&Mapped> = objects
-            .iter()
-            .filter(|object| targets.contains(&(object.index, object.sub)))
-            .collect();
+    let drives = target.axes.iter().filter(|_| target.profile == Some(Profile::Cia402));
+    for axis in drives {
+        let targets = payload.required_of_drives(axis)[1];
+        let own = |object: &&Mapped| {
+            let (number, index) = axis_of(object.index);
+            number == axis.axis && targets.contains(&(index, object.sub))
+        };
+        let held: Vec<&Mapped> = objects.iter().filter(own).collect();
         if let [one, other, ..] = held[..] {
             // Only one of them would follow the motion; a drive that takes the other one would jump.
             section.wrong(
@@ -135,9 +176,9 @@ pub(super) fn payload(section: &mut Section<'_, '_>, payload: Payload, target: T
             );
             valid = false;
         }
-        for (index, sub) in missing(payload, target.mode, &objects) {
-            let object = usual(index, sub).to_string();
-            let mode = match target.mode {
+        for object in missing(payload, axis, &objects) {
+            let object = object.to_string();
+            let mode = match axis.mode {
                 DriveMode::Csp => String::new(),
                 other => format!(" in mode {:?}", mode_word(other)),
             };
@@ -151,14 +192,18 @@ pub(super) fn payload(section: &mut Section<'_, '_>, payload: Payload, target: T
     valid.then_some(objects)
 }
 
-/// What a drive is not run without and `objects` do not hold.
-fn missing(payload: Payload, mode: DriveMode, objects: &[Mapped]) -> Vec<(u16, u8)> {
-    let holds = |wanted: &(u16, u8)| objects.iter().any(|object| (object.index, object.sub) == *wanted);
+/// What an axis of a drive is not run without and `objects` do not hold.
+fn missing(payload: Payload, axis: &AxisUse, objects: &[Mapped]) -> Vec<Mapped> {
+    let holds = |(index, sub): &(u16, u8)| {
+        let index = on_axis(*index, axis.axis);
+        objects.iter().any(|object| (object.index, object.sub) == (index, *sub))
+    };
     payload
-        .required_of_drives(mode)
+        .required_of_drives(axis)
         .into_iter()
         .filter(|row| !row.iter().any(holds))
         .filter_map(|row| row.first().copied())
+        .map(|(index, sub)| usual(on_axis(index, axis.axis), sub))
         .collect()
 }
 
@@ -168,37 +213,55 @@ fn usual(index: u16, sub: u8) -> Mapped {
     Mapped { index, sub, bits }
 }
 
+fn octets(objects: &[Mapped]) -> usize {
+    objects.iter().map(|object| usize::from(object.bits / 8)).sum()
+}
+
 fn left_out(section: &Section<'_, '_>, payload: Payload, target: Target<'_>) -> Option<Vec<Mapped>> {
     let profile = target.profile?;
-    let Some(device) = target.device else {
-        return Some(default_mapping(payload, profile, target.mode));
+    let own = target.device.and_then(|device| device_mapping(device, payload));
+    let enough = |own: &Vec<Mapped>| match profile {
+        Profile::Cia402 => target.axes.iter().all(|axis| missing(payload, axis, own).is_empty()),
+        Profile::Io => true,
     };
-    let own = device_mapping(device, payload);
-    let enough = match profile {
-        Profile::Cia402 => own
-            .as_ref()
-            .is_some_and(|own| missing(payload, target.mode, own).is_empty()),
-        Profile::Io => own.is_some(),
-    };
-    if let Some(own) = own.filter(|_| enough) {
+    if let Some(own) = own.filter(enough) {
         return Some(own);
     }
-    let objects = default_mapping(payload, profile, target.mode);
+    let objects = default_mapping(payload, profile, target);
     let mut valid = true;
     for object in &objects {
-        let refusal = device
-            .may_map(object.index, object.sub, object.bits.into(), payload.direction())
-            .err();
-        if let Some(refusal) = refusal {
-            let rule = format!(
-                "is missing: of what the profile usually has, {object} does not fit {}: {refusal}",
-                device.file
-            );
+        if let Some(refusal) = refusal(object, payload.direction(), target) {
+            let rule = format!("is missing: of what the profile usually has, {object} {refusal}");
             section.wrong(payload.key(), rule);
             valid = false;
         }
     }
     valid.then_some(objects)
+}
+
+/// Why an object cannot be mapped, as far as the device file or the profile of the drive tell.
+fn refusal(object: &Mapped, direction: Direction, target: Target<'_>) -> Option<String> {
+    if let Some(device) = target.device
+        && let Err(refusal) = device.may_map(object.index, object.sub, object.bits.into(), direction)
+    {
+        return Some(format!("does not fit {}: {refusal}", device.file));
+    }
+    let drive = target.drive?;
+    let limits = match direction {
+        Direction::Receive => &drive.outputs,
+        Direction::Transmit => &drive.inputs,
+    };
+    if limits.takes(object) {
+        return None;
+    }
+    let all = limits.objects.iter().flatten();
+    let all: Vec<_> = all
+        .map(|(index, sub)| match sub {
+            0 => format!("0x{index:04X}"),
+            sub => format!("0x{index:04X}:{sub}"),
+        })
+        .collect();
+    Some(format!("cannot be mapped in {}, only {}", drive.name, all.join(", ")))
 }
 
 /// What the device file maps, if it maps whole octets without gaps.
@@ -248,18 +311,10 @@ pub(super) fn mapped(
             Some(bits) if target.profile == Some(Profile::Cia402) && bits != object.bits => {
                 format!("must have the length {bits} that the drive profile gives it")
             }
-            Some(_) | None => {
-                let fits = |device: &DeviceDescription| {
-                    let refusal = device
-                        .may_map(object.index, object.sub, object.bits.into(), direction)
-                        .err()?;
-                    Some(format!("does not fit {}: {refusal}", device.file))
-                };
-                match target.device.and_then(fits) {
-                    None => return Some(object),
-                    Some(rule) => rule,
-                }
-            }
+            Some(_) | None => match refusal(&object, direction, target) {
+                None => return Some(object),
+                Some(rule) => rule,
+            },
         },
     };
     item.log.wrong(item.value.span(), key, rule, None);
@@ -290,9 +345,9 @@ fn digits(text: &str) -> bool {
 
 /// Length in bits of objects that CiA 402 lets be mapped; `None`: not in this table.
 fn length_of(index: u16, sub: u8) -> Option<u8> {
-    Some(match (index, sub) {
+    Some(match (axis_of(index).1, sub) {
         (0x6060 | 0x6061, 0) => 8,
-        (0x603F | 0x6040 | 0x6041 | 0x6071 | 0x6072 | 0x6074 | 0x6077 | 0x6078 | 0x60B2 | 0x60B8 | 0x60B9, 0) => 16,
+        (0x603F..=0x6044 | 0x6071 | 0x6072 | 0x6074 | 0x6077 | 0x6078 | 0x60B2 | 0x60B8 | 0x60B9, 0) => 16,
         (
             0x6062..=0x6065 | 0x6069 | 0x606B | 0x606C | 0x607A | 0x60B0 | 0x60B1 | 0x60F4 | 0x60FC | 0x60FD | 0x60FF,
             0,
@@ -303,28 +358,59 @@ fn length_of(index: u16, sub: u8) -> Option<u8> {
 }
 
 /// What is mapped where the machine file does not say. Positions stand last: network analysers guess safety frames from
-/// the first octets of a payload, and a position can look like one.
-fn default_mapping(payload: Payload, profile: Profile, mode: DriveMode) -> Vec<Mapped> {
+/// the first octets of a payload, and a position can look like one. What a drive can be run without is left out where its profile
+/// does not take it.
+fn default_mapping(payload: Payload, profile: Profile, target: Target<'_>) -> Vec<Mapped> {
     let object = |index, sub, bits| Mapped { index, sub, bits };
     match (profile, payload) {
-        (Profile::Cia402, Payload::Outputs) => {
-            let (index, sub) = mode.target();
-            vec![
-                object(0x6040, 0, 16),
-                object(0x6060, 0, 8),
-                object(0x60FE, 1, 32),
-                usual(index, sub),
-            ]
+        (Profile::Cia402, _) => {
+            let axes = target.axes.iter();
+            let mut objects: Vec<(Mapped, bool)> = axes.flat_map(|axis| default_of_axis(payload, axis)).collect();
+            let takes = |object: &Mapped| refusal(object, payload.direction(), target).is_none();
+            if target.drive.is_some() {
+                objects.retain(|(object, is_needed)| *is_needed || takes(object));
+                let [(octets_max, _), (objects_max, _)] = payload.limits(target);
+                let too_much = |all: &[(Mapped, bool)]| {
+                    let bits: usize = all.iter().map(|(object, _)| usize::from(object.bits)).sum();
+                    all.len() > objects_max || bits / 8 > octets_max
+                };
+                while too_much(&objects)
+                    && let Some(last) = objects.iter().rposition(|(_, is_needed)| !is_needed)
+                {
+                    objects.remove(last);
+                }
+            }
+            objects.into_iter().map(|(object, _)| object).collect()
         }
-        (Profile::Cia402, Payload::Inputs) => vec![
-            object(0x6041, 0, 16),
-            object(0x6061, 0, 8),
-            object(0x60FD, 0, 32),
-            object(0x603F, 0, 16),
-            object(0x6064, 0, 32),
-            object(0x60F4, 0, 32),
-        ],
         (Profile::Io, Payload::Outputs) => vec![object(0x6200, 1, 8), object(0x6200, 2, 8)],
         (Profile::Io, Payload::Inputs) => vec![object(0x6000, 1, 8), object(0x6000, 2, 8)],
     }
+}
+
+/// The usual objects of an axis, and whether it is not run without.
+fn default_of_axis(payload: Payload, axis: &AxisUse) -> Vec<(Mapped, bool)> {
+    let (target, velocity) = (axis.mode.target(), axis.mode.actual_velocity());
+    let objects: &[(u16, u8)] = match (payload, axis.is_spindle) {
+        (Payload::Outputs, false) => &[(0x6040, 0), (0x6060, 0), (0x60FE, 1), target],
+        (Payload::Inputs, false) => &[
+            (0x6041, 0),
+            (0x6061, 0),
+            (0x60FD, 0),
+            (0x603F, 0),
+            (0x6064, 0),
+            (0x60F4, 0),
+        ],
+        (Payload::Outputs, true) => &[(0x6040, 0), (0x6060, 0), target],
+        (Payload::Inputs, true) => &[(0x6041, 0), (0x6061, 0), (0x603F, 0), (0x6077, 0), velocity],
+    };
+    let needed = payload.required_of_drives(axis).map(|row| row[0]);
+    let objects = objects.iter();
+    objects
+        .map(|(index, sub)| {
+            (
+                usual(on_axis(*index, axis.axis), *sub),
+                needed.contains(&(*index, *sub)),
+            )
+        })
+        .collect()
 }

@@ -14,6 +14,7 @@ mod compensation;
 mod device;
 mod document;
 mod drive;
+mod drive_profile;
 mod error;
 mod homing;
 mod joints;
@@ -47,6 +48,7 @@ mod types;
 
 pub use bus::{is_name, wire_time_ns};
 pub use document::{Bound, Question};
+pub use drive_profile::{BUILT_IN as DRIVE_PROFILES, parse as parse_drive_profile};
 pub use error::{ConfigError, ConfigErrors};
 pub use position_loop::GAIN_MAX;
 pub use steps::{PARALLEL_PINS, SUBSTEPS, SimStepper, StepKind, StepOutput, StepPortKind, Steps, rate_max_hz};
@@ -224,10 +226,10 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
     let machine = root.section("machine").map(|section| machine(section, base));
     let (name, family, cycle_us, unit, state_directory, probe_stops_jog) = machine.unwrap_or_default();
     let rt = root.section("rt").and_then(|section| rt(section, cycle_us));
-    let modes = drive::modes(table);
+    let uses = drive::uses(table);
     let bus = root.section("bus").and_then(|mut section| {
         let folder = path.parent().unwrap_or(Path::new(""));
-        let bus = bus::bus(&mut section, cycle_us, folder, &modes);
+        let bus = bus::bus(&mut section, cycle_us, folder, &uses);
         section.done();
         bus
     });

@@ -7,7 +7,9 @@ use super::bus::{NAME_RULE, is_name, wire_time_ns};
 use super::channels;
 use super::device;
 use super::document::{Item, Section};
-use super::mapping::{self, Payload, Target};
+use super::drive::DriveUse;
+use super::drive_profile;
+use super::mapping::{self, AxisUse, Payload, Target};
 use super::types::{Cross, DeviceDescription, DriveMode, Exchange, Mapped, Node, Profile, Stamp};
 use obd::mapping::Direction;
 use std::path::Path;
@@ -27,8 +29,8 @@ pub(super) struct Network<'a> {
     pub(super) cycle_us: Option<u32>,
     /// Cycles of a multiplexed round.
     pub(super) multiplex_cycles: Option<u8>,
-    /// Node ids of the drives of joints, and the modes in which they are run.
-    pub(super) modes: &'a [(i64, DriveMode)],
+    /// What drives are there for.
+    pub(super) uses: &'a [DriveUse],
 }
 
 /// Ids and names that are taken.
@@ -68,16 +70,30 @@ pub(super) fn node<'d, 'l>(
     }
     let profile = section.word("profile", &[("cia402", Profile::Cia402), ("io", Profile::Io)], None);
     let mandatory = section.flag("mandatory", true);
-    let device = device::file(section, network.folder, network.cycle_us);
-    // With a device file that cannot be used, everything that it would tell is left unchecked.
+    let drive = drive_profile::named(section, network.folder, profile);
+    // With a profile or a device file that cannot be used, everything that it would tell is left unchecked.
+    let known = drive.as_ref().and_then(Option::as_ref);
+    let usual = known.and_then(|known| known.device_file.as_deref());
+    let device = device::file(section, network.folder, network.cycle_us, usual);
     let file = device.as_ref().and_then(Option::as_ref);
     let exchange = exchange(section, network, profile, file);
-    let identity = device::identity(section, file);
-    let of_joint = network.modes.iter().find(|(node, _)| Some(*node) == id.map(i64::from));
+    let identity = device::identity(section, file, known);
+    let uses = network.uses.iter().filter(|it| Some(it.node) == id.map(i64::from));
+    let mut axes: Vec<AxisUse> = uses
+        .map(|it| AxisUse {
+            axis: it.axis,
+            mode: it.mode.or_else(|| Some(known?.usual_mode())).unwrap_or(DriveMode::Csp),
+            is_spindle: it.is_spindle,
+        })
+        .collect();
+    if axes.is_empty() {
+        axes.push(AxisUse::BENCH);
+    }
     let target = Target {
         profile,
         device: file,
-        mode: of_joint.map_or(DriveMode::Csp, |(_, mode)| *mode),
+        drive: known,
+        axes: &axes,
     };
     let (outputs, inputs) = if exchange == Some(Exchange::AsyncOnly) {
         for key in ["outputs", "inputs"] {
@@ -95,7 +111,7 @@ pub(super) fn node<'d, 'l>(
     let pres_timeout_us = pres_timeout(section, network.cycle_us, file, inputs.as_deref());
     let software = stamp(section);
     let pdo_version = section.integer("pdo_version", 0..=255, 0);
-    let writes = device::writes(section, file);
+    let writes = device::writes(section, file, known.map_or(&[], |known| &known.writes));
     let cross = pending_cross(section);
     let payloads = inputs.as_deref().zip(outputs.as_deref());
     let channels = channels::channels(section, profile, file, payloads);
@@ -111,6 +127,7 @@ pub(super) fn node<'d, 'l>(
         exchange: exchange?,
         software: software?,
         pdo_version: pdo_version? as u8,
+        drive: drive?,
         device: device?,
         writes: writes?,
         cross: Vec::new(),
@@ -344,15 +361,17 @@ fn one_cross(nodes: &[Node], own: usize, entry: &PendingCross<'_, '_>, taken: &[
         return None;
     }
     let anything = Target {
-        mode: DriveMode::Csp,
         profile: None,
         device: None,
+        drive: None,
+        axes: &[],
     };
     let read = mapping::mapped(entry.read, &key("read"), Direction::Transmit, anything, &[]);
     let this = Target {
-        mode: DriveMode::Csp,
         profile: Some(nodes[own].profile),
         device: nodes[own].device.as_ref(),
+        drive: nodes[own].drive.as_ref(),
+        axes: &[],
     };
     let into = mapping::mapped(entry.into, &key("into"), Direction::Receive, this, taken);
     let (read, into) = (read?, into?);

@@ -5,6 +5,7 @@
 
 pub use super::channels::{Channel, ChannelKind, Follow, ObjectKind};
 pub use super::drive::{DriveMode, Reactions, targets, touch_probe_objects};
+pub use super::drive_profile::{DriveProfile, InputBits, MappingLimits};
 pub use super::sim::{SimFault, SimFaultKind};
 pub use super::spindle::{Spindle, SpindleCounter, SpindleDrive, SpindleEncoder};
 use super::steps::{StepOutput, Steps};
@@ -263,6 +264,8 @@ pub struct Node {
     pub software: Option<Stamp>,
     /// Mapping version of its PDOs (1400:2, 1800:2); 0: not checked.
     pub pdo_version: u8,
+    /// What is known of its kind of drive; everything above fits it.
+    pub drive: Option<DriveProfile>,
     /// What its device file says; everything above fits it.
     pub device: Option<DeviceDescription>,
     /// Values that are written besides those that the control itself needs, in order.
@@ -429,8 +432,12 @@ pub struct Joint {
     pub homing: Homing,
     /// Number of the touch probe of its drive (1 or 2) at which the machine's probe is wired, too; `None`: none is.
     pub touch_probe: Option<u8>,
-    /// Whether bits 0 and 1 of 60FDh of its drive tell of its limit switches, beside the pins; default no.
+    /// Whether 60FDh of its drive tells of its limit switches, beside the pins; default no.
     pub limits_by_drive: bool,
+    /// Where 60FDh of its drive shows its switches.
+    pub input_bits: InputBits,
+    /// What its drive counts at its home point: 0 unless something else is written into 607C.
+    pub home_count: i64,
     /// What its drive sends while its safety circuit is open; `None`: nothing that is known.
     pub sto: Option<Sto>,
     /// Of several joints of an axis: how far this one stands ahead of the axis where the gantry is square, mm; default 0.
@@ -538,7 +545,7 @@ pub struct HomingByControl {
 pub enum HomeSwitch {
     /// The pin `joint.N.home-sw-in`.
     Pin,
-    /// Its drive: bit 2 of 60FDh.
+    /// Its drive: 60FDh, bit 2 unless its profile has another one.
     Drive,
 }
 

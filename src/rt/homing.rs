@@ -20,9 +20,6 @@ use motion::rt::homing::{Homing, HomingInput, HomingJoint, HomingStatus, HomingW
 use motion::rt::jog::JogLimits;
 use motion::rt::{MotionLimits, StopLimits};
 
-/// Home switch in 60FDh.
-const HOME_BIT: u32 = 2;
-
 /// A joint that homes by the control.
 #[derive(Clone, Copy, Debug)]
 struct Place {
@@ -172,7 +169,7 @@ impl Homer {
             self.inputs[number] = HomingInput {
                 closed: match place.switch {
                     HomeSwitch::Pin => pins.home_switch(number),
-                    HomeSwitch::Drive => drive.feedback().digital_inputs >> HOME_BIT & 1 == 1,
+                    HomeSwitch::Drive => drive.home_switch(),
                 },
                 measured: drive.actual_mm(),
                 index: None,

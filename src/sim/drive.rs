@@ -8,24 +8,23 @@
 //! as 6007 says.
 
 use super::SimError;
+use super::built::{MAKER_ENTRIES, objects, quirks};
 use super::motor::{Motor, MotorConfig};
 use super::track::{Track, mm_to_counts};
 use crate::config::{
-    DriveMode, Homing, HomingBy, Joint, JointLimits, Node, NodeIndex, Reactions, Sim, SimFaultKind, SimJoint,
-    StopLimits,
+    DriveMode, Homing, HomingBy, InputBits, Joint, JointLimits, Node, NodeIndex, Reactions, Sim, SimFaultKind,
+    SimJoint, Sto, StopLimits,
 };
 use cia402::State;
-use cia402::device::{
-    DEVICE_TYPE, DRIVE_OBJECTS, DRIVE_OBJECTS_WITH_DEMAND, Delays, Demand, Device, Injected, Quirks, check_write,
-};
-use obd::{AbortCode, Dictionary, Key};
+use cia402::device::{DEVICE_TYPE, DRIVE_OBJECTS, Delays, Demand, Device, Injected, check_write};
+use obd::{AbortCode, Dictionary, EntryDef, Handle, Key};
 use powerlink::cn::objects::{COMMUNICATION_BYTES, COMMUNICATION_ENTRIES, COMMUNICATION_PROFILE};
 use powerlink::cn::{Cn, Events, QueueError};
 use powerlink::nmt::{NmtState, Reset};
 use powerlink::wire::FRAME_LEN_MAX;
 
-const ENTRIES: usize = COMMUNICATION_ENTRIES + obd::lines_of(DRIVE_OBJECTS);
-const OCTETS: usize = COMMUNICATION_BYTES + obd::octets_of(DRIVE_OBJECTS);
+const ENTRIES: usize = COMMUNICATION_ENTRIES + obd::lines_of(DRIVE_OBJECTS) + MAKER_ENTRIES;
+const OCTETS: usize = COMMUNICATION_BYTES + obd::octets_of(DRIVE_OBJECTS) + 8 * MAKER_ENTRIES;
 
 /// Periods without a SoC after which a drive goes on by its own clock.
 pub(super) const FREE_RUN_PERIODS: u64 = 5;
@@ -88,6 +87,11 @@ const BENCH: Joint = Joint {
     unhomed_jog_mm_s: 10.0,
     touch_probe: None,
     limits_by_drive: false,
+    input_bits: InputBits {
+        limits: [0, 1],
+        home: 2,
+    },
+    home_count: 0,
     sto: None,
     squaring_offset_mm: 0.0,
 };
@@ -97,6 +101,7 @@ const BENCH: Joint = Joint {
 struct Setup {
     node: Node,
     joint: Joint,
+    objects: &'static [EntryDef],
     period_ns: u32,
     delays: Delays,
 }
@@ -110,6 +115,8 @@ pub(super) struct Drive {
     demand: Demand,
     powered: bool,
     error_register: Key<u8>,
+    /// The object in which it shows its safety circuit, where that is not 60FD.
+    sto: Option<(Handle, Sto)>,
     /// Error code that 1001h and the error history have been told of.
     reported: u16,
     /// Bits of 1001h that stand for it.
@@ -148,6 +155,7 @@ impl Drive {
             Setup {
                 node: node.clone(),
                 joint,
+                objects: objects(node),
                 period_ns,
                 delays,
             },
@@ -158,23 +166,19 @@ impl Drive {
 
     fn switch_on(setup: Setup, motor: Motor, now_ns: u64) -> Result<Drive, SimError> {
         let node = &setup.node;
-        // A machine file that maps the position demand as the target has drives that take it.
-        let quirks = Quirks {
-            target_in_demand: node.outputs.iter().any(|object| object.index == 0x6062),
-        };
-        let drive_objects = match quirks.target_in_demand {
-            true => DRIVE_OBJECTS_WITH_DEMAND,
-            false => DRIVE_OBJECTS,
-        };
+        let quirks = quirks(node);
         let mut objects: Dictionary<ENTRIES, OCTETS> =
-            Dictionary::new(&[COMMUNICATION_PROFILE, drive_objects]).map_err(|error| SimError::new(node, error))?;
+            Dictionary::new(&[COMMUNICATION_PROFILE, setup.objects]).map_err(|error| SimError::new(node, error))?;
         commission(&mut objects, &setup.joint).map_err(|error| SimError::new(node, error))?;
         let device =
             Device::new(&objects, setup.period_ns, setup.delays).map_err(|error| SimError::new(node, error))?;
         let device = device.with_quirks(quirks);
         let error_register = objects.key(0x1001, 0).map_err(|error| SimError::new(node, error))?;
+        let sto = node.drive.as_ref().and_then(|drive| drive.sto);
+        let sto = sto.filter(|sto| sto.object != (0x60FD, 0));
+        let sto = sto.and_then(|sto| Some((objects.find(sto.object.0, sto.object.1).ok()?, sto)));
         let mut cn = super::node::build(node, DEVICE_TYPE, objects, now_ns)?;
-        cn.set_write_check(|_, index, sub, value| check_write(index, sub, value));
+        cn.set_write_check(check_write);
         Ok(Drive {
             cn,
             device,
@@ -182,6 +186,7 @@ impl Drive {
             demand: Demand::default(),
             powered: true,
             error_register,
+            sto,
             reported: 0,
             register_bits: 0,
             period_start_ns: now_ns,
@@ -279,6 +284,15 @@ impl Drive {
         // How long the drive trusts its last set-point without a SoC is the business of its node: 1C14 and 1C0B.
         let led = self.cn.nmt_state() == NmtState::Operational && !self.reset_due;
         self.demand = self.device.cycle(self.cn.dictionary_mut(), &sensors, led);
+        if let Some((handle, sto)) = self.sto {
+            let shown = self.device.injected.sto_open == sto.active;
+            let value = u64::from(shown) << sto.bit;
+            // As long as it is; only a value of another length could be refused.
+            let _ = self
+                .cn
+                .dictionary_mut()
+                .set_octets(handle, &value.to_le_bytes()[..handle.size()]);
+        }
         let stopping = matches!(self.device.state(), State::QuickStopActive | State::FaultReactionActive);
         if self.reset_due && !stopping {
             self.reset_due = false;

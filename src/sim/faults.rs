@@ -3,13 +3,11 @@
 //! In:  `[[sim.fault]]`, the time, the states of the drives. Out: what happens to a drive, once.
 
 use super::machine::SimMachine;
-use crate::config::{Config, SimFaultKind};
+use crate::config::{Config, InputBits, SimFaultKind};
 use cia402::State;
 
 /// 603F: continuous over-current at the output.
 const OVERCURRENT: u16 = 0x2310;
-/// Bit of 60FD.
-const LOWER_LIMIT_SWITCH: u32 = 1;
 
 /// A fault that is still to come, or has come.
 #[derive(Clone, Copy, Debug)]
@@ -21,6 +19,8 @@ pub(super) struct Scripted {
     /// When the operation of the drive was first enabled.
     enabled_ns: Option<u64>,
     done: bool,
+    /// Bit of 60FD that shows the lower limit switch of the drive.
+    lower_limit: u8,
 }
 
 /// The faults of a machine file that come later.
@@ -31,6 +31,10 @@ pub(super) fn script(config: &Config) -> Vec<Scripted> {
         after_ns: (fault.after_s * 1e9) as u64,
         enabled_ns: None,
         done: false,
+        lower_limit: {
+            let drive = config.bus.nodes[fault.node].drive.as_ref();
+            drive.map_or(InputBits::default(), |drive| drive.input_bits).limits[0]
+        },
     });
     faults.collect()
 }
@@ -60,7 +64,7 @@ impl Scripted {
             }
             SimFaultKind::LimitSwitch => {
                 if let Some(injected) = machine.drive_injected(id) {
-                    injected.digital_inputs |= LOWER_LIMIT_SWITCH;
+                    injected.digital_inputs |= 1 << self.lower_limit;
                 }
             }
             SimFaultKind::PowerOff => {

@@ -20,6 +20,7 @@ pub(super) fn test_config() -> Config {
         exchange: Exchange::Polled,
         software: None,
         pdo_version: 0,
+        drive: None,
         device: None,
         writes: Vec::new(),
         cross: Vec::new(),
@@ -54,6 +55,8 @@ pub(super) fn test_config() -> Config {
         amplifier_lag_s: None,
         reactions: Reactions::default(),
         pid: None,
+        input_bits: InputBits::default(),
+        home_count: 0,
         travel_mm,
         limits: JointLimits {
             velocity_mm_s,

@@ -52,6 +52,14 @@ impl Mode {
         }
     }
 
+    /// Index and sub-index of the object that tells the velocity in the unit of the mode's target.
+    pub const fn actual_velocity(self) -> (u16, u8) {
+        match self {
+            Mode::Vl => (0x6044, 0),
+            Mode::Csp | Mode::Ip | Mode::Csv | Mode::Cst | Mode::Pp | Mode::Pv | Mode::Tq => (0x606C, 0),
+        }
+    }
+
     /// Whether the drive itself holds a position.
     pub const fn is_position(self) -> bool {
         matches!(self, Mode::Csp | Mode::Ip | Mode::Pp)

@@ -73,11 +73,34 @@ impl Default for Injected {
     }
 }
 
-/// How a drive differs from the profile, from the day it was built.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+/// How a drive was built; by default as the profile has it, with all that it leaves open.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Quirks {
     /// It takes the target of CSP and IP in 6062, and does not tell its demand there; for [`DRIVE_OBJECTS_WITH_DEMAND`].
     pub target_in_demand: bool,
+    /// At its home point it counts 607C; by the profile it counts -607C.
+    pub home_offset_adds: bool,
+    /// Numbers of the bits of 60FD that show its lower and its upper limit switch and its home switch.
+    pub input_bits: [u8; 3],
+    /// The bit of 60FD that shows its safety circuit, and its value while that is open.
+    pub sto: (u8, bool),
+    /// Homing methods (6098) that it has of those known here; bit n: method n.
+    pub homing_methods: u64,
+    /// It stays in QUICK STOP ACTIVE whatever 605A says, until its voltage is disabled.
+    pub stays_in_quick_stop: bool,
+}
+
+impl Default for Quirks {
+    fn default() -> Quirks {
+        Quirks {
+            target_in_demand: false,
+            home_offset_adds: false,
+            input_bits: [0, 1, 2],
+            sto: (3, true),
+            homing_methods: u64::MAX,
+            stays_in_quick_stop: false,
+        }
+    }
 }
 
 /// What the powered motor is doing.
@@ -264,12 +287,21 @@ impl Device {
             if self.injected.remote {
                 self.apply_controlword(objects, sensors, controlword);
             }
-            self.choose_mode(objects.get(keys.mode));
+            self.choose_mode(objects.get(keys.mode), objects.get(keys.supported_modes));
         }
         self.advance_set_point(objects, sensors, controlword);
         let velocity = self.generator.velocity;
         let follows_badly = self.follows_badly(following_error, objects.get(keys.following_window));
-        let word = self.statusword(follows_badly) | self.profile_bits(objects, sensors, follows_badly);
+        let mut word = self.statusword(follows_badly) | self.profile_bits(objects, sensors, follows_badly);
+        if self.is_halted(controlword) {
+            // Bit 10 then says that it stands.
+            word &= !statusword::TARGET_REACHED;
+            word |= if self.generator.at_rest() {
+                statusword::TARGET_REACHED
+            } else {
+                0
+            };
+        }
         objects.set(keys.statusword, word);
         objects.set(keys.error_code, self.error_code);
         objects.set(keys.mode_display, self.mode);
@@ -383,7 +415,7 @@ impl Device {
             // A stop that is under way goes on to its end; only taking the voltage away is quicker.
             5 | 8 | 11 if matches!(self.activity, Activity::Stop { .. }) => {}
             // Only 605A = 5 to 8 stays in QUICK STOP ACTIVE and lets the controller go on from there.
-            16 if objects.get(self.keys.quick_stop_option) < 5 => {}
+            16 if objects.get(self.keys.quick_stop_option) < 5 || self.quirks.stays_in_quick_stop => {}
             2 if self.injected.sto_open => {}
             15 if self.injected.cause_stays || self.injected.sto_open => {}
             15 => {
@@ -416,7 +448,12 @@ impl Device {
             };
             return;
         }
-        if number == 4 && !self.interpolation_time_fits(objects) {
+        // Whoever makes its own way needs no time between set-points.
+        let own_way = matches!(
+            self.mode,
+            mode::PROFILE_POSITION | mode::VELOCITY | mode::PROFILE_VELOCITY | mode::PROFILE_TORQUE
+        );
+        if number == 4 && !own_way && !self.interpolation_time_fits(objects) {
             self.raise_fault(ERROR_PARAMETER);
             return;
         }
@@ -459,6 +496,7 @@ impl Device {
             State::QuickStopActive => {
                 let (number, to) = (12, State::SwitchOnDisabled);
                 match objects.get(keys.quick_stop_option) {
+                    _ if self.quirks.stays_in_quick_stop => Activity::Hold { deceleration: quick },
                     0 => Activity::Stop {
                         deceleration: f64::INFINITY,
                         number,
@@ -500,8 +538,8 @@ impl Device {
     }
 
     /// A mode counts as soon as the drive has it; one that the drive lacks changes nothing.
-    fn choose_mode(&mut self, wanted: i8) {
-        if wanted != mode::NONE && wanted != self.mode && SUPPORTED_MODES & mode::supported_bit(wanted) != 0 {
+    fn choose_mode(&mut self, wanted: i8, supported: u32) {
+        if wanted != mode::NONE && wanted != self.mode && supported & mode::supported_bit(wanted) != 0 {
             self.mode = wanted;
             self.homing = HomingIndication::Idle;
             self.begin_mode();
@@ -574,6 +612,16 @@ impl Device {
         self.start_bit = word & controlword::MODE_START != 0;
     }
 
+    /// Whether *halt* holds it in a mode in which bit 10 has a meaning.
+    fn is_halted(&self, word: u16) -> bool {
+        let tells = matches!(
+            self.mode,
+            mode::PROFILE_POSITION | mode::PROFILE_VELOCITY | mode::PROFILE_TORQUE | mode::HOMING
+        );
+        let halts = self.connected && word & controlword::HALT != 0;
+        tells && halts && matches!(self.activity, Activity::Mode)
+    }
+
     /// Bit 13 of the modes with a position.
     fn follows_badly(&self, following_error: i64, window: u32) -> bool {
         let error = window != u32::MAX && following_error.unsigned_abs() > u64::from(window);
@@ -609,13 +657,18 @@ impl Device {
         word
     }
 
-    /// 60FD: bit 0 negative limit switch, 1 positive limit switch, 2 home switch, 3 interlock.
+    /// 60FD: limit switches, home switch and safety circuit at the bits where this drive has them.
     fn digital_inputs(&self, sensors: &Sensors) -> u32 {
-        u32::from(sensors.negative_limit.active)
-            | u32::from(sensors.positive_limit.active) << 1
-            | u32::from(sensors.home.active) << 2
-            | u32::from(self.injected.sto_open) << 3
-            | self.injected.digital_inputs
+        let [negative, positive, home] = self.quirks.input_bits;
+        let (sto, while_open) = self.quirks.sto;
+        let shown = [
+            (negative, sensors.negative_limit.active),
+            (positive, sensors.positive_limit.active),
+            (home, sensors.home.active),
+            (sto, self.injected.sto_open == while_open),
+        ];
+        let shown = shown.into_iter().filter(|(bit, on)| *on && *bit < 32);
+        shown.fold(self.injected.digital_inputs, |word, (bit, _)| word | 1 << bit)
     }
 }
 

@@ -86,7 +86,9 @@ impl Device {
         let keys = self.keys;
         let start = word & controlword::MODE_START != 0;
         if start && !self.start_bit {
-            self.homing = match Method::from_number(objects.get(keys.homing_method)) {
+            let number = objects.get(keys.homing_method);
+            let has = u32::try_from(number).is_ok_and(|bit| bit < 64 && self.quirks.homing_methods >> bit & 1 == 1);
+            self.homing = match Method::from_number(number).filter(|_| has) {
                 Some(method) => HomingIndication::Running(Homing::new(method, sensors)),
                 None => HomingIndication::Failed,
             };
@@ -103,7 +105,8 @@ impl Device {
                 }
                 Progress::Home(position) => {
                     // By the profile zero = home + offset, so that the position at home is minus the offset.
-                    self.offset = -position - i64::from(objects.get(keys.home_offset));
+                    let offset = i64::from(objects.get(keys.home_offset));
+                    self.offset = -position + if self.quirks.home_offset_adds { offset } else { -offset };
                     HomingIndication::Attained
                 }
                 Progress::Failed => HomingIndication::Failed,

@@ -192,14 +192,20 @@ const fn with_demand() -> [EntryDef; DRIVE_OBJECTS.len()] {
     table
 }
 
-/// Whether the drive takes a value written by SDO that the table's own checks let pass: modes it does not have, homing
+/// Whether the drive takes a value written by SDO that the table's own checks let pass: modes it does not have (6502), homing
 /// methods and option codes it does not know are [`AbortCode::VALUE_RANGE`].
 ///
 /// # Errors
 /// [`AbortCode::VALUE_RANGE`].
-pub fn check_write(index: u16, sub: u8, value: &[u8]) -> Result<(), AbortCode> {
+pub fn check_write<const ENTRIES: usize, const BYTES: usize>(
+    objects: &Dictionary<ENTRIES, BYTES>,
+    index: u16,
+    sub: u8,
+    value: &[u8],
+) -> Result<(), AbortCode> {
+    let supported = objects.key(0x6502, 0).map_or(SUPPORTED_MODES, |key| objects.get(key));
     let allowed = match (index, sub, value) {
-        (0x6060, 0, &[code]) => code as i8 == mode::NONE || SUPPORTED_MODES & mode::supported_bit(code as i8) != 0,
+        (0x6060, 0, &[code]) => code as i8 == mode::NONE || supported & mode::supported_bit(code as i8) != 0,
         (0x6098, 0, &[method]) => homing::Method::from_number(method as i8).is_some(),
         // Stops at the current limit and the voltage limit need a motor that has them.
         (0x605A, 0, &[low, high]) => matches!(i16::from_le_bytes([low, high]), 0 | 1 | 2 | 5 | 6),
@@ -299,4 +305,5 @@ keys! {
     outputs: u32 = 0x60FE / 1;
     outputs_mask: u32 = 0x60FE / 2;
     target_velocity: i32 = 0x60FF / 0;
+    supported_modes: u32 = 0x6502 / 0;
 }

@@ -1,5 +1,6 @@
 //! What the managing node is told before it starts: node list and times. `check` says what may be wrong with it.
 
+use obd::Expected;
 use obd::cdc::CdcReader;
 
 use super::startup::{Assignment, StartUp};
@@ -64,6 +65,8 @@ pub struct NodeConfig<'a> {
     pub pres_bytes: u16,
     /// Concise DCF to write into the node (object 0x1F22); empty: nothing to write.
     pub configuration: &'a [u8],
+    /// What is read from the node behind that, and must be so; a node that has no such object is believed.
+    pub expected: &'a [Expected],
 }
 
 impl Default for NodeConfig<'_> {
@@ -85,6 +88,7 @@ impl Default for NodeConfig<'_> {
             pres_mn_offset: 0,
             pres_bytes: 0,
             configuration: &[],
+            expected: &[],
         }
     }
 }

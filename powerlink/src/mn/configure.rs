@@ -1,11 +1,11 @@
 //! What a node is, and what is written into it: the checks of its IdentResponse and the configuration manager.
 //!
 //! In:  the IdentResponse, the concise DCF, results of the SDO client.
-//! Out: writes through the SDO client, one after the other; what differs, as an event.
-//! RT: no allocation, no locks; one write a step.
+//! Out: writes through the SDO client, one after the other, and reads of what is expected; what differs, as an event.
+//! RT: no allocation, no locks; one write or read a step.
 
-use obd::AbortCode;
 use obd::cdc::{CdcReader, CdcWrite};
+use obd::{AbortCode, Expected};
 
 use super::config::{Identity, Stamp, expected_stamp};
 use super::event::{Events, IdentityField, MnEvent};
@@ -65,6 +65,7 @@ impl<'a> Node<'a> {
     pub(super) fn begin_configuration(&mut self, ident: &IdentResponse, network: &Network) -> bool {
         // Checked when the managing node was made; an empty one has nothing to read.
         self.writes = CdcReader::new(self.config.configuration).ok();
+        self.asked = 0;
         // The connection of the last boot is void, also for the application.
         self.sdo = Client::new(timing(network));
         !self.configuration_is_current(ident, network)
@@ -86,7 +87,7 @@ impl<'a> Node<'a> {
         expected_stamp(&self.config).is_some_and(|expected| expected != configuration_of(ident))
     }
 
-    /// Takes the result of the last write and starts the next one.
+    /// Takes the result of the last write or read and starts the next one.
     pub(super) fn configure(&mut self, now_ns: u64, network: &Network, events: &mut Events) {
         let BootStage::Configuring {
             mut written,
@@ -100,7 +101,13 @@ impl<'a> Node<'a> {
         if self.sdo.is_busy() {
             let aborted = match self.sdo.result() {
                 None => return,
-                Some(Ok(_)) => None,
+                Some(Ok(octets)) => {
+                    if let Some(fault) = self.wrong_value(octets) {
+                        self.refuse_configured(now_ns, network, fault, events);
+                        return;
+                    }
+                    None
+                }
                 Some(Err(ClientError::Aborted(code))) => Some(code),
                 Some(Err(error)) => {
                     self.fail(
@@ -114,32 +121,45 @@ impl<'a> Node<'a> {
             };
             if let Some(code) = aborted {
                 let fault = Fault::ConfigurationRefused { index, sub, code };
-                if !may_be_refused(index, sub, code) {
-                    self.refuse(now_ns, network, fault, events);
-                    self.order = Some(Order {
-                        command: NmtCommand::ResetNode,
-                        reason: fault.error_code(),
-                    });
+                if self.asked > 0 {
+                    if !is_missing(code) {
+                        self.refuse_configured(now_ns, network, fault, events);
+                        return;
+                    }
+                } else if !may_be_refused(index, sub, code) {
+                    self.refuse_configured(now_ns, network, fault, events);
                     return;
+                } else {
+                    events.push(fault.event(node));
                 }
-                events.push(fault.event(node));
-            } else {
+            } else if self.asked == 0 {
                 self.statistics.objects_written += 1;
             }
-            written += 1;
+            written += u32::from(self.asked == 0);
         } else if written == 0 {
             events.push(MnEvent::Configuring { node });
         }
-        let Some(Ok(write)) = self.writes.as_mut().and_then(Iterator::next) else {
-            self.sdo.close();
-            self.stage = BootStage::ClosingSdo;
-            return;
-        };
-        let CdcWrite { index, sub, value } = write;
-        self.stage = BootStage::Configuring { written, index, sub };
-        self.written_value = value;
         self.sdo.set_timing(timing(network));
-        if let Err(error) = self.sdo.start_write(index, sub, value.len()) {
+        let (index, sub, started) = match self.writes.as_mut().and_then(Iterator::next) {
+            Some(Ok(CdcWrite { index, sub, value })) => {
+                self.written_value = value;
+                (index, sub, self.sdo.start_write(index, sub, value.len()))
+            }
+            Some(Err(_)) | None => match self.config.expected.get(self.asked) {
+                Some(&Expected { index, sub, .. }) => {
+                    self.asked += 1;
+                    self.written_value = &[];
+                    (index, sub, self.sdo.start_read(index, sub))
+                }
+                None => {
+                    self.sdo.close();
+                    self.stage = BootStage::ClosingSdo;
+                    return;
+                }
+            },
+        };
+        self.stage = BootStage::Configuring { written, index, sub };
+        if let Err(error) = started {
             self.fail(
                 now_ns,
                 network,
@@ -148,6 +168,40 @@ impl<'a> Node<'a> {
             );
         }
     }
+
+    /// What is wrong with the value that has been read, of so many octets; `None`: nothing, or none was read.
+    fn wrong_value(&self, octets: usize) -> Option<Fault> {
+        let Expected {
+            index,
+            sub,
+            mask,
+            value,
+        } = *self.config.expected.get(self.asked.checked_sub(1)?)?;
+        let mut read = [0; 4];
+        for (octet, came) in read.iter_mut().zip(self.read_value.iter().take(octets)) {
+            *octet = *came;
+        }
+        let got = u32::from_le_bytes(read) & mask;
+        (got != value).then_some(Fault::WrongValue {
+            index,
+            sub,
+            expected: value,
+            got,
+        })
+    }
+
+    /// It is reset, so that it forgets what was written.
+    fn refuse_configured(&mut self, now_ns: u64, network: &Network, fault: Fault, events: &mut Events) {
+        self.refuse(now_ns, network, fault, events);
+        self.order = Some(Order {
+            command: NmtCommand::ResetNode,
+            reason: fault.error_code(),
+        });
+    }
+}
+
+fn is_missing(code: AbortCode) -> bool {
+    code == AbortCode::NO_OBJECT || code == AbortCode::NO_SUB_INDEX
 }
 
 fn configuration_of(ident: &IdentResponse) -> Stamp {
@@ -167,7 +221,7 @@ fn may_be_refused(index: u16, sub: u8, code: AbortCode) -> bool {
         0x1F98 => matches!(sub, 7..=9),
         _ => false,
     };
-    optional && (code == AbortCode::NO_OBJECT || code == AbortCode::NO_SUB_INDEX)
+    optional && is_missing(code)
 }
 
 /// Time limits of the SDO clients: a frame is repeated when all nodes that are being configured could have had their command

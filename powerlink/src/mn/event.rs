@@ -111,6 +111,19 @@ pub enum MnEvent {
         /// Sub-index of the object.
         sub: u8,
     },
+    /// An object has another value than [`super::NodeConfig::expected`] says.
+    ValueMismatch {
+        /// Node id, 1..=239.
+        node: u8,
+        /// Index of the object.
+        index: u16,
+        /// Sub-index of the object.
+        sub: u8,
+        /// The value that the configuration has.
+        expected: u32,
+        /// The value that was read, of the bits that count.
+        got: u32,
+    },
     /// The state of a node as the application sees it has changed.
     NodeStateChanged {
         /// Node id, 1..=239.
@@ -244,6 +257,16 @@ impl fmt::Display for MnEvent {
                     "node {node}: no valid answer to the write of {index:04X}h/{sub:02X}h"
                 )
             }
+            MnEvent::ValueMismatch {
+                node,
+                index,
+                sub,
+                expected,
+                got,
+            } => write!(
+                f,
+                "node {node}: {index:04X}h/{sub:02X}h is {got:#010x}, expected {expected:#010x}"
+            ),
             MnEvent::NodeStateChanged { node, state } => write!(f, "node {node}: {state:?}"),
             MnEvent::BootTimeout { node, expected, got } => {
                 write!(

@@ -75,6 +75,17 @@ pub enum Fault {
         /// What went wrong.
         error: ClientError,
     },
+    /// An object has another value than it shall have.
+    WrongValue {
+        /// Index of the object.
+        index: u16,
+        /// Sub-index of the object.
+        sub: u8,
+        /// As configured ([`super::NodeConfig::expected`]).
+        expected: u32,
+        /// The value that was read, of the bits that count.
+        got: u32,
+    },
     /// A step of the boot-up took too long.
     BootTimeout {
         /// The NMT state it should have reached.
@@ -121,6 +132,18 @@ impl Fault {
             Fault::WrongSoftware { expected, got } => MnEvent::SoftwareMismatch { node, expected, got },
             Fault::ConfigurationRefused { index, sub, code } => MnEvent::SdoAbort { node, index, sub, code },
             Fault::ConfigurationFailed { index, sub, .. } => MnEvent::SdoFailed { node, index, sub },
+            Fault::WrongValue {
+                index,
+                sub,
+                expected,
+                got,
+            } => MnEvent::ValueMismatch {
+                node,
+                index,
+                sub,
+                expected,
+                got,
+            },
             Fault::BootTimeout { expected, got } => MnEvent::BootTimeout { node, expected, got },
             Fault::ChainFailed { got, .. } => MnEvent::BootTimeout {
                 node,
@@ -145,6 +168,7 @@ impl Fault {
             Fault::WrongSoftware { .. } => reset_reason::SOFTWARE,
             Fault::ConfigurationRefused { .. }
             | Fault::ConfigurationFailed { .. }
+            | Fault::WrongValue { .. }
             | Fault::BootTimeout { .. }
             | Fault::ChainFailed { .. } => reset_reason::BOOT_FAILED,
             Fault::PresLost { .. } => reset_reason::LOSS_OF_PRES,
@@ -161,6 +185,8 @@ pub enum FaultValue {
     Identity(IdentityField, u32),
     /// Of the software.
     Software(Stamp),
+    /// Of another object.
+    Number(u32),
     /// An NMT state.
     State(NmtState),
     /// What an SDO was answered with.
@@ -172,7 +198,9 @@ impl fmt::Display for FaultValue {
         match *self {
             // As printed on the type plate.
             FaultValue::Identity(IdentityField::Serial, number) => number.fmt(f),
-            FaultValue::Identity(_, number) | FaultValue::Abort(AbortCode(number)) => write!(f, "0x{number:08X}"),
+            FaultValue::Identity(_, number) | FaultValue::Number(number) | FaultValue::Abort(AbortCode(number)) => {
+                write!(f, "0x{number:08X}")
+            }
             FaultValue::Software(Stamp { date, time }) => write!(f, "{date} d {time} ms"),
             FaultValue::State(state) => state.fmt(f),
         }
@@ -185,9 +213,9 @@ impl Fault {
         let (index, sub) = match self {
             Fault::WrongIdentity { field, .. } => field.object(),
             Fault::WrongSoftware { .. } => (0x1F52, 0),
-            Fault::ConfigurationRefused { index, sub, .. } | Fault::ConfigurationFailed { index, sub, .. } => {
-                (index, sub)
-            }
+            Fault::ConfigurationRefused { index, sub, .. }
+            | Fault::ConfigurationFailed { index, sub, .. }
+            | Fault::WrongValue { index, sub, .. } => (index, sub),
             Fault::BootTimeout { .. } | Fault::WrongState { .. } => (0x1F8C, 0),
             Fault::ChainFailed { .. } | Fault::PresLost { .. } | Fault::StatusLost { .. } => return None,
         };
@@ -199,6 +227,7 @@ impl Fault {
         match self {
             Fault::WrongIdentity { field, expected, .. } => Some(FaultValue::Identity(field, expected)),
             Fault::WrongSoftware { expected, .. } => Some(FaultValue::Software(expected)),
+            Fault::WrongValue { expected, .. } => Some(FaultValue::Number(expected)),
             Fault::BootTimeout { expected, .. } | Fault::WrongState { expected, .. } => {
                 Some(FaultValue::State(expected))
             }
@@ -215,6 +244,7 @@ impl Fault {
         match self {
             Fault::WrongIdentity { field, got, .. } => Some(FaultValue::Identity(field, got)),
             Fault::WrongSoftware { got, .. } => Some(FaultValue::Software(got)),
+            Fault::WrongValue { got, .. } => Some(FaultValue::Number(got)),
             Fault::ConfigurationRefused { code, .. } => Some(FaultValue::Abort(code)),
             Fault::BootTimeout { got, .. } | Fault::WrongState { got, .. } => Some(FaultValue::State(got)),
             Fault::ConfigurationFailed { .. }
@@ -246,6 +276,15 @@ impl fmt::Display for Fault {
             ),
             Fault::ConfigurationFailed { index, sub, error } => {
                 write!(f, "{} could not be written: {error}", Address { index, sub })
+            }
+            Fault::WrongValue {
+                index,
+                sub,
+                expected,
+                got,
+            } => {
+                let [got, expected] = [got, expected].map(FaultValue::Number);
+                write!(f, "{} is {got}, expected {expected}", Address { index, sub })
             }
             Fault::BootTimeout { expected, got } => write!(f, "still {got}, expected {expected} by now"),
             Fault::ChainFailed { requests, got } => write!(

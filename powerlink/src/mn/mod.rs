@@ -58,6 +58,7 @@ pub use diagnosis::{At, Diagnosis, ForeignMn, NetworkDiagnosis, NetworkReason, R
 pub use event::{Counters, EVENTS_MAX, ForeignSign, IdentityField, Malformed, MnEvent, NodeState, NodeStatistics};
 pub use fault::{Fault, FaultValue};
 pub use image::{CHANNEL_OCTETS_MAX, IMAGE_IN, IMAGE_OCTETS_MAX, IMAGE_OUT};
+pub use obd::Expected;
 pub use objects::{FEATURE_FLAGS, HISTORY_ENTRIES, MN_PROFILE, MnObjects};
 pub use record::{ERRORS_KEPT, ErrorLog, LastFault, LoggedError};
 pub use sdo_command::{SdoCommand, SdoError, SdoRefused, SdoResult};

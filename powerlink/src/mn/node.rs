@@ -110,6 +110,9 @@ pub(super) struct Node<'a> {
     pub(super) writes: Option<CdcReader<'a>>,
     /// Value of the write under way.
     pub(super) written_value: &'a [u8],
+    /// Values of [`NodeConfig::expected`] that have been asked for, and the one that comes.
+    pub(super) asked: usize,
+    pub(super) read_value: [u8; 4],
     pub(super) sdo: Client,
     /// What the application does with it.
     pub(super) job: Option<Job<'a>>,
@@ -140,6 +143,8 @@ impl<'a> Node<'a> {
             invitation: Invitation::default(),
             writes: None,
             written_value: &[],
+            asked: 0,
+            read_value: [0; 4],
             sdo: Client::new(Timing::default()),
             job: None,
             wrong_state: 0,

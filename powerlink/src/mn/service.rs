@@ -29,6 +29,7 @@ impl<'a> Node<'a> {
     pub(super) fn receive_sdo(&mut self, now_ns: u64, service_data: &[u8]) {
         let sink = match &mut self.job {
             Some(job) if job.ended.is_none() => job.sink(),
+            Some(_) | None if self.asked > 0 => &mut self.read_value,
             Some(_) | None => &mut [],
         };
         self.sdo.receive(now_ns, service_data, sink);

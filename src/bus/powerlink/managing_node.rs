@@ -144,6 +144,7 @@ pub fn node_configs<'a>(bus: &Bus, plans: &'a [NodePlan]) -> Vec<NodeConfig<'a>>
     nodes
         .map(|(node, plan)| NodeConfig {
             configuration: &plan.configuration,
+            expected: &plan.expected,
             configuration_stamp: plan.stamp.map(stamp),
             ..node
         })

@@ -244,6 +244,18 @@ impl<'a, L: Link, const NODES: usize> Powerlink<'a, L, NODES> {
                 object: (object, sub),
                 abort: code,
             },
+            MnEvent::ValueMismatch {
+                node,
+                index: object,
+                sub,
+                expected,
+                got,
+            } => BusEvent::WrongValue {
+                node: index(node)?,
+                object: (object, sub),
+                expected,
+                got,
+            },
             MnEvent::SdoFailed { node, .. } | MnEvent::BootTimeout { node, .. } => BusEvent::BootFailed(index(node)?),
             MnEvent::NodeStateChanged {
                 node,

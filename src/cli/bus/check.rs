@@ -180,6 +180,9 @@ pub(in crate::cli) fn write_node(
         plan.inputs.octets,
         exchange(node),
     )?;
+    if let Some(drive) = &node.drive {
+        writeln!(f, "       drive     {}: {}", drive.name, drive.description)?;
+    }
     if let Some(device) = &node.device {
         let identity = &device.identity;
         writeln!(
@@ -317,6 +320,7 @@ pub(in crate::cli) fn node_json(node: &Node, plan: &NodePlan) -> Json {
         "name": node.name,
         "profile": profile_name(node.profile),
         "mandatory": node.mandatory,
+        "drive": node.drive.as_ref().map(|drive| &drive.name),
         "device_file": node.device.as_ref().map(|device| &device.file),
         "identity": identity.into_iter().collect::<serde_json::Map<_, _>>(),
         "pres_timeout_us": node.pres_timeout_us,

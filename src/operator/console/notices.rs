@@ -174,6 +174,15 @@ impl Operator {
                 abort.0,
                 abort.text()
             ),
+            BusEvent::WrongValue {
+                node,
+                object: (index, sub),
+                expected,
+                got,
+            } => format!(
+                "{}: {index:04X}h:{sub} is {got:#010x}, expected {expected:#010x}: it is another drive than its profile says",
+                self.node_names[node]
+            ),
             BusEvent::Missing(node) => self.modules.missing(node),
             BusEvent::Stranger { id, identity } => self.modules.stranger(id, &identity),
             BusEvent::BootFailed(node) => format!("{} did not come up in time, is booted again", self.node_names[node]),

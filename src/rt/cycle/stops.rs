@@ -46,6 +46,7 @@ impl<B: CyclicBus> MotionController<B> {
                 | BusEvent::Identified(_)
                 | BusEvent::WrongIdentity { .. }
                 | BusEvent::ConfigurationRefused { .. }
+                | BusEvent::WrongValue { .. }
                 | BusEvent::Missing(_)
                 | BusEvent::Stranger { .. }
                 | BusEvent::BootFailed(_)

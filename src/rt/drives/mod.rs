@@ -16,7 +16,9 @@ use super::shared::JointTrace;
 use crate::bus::layout::{Field, Layout};
 use crate::bus::plan::NodePlan;
 use crate::bus::{InputImage, NodeIndex, NodeState, OutputImage};
-use crate::config::{Compensation, Config, DriveMode, HomingBy, JOINTS_MAX, Joint, Sto, targets, touch_probe_objects};
+use crate::config::{
+    Compensation, Config, DriveMode, HomingBy, InputBits, JOINTS_MAX, Joint, Sto, targets, touch_probe_objects,
+};
 use cia402::axis::{Axis, AxisConfig, Feedback, HomingState, Request, Setpoint, Status, Target};
 use motion::canon::Position;
 use motion::kinematics::Kinematics;
@@ -200,6 +202,7 @@ pub struct Drive {
     setpoint: Setpoint,
     online: bool,
     limits_by_drive: bool,
+    input_bits: InputBits,
     sto: Option<(Field, Sto)>,
     /// What it sent last says that its safety circuit is open.
     sto_open: bool,
@@ -228,7 +231,7 @@ impl Drive {
             fresh: false,
             torque: f64::NAN,
             zero_mm: match joint.homing.by {
-                HomingBy::Drive { .. } => joint.homing.position_mm,
+                HomingBy::Drive { .. } => joint.homing.position_mm - joint.home_count as f64 * units / counts,
                 HomingBy::Control(_) => 0.0,
             },
             homed_by_control: match joint.homing.by {
@@ -246,6 +249,7 @@ impl Drive {
             setpoint: Setpoint::default(),
             online: false,
             limits_by_drive: joint.limits_by_drive,
+            input_bits: joint.input_bits,
             sto: joint.sto.and_then(|sto| {
                 let (index, sub) = sto.object;
                 Some((plan.inputs.find(index, sub)?, sto))
@@ -519,7 +523,13 @@ impl Drive {
     /// Whether it says that its lower, and its upper limit switch is closed.
     pub fn limit_switches(&self) -> [bool; 2] {
         let told = self.online && self.limits_by_drive;
-        [0, 1].map(|bit| told && self.feedback.digital_inputs >> bit & 1 == 1)
+        let inputs = self.feedback.digital_inputs;
+        self.input_bits.limits.map(|bit| told && inputs >> bit & 1 == 1)
+    }
+
+    /// Whether it says that its home switch is closed.
+    pub fn home_switch(&self) -> bool {
+        self.feedback.digital_inputs >> self.input_bits.home & 1 == 1
     }
 
     /// Greatest following error allowed, mm.

@@ -49,6 +49,7 @@ pub fn plans(config: &Config) -> impl Iterator<Item = NodePlan> {
         inputs: Layout::new(&INPUTS),
         configuration: Vec::new(),
         writes: Vec::new(),
+        expected: Vec::new(),
         stamp: None,
         left_out: Vec::new(),
     })

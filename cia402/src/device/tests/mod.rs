@@ -3,6 +3,7 @@ use crate::axis::{Axis, AxisConfig, AxisFault, Feedback, HomingState, Mode, Requ
 use proptest::prelude::*;
 
 mod profiles;
+mod tables;
 mod touch;
 
 const MS: u64 = 1_000_000;
@@ -537,6 +538,7 @@ fn an_interpolation_time_other_than_the_cycle_is_refused() {
 fn modes_methods_and_options_that_it_lacks_are_refused() {
     assert_eq!(SUPPORTED_MODES, 0x0000_03EF);
     let refused = Err(AbortCode::VALUE_RANGE);
+    let objects = Rig::new(0, (0, 0)).objects;
     for (mode, result) in [
         (8, Ok(())),
         (7, Ok(())),
@@ -550,15 +552,15 @@ fn modes_methods_and_options_that_it_lacks_are_refused() {
         (11, refused),
         (-1, refused),
     ] {
-        assert_eq!(check_write(0x6060, 0, &[mode as i8 as u8]), result, "{mode}");
+        assert_eq!(check_write(&objects, 0x6060, 0, &[mode as i8 as u8]), result, "{mode}");
     }
     let methods = (-128..=127)
-        .filter(|method: &i32| check_write(0x6098, 0, &[*method as u8]).is_ok())
+        .filter(|method: &i32| check_write(&objects, 0x6098, 0, &[*method as u8]).is_ok())
         .count();
     assert_eq!(methods, 14 + 14 + 4);
-    assert_eq!(check_write(0x605A, 0, &[3, 0]), refused);
-    assert_eq!(check_write(0x605A, 0, &[6, 0]), Ok(()));
-    assert_eq!(check_write(0x607A, 0, &[0; 4]), Ok(()));
+    assert_eq!(check_write(&objects, 0x605A, 0, &[3, 0]), refused);
+    assert_eq!(check_write(&objects, 0x605A, 0, &[6, 0]), Ok(()));
+    assert_eq!(check_write(&objects, 0x607A, 0, &[0; 4]), Ok(()));
 }
 
 #[test]
@@ -735,4 +737,79 @@ proptest! {
             prop_assert_eq!(crate::profile::state(rig.read(0x6041, 0)), Some(rig.device.state()));
         }
     }
+}
+
+/// Every build of a drive that the profile leaves open, against what it changes.
+#[test]
+fn a_drive_is_as_it_was_built() {
+    let homed = |home_offset_adds: bool| {
+        let mut rig = Rig::new(500, (0, 0));
+        let quirks = Quirks {
+            home_offset_adds,
+            ..Quirks::default()
+        };
+        rig.device = rig.device.with_quirks(quirks);
+        rig.write(0x6098, 0, 37_i8);
+        rig.write(0x607C, 0, 70_i32);
+        rig.enable();
+        rig.write(0x6060, 0, 6_i8);
+        rig.word(0x0F);
+        rig.word(0x1F);
+        rig.word(0x1F);
+        rig.read::<i32>(0x6064, 0)
+    };
+    assert_eq!([homed(false), homed(true)], [-70, 70]);
+
+    let mut rig = Rig::new(NEGATIVE_LIMIT, (NEGATIVE_LIMIT, 0));
+    rig.device = rig.device.with_quirks(Quirks {
+        input_bits: [16, 17, 20],
+        sto: (24, false),
+        homing_methods: 1 << 35,
+        ..Quirks::default()
+    });
+    rig.cycle(true);
+    assert_eq!(rig.read::<u32>(0x60FD, 0), 1 << 16 | 1 << 20 | 1 << 24);
+    rig.device.injected.sto_open = true;
+    rig.cycle(true);
+    assert_eq!(rig.read::<u32>(0x60FD, 0), 1 << 16 | 1 << 20);
+    rig.device.injected.sto_open = false;
+    rig.write(0x6098, 0, 37_i8);
+    rig.enable();
+    rig.write(0x6060, 0, 6_i8);
+    rig.word(0x0F);
+    assert_eq!(rig.word(0x1F) & statusword::MODE_ERROR, statusword::MODE_ERROR);
+
+    // 605A is 2: the profile has it switched off at the end of the stop.
+    for stays_in_quick_stop in [false, true] {
+        let mut rig = Rig::new(0, (0, 0));
+        rig.device = rig.device.with_quirks(Quirks {
+            stays_in_quick_stop,
+            ..Quirks::default()
+        });
+        rig.enable();
+        for _ in 0..100 {
+            rig.word(0x02);
+        }
+        let stopped = match stays_in_quick_stop {
+            true => State::QuickStopActive,
+            false => State::SwitchOnDisabled,
+        };
+        assert_eq!(rig.device.state(), stopped);
+        // Transition 16 is none that it takes.
+        rig.word(0x0F);
+        assert_eq!(rig.device.state(), stopped);
+        rig.word(0x00);
+        assert_eq!(rig.device.state(), State::SwitchOnDisabled);
+    }
+
+    let mut rig = Rig::new(0, (0, 0));
+    let key = rig.objects.find(0x6502, 0).unwrap();
+    rig.objects
+        .set_default(key, &mode::supported_bit(7).to_le_bytes())
+        .unwrap();
+    let offered = [7_i8, 8].map(|code| check_write(&rig.objects, 0x6060, 0, &[code as u8]).is_ok());
+    assert_eq!(offered, [true, false]);
+    rig.write(0x6060, 0, 8_i8);
+    rig.cycle(true);
+    assert_eq!(rig.read::<i8>(0x6061, 0), 0);
 }

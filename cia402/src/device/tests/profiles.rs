@@ -4,7 +4,7 @@ use super::*;
 use crate::profile::mode;
 
 /// A drive that is enabled in a mode by its controlword alone.
-fn in_mode(code: i8) -> Rig {
+pub(super) fn in_mode(code: i8) -> Rig {
     let mut rig = Rig::new(0, (-1000, 1000));
     rig.write(0x6060, 0, code);
     rig.write(0x6065, 0, u32::MAX);

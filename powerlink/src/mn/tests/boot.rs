@@ -252,6 +252,45 @@ fn a_value_the_node_refuses_is_named() {
     check_order(&net.log, 0);
 }
 
+#[test]
+fn a_value_that_the_node_has_and_should_not_is_named_and_one_that_it_lacks_is_believed() {
+    let configuration = configuration();
+    let of = |index, mask, value| obd::Expected {
+        index,
+        sub: 0,
+        mask,
+        value,
+    };
+    // Its statusword is 0 before anything runs; there is no 2999.
+    let good = [
+        of(0x6041, 0xFFFF, 0),
+        of(0x2999, 0xFF, 7),
+        of(0x1006, u32::MAX, (CYCLE_NS / US) as u32),
+    ];
+    let nodes = [NodeConfig {
+        expected: &good,
+        ..node_config(1, &configuration)
+    }];
+    let mut net = Net::new(&nodes);
+    net.until(600, |net| net.mn.node_state(0) == NodeState::Operational);
+    let bad = [good[0], good[1], of(0x1006, 0x0000_FF00, 0x0100)];
+    let nodes = [NodeConfig {
+        expected: &bad,
+        ..node_config(1, &configuration)
+    }];
+    let mut net = Net::new(&nodes);
+    net.until(600, |net| net.mn.node_state(0) == NodeState::Faulted);
+    let mismatch = MnEvent::ValueMismatch {
+        node: 1,
+        index: 0x1006,
+        sub: 0,
+        expected: 0x0100,
+        got: 0x0300,
+    };
+    assert_eq!(net.count_events(|event| *event == mismatch), 1);
+    assert_eq!(net.mn.nmt_state(), NmtState::PreOperational1);
+}
+
 /// The configuration of a drive with further writes of four octets.
 fn configuration_with(writes: &[(u16, u8, [u8; 4])]) -> Vec<u8> {
     let mut octets = configuration();

@@ -8,11 +8,12 @@ use super::managing_node::{exchanges, pres_mn_octets};
 use crate::bus::layout::Layout;
 use crate::bus::plan::{LeftOut, LeftOutReason, NodePlan};
 use crate::config::{
-    Bus, Config, ConfigurationWrite, DeviceDescription, Exchange, HomingBy, Joint, Mapped, Node, Profile, Stamp,
+    Bus, Config, ConfigurationWrite, DeviceDescription, DriveProfile, Exchange, HomingBy, Joint, Mapped, Node, Profile,
+    Stamp,
 };
 use obd::cdc::CdcWriter;
 use obd::mapping::MappingEntry;
-use obd::{Access, Scalar};
+use obd::{Access, Expected, Scalar};
 use powerlink::wire::{PAYLOAD_LIMIT_MIN, node::MN};
 
 /// Plans of all nodes, in the order of the machine file.
@@ -23,7 +24,7 @@ pub fn plan(config: &Config) -> Vec<NodePlan> {
     nodes
         .map(|(index, (node, exchange))| {
             let joint = config.joints.iter().find(|joint| joint.node == index);
-            let mut dcf = Configuration::new(node.device.as_ref());
+            let mut dcf = Configuration::new(node.device.as_ref(), node.drive.as_ref());
             dcf.network(config, node);
             let pres_mn = PresMn {
                 octets: pres_mn_octets,
@@ -33,12 +34,18 @@ pub fn plan(config: &Config) -> Vec<NodePlan> {
             dcf.device_file(node);
             if let Some(joint) = joint.filter(|_| node.profile == Profile::Cia402) {
                 dcf.drive(joint, config.cycle_us);
+                if node.outputs.iter().all(|object| object.index != 0x6060) {
+                    // It cannot be told its mode in each cycle.
+                    dcf.set(0x6060, 0, joint.mode.code());
+                }
             }
             for write in &node.writes {
                 dcf.push(write.clone());
             }
             let stamp = dcf.stamp();
+            let expected = dcf.expected(node);
             NodePlan {
+                expected,
                 stamp,
                 outputs: Layout::new(&node.outputs),
                 inputs: Layout::new(&node.inputs),
@@ -101,14 +108,17 @@ struct PresMn {
 /// Configuration writes of one node.
 struct Configuration<'a> {
     device: Option<&'a DeviceDescription>,
+    /// Objects that the drive profile says there are not.
+    without: &'a [(u16, u8)],
     writes: Vec<ConfigurationWrite>,
     left_out: Vec<LeftOut>,
 }
 
 impl<'a> Configuration<'a> {
-    fn new(device: Option<&'a DeviceDescription>) -> Configuration<'a> {
+    fn new(device: Option<&'a DeviceDescription>, drive: Option<&'a DriveProfile>) -> Configuration<'a> {
         Configuration {
             device,
+            without: drive.map_or(&[], |drive| &drive.without),
             writes: Vec::new(),
             left_out: Vec::new(),
         }
@@ -124,10 +134,11 @@ impl<'a> Configuration<'a> {
 
     /// Whether a device that is described has an object that may be written; a device without file is believed to have all.
     fn has(&self, index: u16, sub: u8) -> bool {
-        self.device.is_none_or(|device| {
+        let is_in_file = self.device.is_none_or(|device| {
             let object = device.object(index, sub);
             object.is_some_and(|object| object.access.is_none_or(Access::writable))
-        })
+        });
+        is_in_file && !self.without.contains(&(index, sub))
     }
 
     /// A value for devices that have the object.
@@ -307,6 +318,27 @@ impl<'a> Configuration<'a> {
         (self.has(DATE.0, DATE.1) && self.has(TIME.0, TIME.1)).then_some(stamp)
     }
 
+    /// What a drive with a profile must say of itself: its modes (6502), and the interpolation time (60C2) that was written.
+    fn expected(&self, node: &Node) -> Vec<Expected> {
+        let Some(drive) = &node.drive else { return Vec::new() };
+        let modes = drive.modes.map(|modes| Expected {
+            index: 0x6502,
+            sub: 0,
+            mask: modes,
+            value: modes,
+        });
+        let times = self.writes.iter().filter(|write| write.index == 0x60C2);
+        let times = times.filter_map(|write| {
+            Some(Expected {
+                index: write.index,
+                sub: write.sub,
+                mask: 0xFF,
+                value: u32::from(*write.value.first()?),
+            })
+        });
+        modes.into_iter().chain(times).collect()
+    }
+
     /// What a servo drive must know: interpolation time, following error, ramps, homing.
     fn drive(&mut self, joint: &Joint, cycle_us: u32) {
         let [counts, units] = joint.counts_per_unit.map(f64::from);
@@ -370,7 +402,7 @@ mod tests {
 
     #[test]
     fn a_mapping_is_switched_off_written_and_switched_on() {
-        let mut dcf = Configuration::new(None);
+        let mut dcf = Configuration::new(None, None);
         let output = Mapped {
             index: 0x6200,
             sub: 1,
