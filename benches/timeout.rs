@@ -19,7 +19,8 @@ use isocnc::config::{self, Config, KeepAwake, Rt};
 use isocnc::host::setup::{Process, Role, enter_thread, prepare_process};
 use isocnc::host::step_port::StepPort;
 use isocnc::host::wait::monotonic_ns;
-use isocnc::rt::steps::{self, StepDrives};
+use isocnc::rt::local_drive;
+use isocnc::rt::steps::StepDrives;
 use isocnc::rt::timeout::{Counters, Limits, REPORTS, TimeoutThread, Watch};
 use std::hint::{black_box, spin_loop};
 use std::path::Path;
@@ -215,7 +216,7 @@ fn round(process: &Arc<Process>, way: Way) -> anyhow::Result<Round> {
             ticker = drives.take_ticker();
             Some(Leader {
                 drives,
-                outputs: OutputImage::new(steps::plans(&config).map(|plan| plan.outputs.octets)),
+                outputs: OutputImage::new(local_drive::plans(&config).map(|plan| plan.outputs.octets)),
                 per_cycle: 20 / (length_ticks as i32 + 1) * config::SUBSTEPS as i32,
                 cycles: 0,
             })

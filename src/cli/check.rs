@@ -170,11 +170,15 @@ impl Summary<'_> {
         write!(
             text,
             "{:<12} {} to {} {unit}, {} {unit}/s, {} {unit}/s2, {} {unit}/s3, {}",
-            self.0
-                .bus
-                .nodes
-                .get(joint.node)
-                .map_or("step pulses", |node| &node.name),
+            match joint.analog {
+                Some(analog) => &self.0.bus.nodes[analog.node].name,
+                None => self
+                    .0
+                    .bus
+                    .nodes
+                    .get(joint.node)
+                    .map_or("step pulses", |node| &node.name),
+            },
             joint.travel_mm[0],
             joint.travel_mm[1],
             joint.limits.velocity_mm_s,

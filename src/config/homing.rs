@@ -56,8 +56,8 @@ pub(super) struct Known<'n> {
     pub(super) velocity_mm_s: Option<f64>,
     pub(super) stop: Option<StopLimits>,
     pub(super) counts_per_unit: Option<[u32; 2]>,
-    /// It has step pulses, and no drive that could search.
-    pub(super) with_steps: bool,
+    /// It has no drive that could search.
+    pub(super) is_local: bool,
     /// What is known of its drive.
     pub(super) drive: Option<&'n DriveProfile>,
 }
@@ -74,7 +74,7 @@ pub(super) fn homing(joint: &mut Section<'_, '_>, known: &Known<'_>) -> Option<H
         By::Drive => method(&mut section, known.drive),
         By::Control => None,
     };
-    if known.with_steps && method.is_some_and(|method| !matches!(method, 35 | 37)) {
+    if known.is_local && method.is_some_and(|method| !matches!(method, 35 | 37)) {
         section.wrong(
             "method",
             "must be 37 (it is homed where it stands), or by = \"control\": there is no drive that could search",
@@ -450,7 +450,7 @@ fn wired(section: &Section<'_, '_>, joint: usize, control: &HomingByControl, nod
             let Some(node) = node else {
                 section.wrong(
                     "switch",
-                    "must be \"pin\": a joint with step pulses has no drive that could tell",
+                    "must be \"pin\": there is no drive on the bus that could tell",
                 );
                 return;
             };

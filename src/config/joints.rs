@@ -1,5 +1,6 @@
 //! `[[joint]]`, `[[axis]]` and `[offsets]`: what moves, how far and how fast.
 
+use super::analog;
 use super::compensation;
 use super::document::{Bound, Item, Section};
 use super::drive;
@@ -35,23 +36,69 @@ pub(super) struct Surroundings<'c> {
 pub(super) struct Taken {
     /// Ids of nodes.
     nodes: Vec<i64>,
-    /// Joints with step pulses.
-    with_steps: usize,
+    /// Joints whose drives are in this process.
+    local: usize,
     /// Pins; `None`: there is no port, or it has errors of its own.
     pub(super) steps: Option<steps::Port>,
 }
 
+/// Who moves a joint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Output {
+    Drive,
+    Step,
+    Analog,
+}
+
+/// Notes keys that are about a drive on the bus where there is none.
+fn refuse_keys_of_drives(section: &mut Section<'_, '_>, output: Output) {
+    const OF_DRIVES: [&str; 7] = [
+        "node",
+        "velocity_ratio",
+        "torque_per_mm_s2",
+        "reactions",
+        "sto",
+        "touch_probe",
+        "limit_switches",
+    ];
+    const OF_LOOPS: [&str; 3] = ["mode", "loop", "pid"];
+    let (keys, word) = match output {
+        Output::Drive => return,
+        Output::Step => ([&OF_DRIVES[..], &OF_LOOPS].concat(), "step"),
+        Output::Analog => (OF_DRIVES.to_vec(), "analog"),
+    };
+    for key in &keys {
+        if section.has(key) {
+            section.wrong(
+                key,
+                format!("is of a drive on the bus: this joint has output = {word:?}"),
+            );
+        }
+    }
+    section.known(&keys);
+}
+
 /// Reads one `[[joint]]`.
 pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, taken: &mut Taken) -> Option<Joint> {
-    let with_steps = section.word("output", &[("drive", false), ("step", true)], false)?;
-    let node = match with_steps {
-        true => None,
-        false => node(section, around, &mut taken.nodes),
+    const OUTPUTS: [(&str, Output); 3] = [
+        ("drive", Output::Drive),
+        ("step", Output::Step),
+        ("analog", Output::Analog),
+    ];
+    let output = section.word("output", &OUTPUTS, Output::Drive)?;
+    let with_steps = output == Output::Step;
+    let node = match output {
+        Output::Drive => node(section, around, &mut taken.nodes),
+        Output::Step | Output::Analog => {
+            taken.local += 1;
+            refuse_keys_of_drives(section, output);
+            None
+        }
     };
     let of_node = node.zip(around.nodes).map(|(node, nodes)| &nodes[node]);
     let known = of_node.and_then(|node| node.drive.as_ref());
     let mode = drive::mode(section, known);
-    let counts_per_unit = counts_per_unit(section, known, with_steps || of_node.is_some());
+    let counts_per_unit = counts_per_unit(section, known, output != Output::Drive || of_node.is_some());
     let velocity_ratio = match section.optional("velocity_ratio") {
         None => Some([1, 1]),
         Some(item) => {
@@ -84,7 +131,6 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
         true => {
             let port = taken.steps.as_mut();
             let step = steps::output(section, port, around.has_steps, velocity_mm_s, counts_per_unit);
-            taken.with_steps += 1;
             step.map(Some)
         }
         false => {
@@ -92,6 +138,16 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
                 section.wrong("step", "is of a joint with output = \"step\"");
             }
             section.known(&["step"]);
+            Some(None)
+        }
+    };
+    let analog = match output {
+        Output::Analog => analog::output(section, around.nodes, mode).map(Some),
+        Output::Drive | Output::Step => {
+            if section.has("analog") {
+                section.wrong("analog", "is of a joint with output = \"analog\"");
+            }
+            section.known(&["analog"]);
             Some(None)
         }
     };
@@ -137,7 +193,7 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
                 jerk_mm_s3,
             }),
         counts_per_unit,
-        with_steps,
+        is_local: output != Output::Drive,
         drive: known,
     };
     let homing = homing::homing(section, &of_joint);
@@ -219,11 +275,12 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
     };
     let compensation = compensation?.map(|asked_for| compensation::share(asked_for, &mut limits, &mut stop));
     Some(Joint {
-        node: match with_steps {
-            true => around.nodes?.len() + taken.with_steps - 1,
-            false => node?,
+        node: match output {
+            Output::Drive => node?,
+            Output::Step | Output::Analog => around.nodes?.len() + taken.local - 1,
         },
         step: step?,
+        analog: analog?,
         mode: mode?,
         counts_per_unit: counts_per_unit?,
         velocity_ratio: velocity_ratio?,

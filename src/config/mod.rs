@@ -8,6 +8,7 @@
 //! To add a key: a field in `types.rs`, a line in the reader of its section (`bus.rs`, `node.rs`, `joints.rs`, `spindle.rs` or here), a row in
 //! `tests.rs`.
 
+mod analog;
 mod bus;
 mod channels;
 mod compensation;
@@ -31,6 +32,8 @@ mod steps;
 #[cfg(test)]
 mod tests;
 #[cfg(test)]
+mod tests_analog;
+#[cfg(test)]
 mod tests_channels;
 #[cfg(test)]
 mod tests_devices;
@@ -46,6 +49,7 @@ mod tests_spindle;
 mod tests_steps;
 mod types;
 
+pub use analog::AnalogOutput;
 pub use bus::{is_name, wire_time_ns};
 pub use document::{Bound, Question};
 pub use drive_profile::{BUILT_IN as DRIVE_PROFILES, parse as parse_drive_profile};

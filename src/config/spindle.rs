@@ -221,7 +221,7 @@ fn counter(section: &mut Section<'_, '_>, nodes: Option<&[Node]>) -> Option<Spin
 }
 
 /// The node that `node` names by its id.
-fn node<'n>(
+pub(super) fn node<'n>(
     section: &mut Section<'_, '_>,
     nodes: Option<&'n [Node]>,
     fits: impl Fn(&Node) -> bool,
@@ -243,7 +243,7 @@ fn node<'n>(
 }
 
 /// An object that stands in a payload; `Some(None)`: left out.
-fn object(
+pub(super) fn object(
     section: &mut Section<'_, '_>,
     key: &'static str,
     required: bool,

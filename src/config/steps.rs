@@ -186,19 +186,6 @@ impl Port {
     }
 }
 
-/// Keys of a joint that are about a drive on the bus.
-const OF_DRIVES: [&str; 9] = [
-    "node",
-    "mode",
-    "velocity_ratio",
-    "torque_per_mm_s2",
-    "reactions",
-    "sto",
-    "touch_probe",
-    "loop",
-    "pid",
-];
-
 /// Reads `step` of a joint with `output = "step"`; `port`: `None` where `[steps]` has errors of its own or is missing.
 pub(super) fn output(
     joint: &mut Section<'_, '_>,
@@ -207,12 +194,6 @@ pub(super) fn output(
     velocity_mm_s: Option<f64>,
     counts_per_unit: Option<[u32; 2]>,
 ) -> Option<StepOutput> {
-    for key in OF_DRIVES {
-        if joint.has(key) {
-            joint.wrong(key, "is of a drive on the bus: this joint has output = \"step\"");
-        }
-    }
-    joint.known(&OF_DRIVES);
     if !has_port {
         joint.wrong(
             "output",

@@ -3,6 +3,7 @@
 //! In:  from `read`, which turns TOML into these types or into located errors.
 //! Out: to every part of the process. Nothing here is ever invalid: ranges, references and names are checked.
 
+use super::analog::AnalogOutput;
 pub use super::channels::{Channel, ChannelKind, Follow, ObjectKind};
 pub use super::drive::{DriveMode, Reactions, targets, touch_probe_objects};
 pub use super::drive_profile::{DriveProfile, InputBits, MappingLimits};
@@ -398,10 +399,13 @@ impl std::fmt::Display for Mapped {
 /// `[[joint]]`; lengths in mm, or degrees for a rotary joint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Joint {
-    /// Index into [`Bus::nodes`] of the drive; behind them all, counted on, for a joint with step pulses.
+    /// Index into [`Bus::nodes`] of the drive; behind them all, counted on, for one whose drive is in
+    /// this process ([`Joint::is_local`]).
     pub node: usize,
-    /// Its step pulses; `None`: it has a drive on the bus.
+    /// Its step pulses; `None`: it has none.
     pub step: Option<StepOutput>,
+    /// Its amplifier with an analog input; `None`: it has none.
+    pub analog: Option<AnalogOutput>,
     /// Mode in which its drive is run; default CSP.
     pub mode: DriveMode,
     /// Drive increments per mm (degree): numerator and denominator, both above 0. Of step pulses: in parts of a step,
@@ -444,6 +448,13 @@ pub struct Joint {
     pub squaring_offset_mm: f64,
     /// Backlash and pitch errors; the limits above are then what they leave.
     pub compensation: Option<Compensation>,
+}
+
+impl Joint {
+    /// Whether its drive is in this process: it has step pulses or an amplifier behind an I/O node.
+    pub fn is_local(&self) -> bool {
+        self.step.is_some() || self.analog.is_some()
+    }
 }
 
 /// What the motor is told beside the position of its joint.

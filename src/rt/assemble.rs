@@ -3,13 +3,15 @@
 //! In:  the checked machine description, a bus.
 //! Out: a [`MotionController`] for the cycle thread and the other ends of its rings for the operator.
 
+use super::analog::AnalogDrives;
 use super::cycle::{CycleParts, MotionController, RtEndpoints};
 use super::drives::Drives;
 use super::homing::Homer;
+use super::local_drive;
 use super::overrides::Overrides;
 use super::pins::Pins;
 use super::shared::{OperatorEndpoints, RtStatus};
-use super::steps::{self, StepDrives};
+use super::steps::StepDrives;
 use crate::bus::plan::NodePlan;
 use crate::bus::{CyclicBus, InputImage, OutputImage};
 use crate::config::{Config, Joint, StopCategory};
@@ -43,7 +45,7 @@ pub fn assemble<B: CyclicBus>(
     let (trace_in, trace) = rtrb::RingBuffer::new(TRACES);
     let (finished_in, finished) = rtrb::RingBuffer::new(PROGRAMS);
     let live = Arc::new(RtStatus::new(Overrides::new(config.program.planner)));
-    let plans: Vec<NodePlan> = plans.iter().cloned().chain(steps::plans(config)).collect();
+    let plans: Vec<NodePlan> = plans.iter().cloned().chain(local_drive::plans(config)).collect();
     let plans = plans.as_slice();
     let steps = StepDrives::new(config);
     let drives = Drives::new(config, plans).map_err(|joint| {
@@ -58,6 +60,8 @@ pub fn assemble<B: CyclicBus>(
         inputs: InputImage::new(plans.iter().map(|plan| plan.inputs.octets)),
         drives,
         steps,
+        analog: AnalogDrives::new(config, plans),
+        nodes: config.bus.nodes.len(),
         kinematics: config.kinematics(),
         monitor: Monitor::new(&config.joints.iter().map(monitor_limits).collect::<Vec<_>>(), cycle_s),
         hand: JointJog::new(config),

@@ -5,6 +5,7 @@
 //!
 //! `IoPins::new` and what it calls are for start-up; the rest is RT.
 
+use super::analog::AnalogDrives;
 use super::counter::Counter;
 use super::spindle::Spindle;
 use crate::bus::layout::Field;
@@ -375,9 +376,9 @@ impl IoPins {
                 field,
                 kind: node.object_kind(field.object),
             };
-            // What the spindle uses has pins only where a channel shows it, too.
+            // What the spindle and amplifiers use has pins only where a channel shows it, too.
             let has_pins = |field: &&Field| {
-                !Spindle::uses(config, index, field)
+                !(Spindle::uses(config, index, field) || AnalogDrives::uses(config, index, field))
                     || node.channels.iter().any(|channel| channel.object == field.object)
             };
             let inputs = plan.inputs.fields.iter().filter(has_pins);

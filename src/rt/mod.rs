@@ -1,5 +1,6 @@
 //! Real time: the cycle thread, the time-out thread and what they need from the system.
 
+pub mod analog;
 pub mod assemble;
 pub mod axis_jog;
 pub mod counter;
@@ -13,6 +14,7 @@ pub mod io_channels;
 pub mod io_pins;
 pub mod jog_pins;
 pub mod joint_jog;
+pub mod local_drive;
 pub mod loop_pins;
 pub mod override_pins;
 pub mod overrides;

@@ -44,6 +44,7 @@ const PROFILE: u16 = 402;
 /// A drive that no joint uses still turns a motor: on a bench.
 const BENCH: Joint = Joint {
     step: None,
+    analog: None,
     node: 0,
     mode: DriveMode::Csp,
     counts_per_unit: [10_000, 1],

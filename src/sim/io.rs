@@ -13,8 +13,9 @@
 //! When the node is not OPERATIONAL the outputs fall back to zero, as the profile has it by default.
 
 use super::SimError;
+use super::amplifier::Amplifier;
 use super::spindle::Spindle;
-use crate::config::{Node, SimSignal};
+use crate::config::{Mapped, Node, SimSignal};
 use obd::{DataType, Dictionary, EntryDef, Handle, Key};
 use powerlink::cn::Cn;
 use powerlink::cn::QueueError;
@@ -69,6 +70,7 @@ pub(super) struct Io {
     /// Analog and PWM outputs.
     numbers_out: Vec<Handle>,
     signals: Vec<Signal>,
+    amplifiers: Vec<(Amplifier, [Handle; 3])>,
     period_ns: u64,
     /// Cycles since it was switched on.
     cycles: u64,
@@ -132,6 +134,7 @@ impl Io {
         node: &Node,
         spindle: Spindle,
         signals: &[SimSignal],
+        amplifiers: &[Amplifier],
         period_ns: u64,
         now_ns: u64,
     ) -> Result<Io, SimError> {
@@ -151,6 +154,17 @@ impl Io {
             .iter()
             .map(|signal| Signal::new(&objects, node, *signal))
             .collect::<Result<_, _>>()?;
+        let find = |object: Mapped| {
+            let found = objects.find(object.index, object.sub);
+            found.map_err(|error| SimError::new(node, error))
+        };
+        let amplifiers = amplifiers
+            .iter()
+            .map(|amplifier| {
+                let is = amplifier.is();
+                Ok((*amplifier, [find(is.command)?, find(is.position)?, find(is.enable.0)?]))
+            })
+            .collect::<Result<_, SimError>>()?;
         let cn = super::node::build(node, DEVICE_TYPE, objects, now_ns)?;
         Ok(Io {
             node: node.clone(),
@@ -165,6 +179,7 @@ impl Io {
             sensed: 0,
             numbers_out,
             signals,
+            amplifiers,
             period_ns,
             cycles: 0,
         })
@@ -192,6 +207,18 @@ impl Io {
         for signal in &self.signals {
             signal.apply(objects, t_s);
         }
+        let period_s = self.period_ns as f64 * 1e-9;
+        for (amplifier, [command, position, enable]) in &mut self.amplifiers {
+            let on = number(objects.octets(*enable)) >> amplifier.is().enable.1 & 1 == 1;
+            amplifier.advance(number(objects.octets(*command)), on, period_s);
+            set_number(objects, *position, amplifier.count());
+        }
+    }
+
+    /// Where the load of a joint is that an amplifier at this node moves, mm.
+    pub(super) fn load_mm(&self, joint: usize) -> Option<f64> {
+        let mut amplifiers = self.amplifiers.iter().map(|(amplifier, _)| amplifier);
+        amplifiers.find_map(|amplifier| amplifier.load_mm(joint))
     }
 
     /// Switches the contactors and reads the inputs.
@@ -239,7 +266,9 @@ impl Io {
     pub(super) fn power_on(&mut self, now_ns: u64) -> Result<(), SimError> {
         let wired = self.wired;
         let signals: Vec<SimSignal> = self.signals.iter().map(|signal| signal.is).collect();
-        *self = Io::new(&self.node.clone(), self.spindle, &signals, self.period_ns, now_ns)?;
+        let amplifiers: Vec<Amplifier> = self.amplifiers.iter().map(|(amplifier, _)| amplifier.anew()).collect();
+        let node = self.node.clone();
+        *self = Io::new(&node, self.spindle, &signals, &amplifiers, self.period_ns, now_ns)?;
         self.wired = wired;
         Ok(())
     }

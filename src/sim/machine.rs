@@ -7,12 +7,13 @@
 //! machine (pull a cable, switch off a drive) and return whether there is such a node.
 
 use super::SimError;
+use super::amplifier::Amplifier;
 use super::drive::Drive;
 use super::faults::{self, Scripted};
 use super::io::Io;
 use super::sensors::Sensors;
 use super::spindle::Spindle;
-use crate::config::{Config, JOINTS_MAX, Profile};
+use crate::config::{Config, JOINTS_MAX, Joint, Profile};
 use cia402::State;
 use powerlink::nmt::NmtState;
 use powerlink::wire::{ETHER_TYPE, FRAME_LEN_MAX, message};
@@ -79,7 +80,7 @@ impl Place {
 #[derive(Debug)]
 pub struct SimMachine {
     places: Vec<Place>,
-    /// Index into `places` of each joint's drive.
+    /// Index into `places` of each joint's drive, or of the I/O node of its amplifier; of one with step pulses none of these.
     joints: Vec<usize>,
     /// `None`: there are none.
     sensors: Option<Sensors>,
@@ -115,7 +116,9 @@ impl SimMachine {
                 Profile::Io => {
                     let signals = config.sim.signals.iter().filter(|signal| signal.node == index);
                     let signals: Vec<_> = signals.copied().collect();
-                    let io = Io::new(node, Spindle::new(config), &signals, period_ns.into(), 0)?;
+                    let amplifiers: Vec<_> = Amplifier::at_node(config, index).collect();
+                    let spindle = Spindle::new(config);
+                    let io = Io::new(node, spindle, &signals, &amplifiers, period_ns.into(), 0)?;
                     Device::Io(Box::new(io))
                 }
             };
@@ -126,7 +129,8 @@ impl SimMachine {
                 pres_to_drop: 0,
             });
         }
-        let joints = config.joints.iter().map(|joint| joint.node).collect();
+        let place = |joint: &Joint| joint.analog.map_or(joint.node, |analog| analog.node);
+        let joints = config.joints.iter().map(place).collect();
         Ok(SimMachine {
             places,
             joints,
@@ -192,11 +196,8 @@ impl SimMachine {
         let Some(sensors) = &self.sensors else { return };
         let mut loads_mm = [0.0; JOINTS_MAX];
         let count = self.joints.len();
-        for (load_mm, &place) in loads_mm.iter_mut().zip(&self.joints) {
-            // Joints with step pulses are not on the wire.
-            if let Some(Device::Drive(drive)) = self.places.get(place).map(|place| &place.device) {
-                *load_mm = drive.machine_position_mm();
-            }
+        for (joint, load_mm) in loads_mm.iter_mut().enumerate().take(count) {
+            *load_mm = self.joint_position_mm(joint).unwrap_or(0.0);
         }
         let before_mm = self.loads_mm.replace(loads_mm).unwrap_or(loads_mm);
         if let Some((share, closed)) = sensors.touch(&before_mm[..count], &loads_mm[..count]) {
@@ -404,7 +405,7 @@ impl SimMachine {
         let place = self.places.get(*self.joints.get(joint)?)?;
         match &place.device {
             Device::Drive(drive) => Some(drive.machine_position_mm()),
-            Device::Io(_) => None,
+            Device::Io(io) => io.load_mm(joint),
         }
     }
 }

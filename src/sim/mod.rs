@@ -3,6 +3,7 @@
 //! In:  a machine file, frames of a managing node, the time.
 //! Out: frames of the nodes, as [`SimMachine`]; the same on a wire ([`serve`]) or on virtual time ([`VirtualNet`]).
 
+mod amplifier;
 mod built;
 mod drive;
 mod faults;

@@ -47,6 +47,7 @@ pub(super) fn test_config() -> Config {
     let io_inputs = vec![mapped(0x6000, 1, 8), mapped(0x6000, 2, 8)];
     let joint = |node, travel_mm, method, velocity_mm_s| Joint {
         step: None,
+        analog: None,
         node,
         mode: DriveMode::Csp,
         counts_per_unit: [10_000, 1],

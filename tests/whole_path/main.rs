@@ -2,8 +2,9 @@
 //!
 //! Every run prints its seed; the same seed gives the same octets on the wire and the same bits in the trace.
 //! Here: what all runs share, clean runs, late plans. By subject beside it: drives and faults, modes of drives, orders, the wire,
-//! late cycles, step pulses.
+//! late cycles, step pulses, analog amplifiers.
 
+mod analog;
 mod faults;
 mod late_cycles;
 mod modes;

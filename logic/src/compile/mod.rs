@@ -279,9 +279,7 @@ impl<'a, 't> Compiler<'a, 't> {
                 .iter()
                 .map(|variable| (unit.name.as_str(), unit.frame, variable))
         });
-        let mut all: Vec<_> = globals.chain(own).collect();
-        all.sort_by_key(|(.., variable)| variable.at.start);
-        for (program, frame, variable) in all {
+        for (program, frame, variable) in globals.chain(own) {
             if matches!(variable.section, Section::InOut | Section::External) {
                 continue;
             }

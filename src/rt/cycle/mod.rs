@@ -23,6 +23,7 @@ use crate::config::JOINTS_MAX;
 use crate::machine::faults::{EstopCause, Fault, Reaction};
 use crate::machine::overruns::{Overruns, Verdict};
 use crate::machine::state::State;
+use crate::rt::analog::AnalogDrives;
 use crate::rt::cycle_stats::Timing;
 use crate::rt::joint_jog::{JogMotion, JogOrder, JointJog};
 use crate::rt::overrides::Overridden;
@@ -81,6 +82,9 @@ pub struct CycleParts {
     pub drives: Drives,
     /// Those of the drives that are not on the bus.
     pub steps: StepDrives,
+    pub analog: AnalogDrives,
+    /// Nodes on the bus.
+    pub nodes: usize,
     /// Axes to joints.
     pub kinematics: Kinematics,
     /// Watches what leaves for the joints.
@@ -222,10 +226,13 @@ impl<B: CyclicBus> MotionController<B> {
         let report = self.bus.exchange(deadline_ns, &mut self.parts.inputs);
         self.laps.end(Part::Bus);
         self.parts.steps.read(report.sent_ns, &mut self.parts.inputs);
-        let (bus, steps) = (&self.bus, &self.parts.steps);
-        let state = |node| match steps.has(node) {
-            true => NodeState::Operational,
-            false => bus.node_state(node),
+        self.parts.analog.read(&mut self.parts.inputs);
+        let (bus, analog, nodes) = (&self.bus, &self.parts.analog, self.parts.nodes);
+        let state = |node| match node < nodes {
+            true => bus.node_state(node),
+            false => analog
+                .node_of(node)
+                .map_or(NodeState::Operational, |node| bus.node_state(node)),
         };
         self.parts.drives.read(&self.parts.inputs, state);
         self.laps.end(Part::Drives);
@@ -254,6 +261,7 @@ impl<B: CyclicBus> MotionController<B> {
         self.laps.end(Part::Drives);
         self.parts.pins.show_steps(&self.parts.steps);
         self.parts.pins.write_outputs(&mut self.parts.outputs);
+        self.parts.analog.write(&mut self.parts.outputs);
         self.show();
         self.laps.end(Part::Pins);
         self.bus.publish(self.cycle);

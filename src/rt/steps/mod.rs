@@ -19,41 +19,12 @@ mod tests;
 
 pub use ticker::Ticker;
 
-use crate::bus::layout::Layout;
-use crate::bus::plan::NodePlan;
 use crate::bus::{InputImage, NodeIndex, OutputImage};
-use crate::config::{Config, Joint, Mapped, SUBSTEPS, StepKind, StepPortKind};
+use crate::config::{Config, Joint, SUBSTEPS, StepKind, StepPortKind};
 use crate::host::step_port::StepPort;
 use drive::StepDrive;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU64, Ordering};
-
-/// What the control exchanges with such a drive.
-const OUTPUTS: [Mapped; 3] = [mapped(0x6040, 16), mapped(0x6060, 8), mapped(0x607A, 32)];
-const INPUTS: [Mapped; 4] = [
-    mapped(0x6041, 16),
-    mapped(0x6061, 8),
-    mapped(0x6064, 32),
-    mapped(0x603F, 16),
-];
-
-const fn mapped(index: u16, bits: u8) -> Mapped {
-    Mapped { index, sub: 0, bits }
-}
-
-/// Plans of the drives behind those of the nodes on the bus: one for each joint with step pulses, in their order.
-pub fn plans(config: &Config) -> impl Iterator<Item = NodePlan> {
-    let with_steps = config.joints.iter().filter(|joint| joint.step.is_some());
-    with_steps.map(|_| NodePlan {
-        outputs: Layout::new(&OUTPUTS),
-        inputs: Layout::new(&INPUTS),
-        configuration: Vec::new(),
-        writes: Vec::new(),
-        expected: Vec::new(),
-        stamp: None,
-        left_out: Vec::new(),
-    })
-}
 
 /// What both threads know of a joint. Lengths in parts of a step ([`SUBSTEPS`]).
 #[derive(Debug, Default)]
@@ -100,9 +71,8 @@ pub struct StepView {
 /// The joints with step pulses, for the cycle thread.
 pub struct StepDrives {
     drives: Box<[StepDrive]>,
-    /// Joint of each drive, and its way of telling steps.
-    joints: Box<[(usize, StepKind)]>,
-    first: NodeIndex,
+    /// Joint of each drive, its way of telling steps, and its place in the images.
+    joints: Box<[(usize, StepKind, NodeIndex)]>,
     shared: Arc<Shared>,
     /// `None`: another thread has it.
     ticker: Option<Ticker>,
@@ -122,7 +92,7 @@ impl StepDrives {
             joints.filter_map(|(number, joint)| Some((number, joint, joint.step?)))
         };
         let drives: Box<[StepDrive]> = with_steps()
-            .map(|(_, joint, _)| StepDrive::new(stop_parts(joint, config.cycle_us)))
+            .map(|(_, joint, _)| StepDrive::new(joint, stop_parts(joint, config.cycle_us)))
             .collect();
         let shared = Arc::new(Shared {
             joints: drives.iter().map(|_| SharedJoint::default()).collect(),
@@ -137,8 +107,9 @@ impl StepDrives {
         });
         let port = config.steps.as_ref().map(|steps| &steps.port);
         StepDrives {
-            joints: with_steps().map(|(number, _, step)| (number, step.kind)).collect(),
-            first: config.bus.nodes.len(),
+            joints: with_steps()
+                .map(|(number, joint, step)| (number, step.kind, joint.node))
+                .collect(),
             shared,
             ticker,
             by_pins: port == Some(&StepPortKind::Pins),
@@ -176,7 +147,7 @@ impl StepDrives {
             let way = (made - self.made_before[number]) as f64;
             self.frequency_hz[number] = way * 1e9 / self.period_ns as f64;
             self.made_before[number] = made;
-            let node = self.first + number;
+            let (_, _, node) = self.joints[number];
             drive.tell(made * i64::from(SUBSTEPS), failed, inputs.payload.node_mut(node));
             inputs.fresh[node] = true;
         }
@@ -192,17 +163,12 @@ impl StepDrives {
         for (number, drive) in self.drives.iter_mut().enumerate() {
             let joint = &self.shared.joints[number];
             let made = self.made_before[number] * i64::from(SUBSTEPS);
-            let target = drive.obey(made, outputs.node(self.first + number));
+            let target = drive.obey(made, outputs.node(self.joints[number].2));
             joint.targets[(written & 1) as usize].store(target, Ordering::Relaxed);
             enabled |= u64::from(drive.has_current()) << number;
         }
         self.shared.enabled.store(enabled, Ordering::Relaxed);
         self.shared.written.store(written, Ordering::Release);
-    }
-
-    /// Whether a node is one of these drives. RT.
-    pub fn has(&self, node: NodeIndex) -> bool {
-        node >= self.first
     }
 
     /// Cycles without a new target while a motor moved.
@@ -216,7 +182,7 @@ impl StepDrives {
         self.joints
             .iter()
             .enumerate()
-            .map(move |(number, (joint, kind))| StepView {
+            .map(move |(number, (joint, kind, _))| StepView {
                 joint: *joint,
                 kind: *kind,
                 counts: self.made_before[number],

@@ -1,6 +1,8 @@
 use super::*;
+use crate::bus::plan::NodePlan;
 use crate::config;
 use crate::host::step_port::StepPort;
+use crate::rt::local_drive::plans;
 use cia402::State;
 use cia402::profile::state;
 use std::path::Path;
