@@ -24,6 +24,8 @@ mod request;
 mod sdo_server;
 #[path = "../fuzz/src/state_file.rs"]
 mod state_file;
+#[path = "../fuzz/src/structured_text.rs"]
+mod structured_text;
 #[path = "../fuzz/src/tool_table.rs"]
 mod tool_table;
 #[path = "../fuzz/src/uploads.rs"]
@@ -94,6 +96,46 @@ fn device_files() {
 #[test]
 fn tool_table() {
     replay("tool_table", tool_table::run);
+}
+
+/// Beside what is kept, every example with each of its lines left out, cut short at each octet, and with octets changed.
+#[test]
+fn structured_text() {
+    replay("structured_text", structured_text::run);
+    let mut bits = 1_u64;
+    let mut number = |below: usize| {
+        bits = bits
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (bits >> 33) as usize % below
+    };
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/logic");
+    let files = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let mut files: Vec<_> = files
+        .filter(|path| path.extension().is_some_and(|kind| kind == "st"))
+        .collect();
+    files.sort();
+    assert!(files.len() > 5);
+    for file in files {
+        let text = fs::read(&file).unwrap();
+        let lines: Vec<&[u8]> = text.split_inclusive(|octet| *octet == b'\n').collect();
+        for left_out in 0..lines.len() {
+            let rest = [lines[..left_out].concat(), lines[left_out + 1..].concat()].concat();
+            structured_text::run(&rest);
+        }
+        for end in (0..text.len()).step_by(7) {
+            structured_text::run(&text[..end]);
+        }
+        for _ in 0..300 {
+            let mut changed = text.clone();
+            for _ in 0..=number(3) {
+                // An octet of another place: more often a program than any octet would be.
+                let (to, from) = (number(changed.len()), number(changed.len()));
+                changed[to] = changed[from];
+            }
+            structured_text::run(&changed);
+        }
+    }
 }
 
 #[test]

@@ -63,7 +63,7 @@ fn help(command: &[&str]) -> String {
 fn check_command_line(words: &[&str]) {
     let depth = match words {
         ["bus", "sdo", ..] => 3,
-        ["hal" | "bus" | "program" | "alarm" | "offset" | "tool", ..] | ["estop", "reset"] => 2,
+        ["hal" | "bus" | "logic" | "program" | "alarm" | "offset" | "tool", ..] | ["estop", "reset"] => 2,
         _ => 1,
     };
     let (command, rest) = words.split_at(depth.min(words.len()));

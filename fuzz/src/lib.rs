@@ -12,5 +12,6 @@ pub mod program_text;
 pub mod request;
 pub mod sdo_server;
 pub mod state_file;
+pub mod structured_text;
 pub mod tool_table;
 pub mod uploads;

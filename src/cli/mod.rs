@@ -12,6 +12,7 @@ pub mod init;
 pub mod interpret;
 pub mod jitter;
 pub mod jog;
+pub mod logic;
 pub mod pages;
 pub mod plan;
 mod progress;
@@ -148,6 +149,8 @@ enum Command {
     Tune(tune::TuneArgs),
     /// List, read, set or watch the pins of a running control.
     Hal(hal::HalArgs),
+    /// Check or run Structured Text, the logic of a machine, without a machine.
+    Logic(logic::LogicArgs),
     /// Look at the network: who is on it, how it is, what went over the wire.
     Bus(bus::BusArgs),
     /// Print the completion script of a shell.
@@ -219,6 +222,7 @@ pub fn main() -> ExitCode {
         Command::BenchServo(args) => bench_servo::bench_servo(args),
         Command::Tune(args) => tune::tune(args),
         Command::Hal(args) => hal::hal(args),
+        Command::Logic(args) => logic::logic(args),
         Command::Bus(args) => bus::bus(args),
         Command::Completions(args) => pages::completions(args, Cli::command()),
         Command::Schema(args) => pages::schema(args),

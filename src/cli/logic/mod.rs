@@ -1,0 +1,199 @@
+//! `isocnc logic`: Structured Text of a machine, without a machine.
+//!
+//! In:  a file of Structured Text; for a run a table of inputs over time (CSV).
+//! Out: what is wrong with it, or the longest scan in steps and in time on this PC; for a run a table of outputs.
+
+mod table;
+
+use crate::cli::check::print;
+use crate::operator::refusal::Refusal;
+use anyhow::Context;
+use clap::{Args, Subcommand};
+use files::read::TEXT_MAX;
+use logic::{Diagnostic, Logic, Runtime, Severity, duration};
+use serde_json::{Value as Json, json};
+use std::io::{BufWriter, ErrorKind, Write};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use table::Table;
+
+/// Share of the period that the longest scan may take.
+const SHARE_MAX: f64 = 0.5;
+/// How long a program is run to see what its steps take on this PC.
+const LOOK: Duration = Duration::from_millis(20);
+
+/// Arguments of `logic`.
+#[derive(Debug, Args)]
+pub struct LogicArgs {
+    #[command(subcommand)]
+    command: LogicCommand,
+}
+
+#[derive(Debug, Subcommand)]
+enum LogicCommand {
+    /// Compile a file: all errors at once, located, or how long a scan takes.
+    #[command(after_help = "Example: isocnc logic check configs/logic/lubrication.st")]
+    Check(CheckArgs),
+    /// Run a file beside a table of inputs; print a table of outputs.
+    #[command(after_help = "Example: isocnc logic run configs/logic/door.st --inputs configs/logic/door.csv")]
+    Run(RunArgs),
+}
+
+#[derive(Debug, Args)]
+struct CheckArgs {
+    /// Structured Text
+    file: PathBuf,
+    /// Time from one scan to the next, ms
+    #[arg(long, value_name = "MS", default_value = "10", value_parser = period)]
+    period_ms: i64,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Args)]
+struct RunArgs {
+    /// Structured Text
+    file: PathBuf,
+    /// Inputs over time, CSV: t_ms and names of inputs; a row holds from its time on
+    #[arg(long, value_name = "FILE.csv")]
+    inputs: PathBuf,
+    /// Time from one scan to the next, ms
+    #[arg(long, value_name = "MS", default_value = "10", value_parser = period)]
+    period_ms: i64,
+    /// Other variables to be printed, too
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    watch: Vec<String>,
+}
+
+/// A period as it is written, in nanoseconds.
+fn period(text: &str) -> Result<i64, String> {
+    let period_ns = duration::of_milliseconds(text).filter(|period| (1..=3_600_000_000_000).contains(period));
+    period_ns.ok_or_else(|| "a period is above 0 and up to 3600000 ms".to_owned())
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// A program or table that is wrong, output that cannot be written.
+pub fn logic(args: &LogicArgs) -> anyhow::Result<ExitCode> {
+    match &args.command {
+        LogicCommand::Check(args) => check(args),
+        LogicCommand::Run(args) => run(args),
+    }
+}
+
+fn compile(path: &Path) -> anyhow::Result<Logic> {
+    let name = path.display().to_string();
+    let text = files::read_text(path, TEXT_MAX).with_context(|| name.clone())?;
+    logic::compile(&text).map_err(|told| {
+        let shown = told
+            .iter()
+            .map(|one| format!("{}\n\n", one.render(&name)))
+            .collect::<String>();
+        let errors: Vec<&Diagnostic> = told.iter().filter(|one| one.severity == Severity::Error).collect();
+        let count = match errors.len() {
+            1 => "1 error".to_owned(),
+            count => format!("{count} errors"),
+        };
+        let as_json = errors.iter().map(|one| diagnostic_json(one)).collect::<Vec<_>>();
+        Refusal::new(
+            format!("{shown}{name}: {count}"),
+            json!({ "file": name, "errors": as_json }),
+        )
+        .into()
+    })
+}
+
+fn diagnostic_json(told: &Diagnostic) -> Json {
+    json!({ "line": told.line, "column": told.column, "rule": told.kind.to_string() })
+}
+
+fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
+    let name = args.file.display().to_string();
+    let logic = Arc::new(compile(&args.file)?);
+    let (steps, step_ns) = (logic.steps_max(), step_ns(&logic, args.period_ms));
+    let scan_us = steps as f64 * step_ns / 1000.0;
+    let share = scan_us * 1000.0 / args.period_ms as f64;
+    if share > SHARE_MAX {
+        let rule = format!(
+            "the longest scan has {steps} steps, which take about {scan_us:.0} us on this PC: more than {:.0} % of a period of {} ms; \
+             {{max_iterations := n}} before a loop bounds it",
+            SHARE_MAX * 100.0,
+            duration::milliseconds(args.period_ms)
+        );
+        return Err(Refusal::of_file(&name, format!("{name}: {rule}")).into());
+    }
+    let names = |variables: Vec<String>| {
+        if variables.is_empty() {
+            "none".to_owned()
+        } else {
+            variables.join(", ")
+        }
+    };
+    let inputs: Vec<String> = logic.inputs().map(|variable| logic.name(variable)).collect();
+    let outputs: Vec<String> = logic.outputs().map(|variable| logic.name(variable)).collect();
+    print(&if args.json {
+        let warnings = logic.warnings().iter().map(diagnostic_json).collect::<Vec<_>>();
+        let json = json!({
+            "file": name, "errors": [], "warnings": warnings, "inputs": inputs, "outputs": outputs, "steps": steps,
+            "instructions": logic.instructions(), "values": logic.values(), "scan_us": scan_us, "share": share,
+        });
+        format!("{json:#}\n")
+    } else {
+        let told = logic
+            .warnings()
+            .iter()
+            .map(|told| format!("{}\n\n", told.render(&name)));
+        format!(
+            "{}{name}: good\ninputs   {}\noutputs  {}\nprogram  {} instructions, {} values\nscan     {steps} steps at most, \
+             about {scan_us:.1} us on this PC: {:.2} % of a period of {} ms\n",
+            told.collect::<String>(),
+            names(inputs),
+            names(outputs),
+            logic.instructions(),
+            logic.values(),
+            share * 100.0,
+            duration::milliseconds(args.period_ms)
+        )
+    })?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// What a step takes on this PC, nanoseconds.
+fn step_ns(logic: &Arc<Logic>, period_ns: i64) -> f64 {
+    let mut runtime = Runtime::new(Arc::clone(logic));
+    let (begin, mut steps, mut now_ns) = (Instant::now(), 0_u64, 0_i64);
+    while begin.elapsed() < LOOK {
+        steps += runtime.scan(now_ns);
+        now_ns = now_ns.saturating_add(period_ns);
+    }
+    begin.elapsed().as_nanos() as f64 / steps.max(1) as f64
+}
+
+fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
+    let name = args.file.display().to_string();
+    let logic = Arc::new(compile(&args.file)?);
+    let inputs = files::read_text(&args.inputs, TEXT_MAX).with_context(|| args.inputs.display().to_string())?;
+    let place = args.inputs.display().to_string();
+    let table = Table::read(&inputs, &logic).map_err(|rule| Refusal::of_file(&place, format!("{place}:{rule}")))?;
+    let columns =
+        table::columns(&logic, &args.watch).map_err(|rule| Refusal::of_file(&name, format!("{name}: {rule}")))?;
+    let mut runtime = Runtime::new(Arc::clone(&logic));
+    let mut output = BufWriter::new(std::io::stdout().lock());
+    let printed =
+        table::print(&table, &columns, &mut runtime, args.period_ms, &mut output).and_then(|()| output.flush());
+    match printed {
+        // The reader of a pipe may have seen enough.
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => {}
+        printed => printed?,
+    }
+    if let Some(fault) = runtime.fault() {
+        let times = runtime.faults();
+        let rule = format!("{name}:{fault}; {times} times in all");
+        return Err(Refusal::of_file(&name, rule).into());
+    }
+    Ok(ExitCode::SUCCESS)
+}
