@@ -43,8 +43,8 @@ pub(crate) enum Op {
     JumpUnless(u32),
     /// [selector]: to the branch of this table.
     Switch(u32),
-    /// [from, to, by] to the iterations of a loop over values of a type, no more than these.
-    Iterations(Scalar, u32),
+    /// [from, to, by] to the iterations of a loop over values of a type.
+    Iterations(Scalar),
     /// One from the slot, or to the exit if nothing is left.
     Count {
         slot: u32,

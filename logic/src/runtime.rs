@@ -260,13 +260,17 @@ impl Runtime {
                         .get(table as usize)
                         .map_or(at, |table| table.target(value));
                 }
-                Op::Iterations(scalar, most) => {
+                Op::Iterations(scalar) => {
                     let by = machine.pop();
                     let to = scalar.number(machine.pop());
                     let from = scalar.number(machine.pop());
-                    let (count, wrong) = iterations(from, to, scalar.number(by), most);
-                    flags.wrong = flags.wrong.or(wrong);
-                    machine.push(i64::from(count));
+                    match iterations(from, to, scalar.number(by)) {
+                        Some(count) => machine.push(count),
+                        None => {
+                            flags.wrong = Some(Wrong::StepZero);
+                            machine.push(0);
+                        }
+                    }
                 }
                 Op::Count { slot, exit } | Op::Guard { slot, exit } => {
                     let left = machine.read(i64::from(slot));
@@ -317,19 +321,16 @@ impl Runtime {
     }
 }
 
-/// Iterations of FOR, at most so many.
-fn iterations(from: i128, to: i128, by: i128, most: u32) -> (u32, Option<Wrong>) {
+/// Iterations of FOR; `None`: its step is 0.
+fn iterations(from: i128, to: i128, by: i128) -> Option<i64> {
     let way = if by >= 0 { to - from } else { from - to };
-    if by == 0 {
-        return (0, Some(Wrong::StepZero));
-    }
-    if way < 0 {
-        return (0, None);
-    }
-    match u32::try_from(way / by.abs() + 1) {
-        Ok(count) if count <= most => (count, None),
-        _ => (most, Some(Wrong::Iterations)),
-    }
+    let count = if way < 0 {
+        Some(0)
+    } else {
+        way.checked_div(by.abs()).map(|steps| steps + 1)
+    };
+    // All values of a type of 64 bits are more than any bound.
+    count.map(|count| i64::try_from(count).unwrap_or(i64::MAX))
 }
 
 /// Memory and stack. What is beyond either is 0, and what goes there is lost.

@@ -144,7 +144,9 @@ fn write_steps(steps: &[Step], loops: usize, text: &mut String) {
                 writeln!(text, "END_CASE;")
             }
             Step::For(from, to, by, body) => {
-                let _ = writeln!(text, "FOR i{loops} := {from} TO {to} BY {by} DO");
+                // Constant limits and others are counted in different ways.
+                let open = if loops % 2 == 1 { "none + " } else { "" };
+                let _ = writeln!(text, "FOR i{loops} := {from} TO {open}{to} BY {by} DO");
                 write_steps(body, loops + 1, text);
                 writeln!(text, "END_FOR;")
             }
@@ -353,7 +355,7 @@ proptest! {
         let (name, bits, signed) = TYPES[kind];
         let mut text = format!(
             "FUNCTION f : {name} VAR_INPUT a, b : {name}; END_VAR f := a + b; IF NOT (a > b) THEN f := f - 1; END_IF; END_FUNCTION\n\
-             PROGRAM p VAR v0, v1, v2, v3, zero : {name}; l : ARRAY[0..4] OF {name} := [1, 2, 3, 4, 5]; i0, i1, i2, i3 : INT; END_VAR\n"
+             PROGRAM p VAR v0, v1, v2, v3, zero : {name}; l : ARRAY[0..4] OF {name} := [1, 2, 3, 4, 5]; i0, i1, i2, i3, none : INT; END_VAR\n"
         );
         write_steps(&steps, 0, &mut text);
         text += "END_PROGRAM";

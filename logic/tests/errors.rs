@@ -212,6 +212,10 @@ fn declarations() {
             "1:101: x is VAR_IN_OUT: it takes a variable that may be assigned",
         ),
         (
+            "FUNCTION_BLOCK f VAR_IN_OUT x : INT; END_VAR FOR x := 1 TO 3 DO ; END_FOR; END_FUNCTION_BLOCK",
+            "1:50: the control variable of FOR is an integer variable of its own, no element and no member",
+        ),
+        (
             "VAR_GLOBAL g : INT; END_VAR FUNCTION f : INT f := g; END_FUNCTION",
             "1:51: a function sees constants only of VAR_GLOBAL: g may be given as an input",
         ),

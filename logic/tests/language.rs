@@ -296,11 +296,22 @@ fn a_loop_that_is_not_bound_by_itself_ends_at_its_bound() {
         None,
     );
     ends("FOR m := 1 TO m DO n := n + 1; END_FOR;", "1", None);
-    ends("FOR n := 1 TO m DO ; END_FOR;", "1000", Some(2));
+    ends("FOR n := 1 TO m DO ; END_FOR;", "1001", Some(2));
     ends(
         "{max_iterations := 2000} FOR n := 1 TO m - 98500 DO ; END_FOR;",
         "1500",
         None,
+    );
+    // What leaves the loop before its bound has not exceeded it.
+    ends(
+        "FOR n := 1 TO m DO IF n = 1000 THEN EXIT; END_IF; END_FOR;",
+        "1000",
+        None,
+    );
+    ends(
+        "FOR n := 1 TO m DO IF n = 1001 THEN EXIT; END_IF; END_FOR;",
+        "1001",
+        Some(2),
     );
     ends("FOR n := 1 TO 5000 DO ; END_FOR;", "5000", None);
 }
@@ -480,6 +491,7 @@ fn programs_share_global_variables_and_run_in_the_order_of_the_file() {
             END_RESOURCE
         END_CONFIGURATION
         PROGRAM first VAR_OUTPUT seen : INT; END_VAR VAR_EXTERNAL shared : INT; END_VAR shared := shared + 1; seen := shared; END_PROGRAM
+        VAR_GLOBAL last AT %QX0.0 : BOOL; END_VAR
         PROGRAM second VAR_OUTPUT seen : INT; END_VAR shared := shared * 10; seen := shared; END_PROGRAM";
     let mut runtime = start(text);
     scan(&mut runtime, 0);
@@ -498,7 +510,7 @@ fn programs_share_global_variables_and_run_in_the_order_of_the_file() {
         ]
     );
     let outputs: Vec<String> = logic.outputs().map(|variable| logic.name(variable)).collect();
-    assert_eq!(outputs, ["first.seen", "second.seen"]);
+    assert_eq!(outputs, ["first.seen", "last", "second.seen"]);
     assert!(logic.variable("seen").is_none());
 }
 

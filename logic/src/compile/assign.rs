@@ -1,8 +1,7 @@
 //! What may be assigned, and what is.
 
 use super::expression::{Checker, Read};
-use super::place::Found;
-use super::tree::{Node, NodeKind, Place};
+use super::tree::{Base, Node, NodeKind, Place};
 use super::types::Type;
 use crate::diagnostic::{Kind, Span};
 use crate::syntax::{Access, Expression, Section};
@@ -69,7 +68,8 @@ impl Checker<'_, '_, '_> {
     /// The control variable of FOR: an integer of the unit that may be assigned.
     pub(super) fn control(&mut self, access: &Access) -> Read<Place> {
         let place = self.target(access)?;
-        let is_own = matches!(self.find(&access.name), Some(Found::Own(_)));
+        // One that is passed by reference may be counted by two loops at once.
+        let is_own = place.base == Base::This;
         let is_integer = matches!(place.ty, Type::Scalar(scalar) if scalar.is_integer());
         if !is_own || !is_integer || !access.steps.is_empty() {
             return self.error(access.at, Kind::ControlVariable);

@@ -279,7 +279,9 @@ impl<'a, 't> Compiler<'a, 't> {
                 .iter()
                 .map(|variable| (unit.name.as_str(), unit.frame, variable))
         });
-        for (program, frame, variable) in globals.chain(own) {
+        let mut all: Vec<_> = globals.chain(own).collect();
+        all.sort_by_key(|(.., variable)| variable.at.start);
+        for (program, frame, variable) in all {
             if matches!(variable.section, Section::InOut | Section::External) {
                 continue;
             }

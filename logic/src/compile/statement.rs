@@ -380,10 +380,11 @@ impl Checker<'_, '_, '_> {
             return self.error(by.at, Kind::StepZero);
         }
         self.store(&place, &from);
-        let slot = self.compiler.allocate(&[0, 0], at)?;
+        // What is left of the loop, its step, what is left of its bound.
+        let slot = self.compiler.allocate(&[0, 0, 0], at)?;
         let step = Op::Load(slot + 1);
-        let known = (from.value(), to.value(), by.value());
-        let (step, most) = if let (Some(from), Some(to), Some(by)) = known {
+        let known = from.value().zip(to.value()).zip(by.value());
+        let (step, most) = if let Some(((from, to), by)) = known {
             let (from, to) = (scalar.number(from), scalar.number(to));
             let way = if by > 0 { to - from } else { from - to };
             // Up to all values of a type of 64 bits.
@@ -407,30 +408,35 @@ impl Checker<'_, '_, '_> {
             self.emitter.load(self.compiler, &place);
             self.emitter.node(self.compiler, &to);
             self.emitter.op(step, by.at);
-            self.emitter.op(Op::Iterations(scalar, limits.bound), at);
+            self.emitter.op(Op::Iterations(scalar), at);
             (step, u64::from(limits.bound))
         };
         self.emitter.op(Op::Store(slot), at);
-        let first = self.emitter.op(Op::Count { slot, exit: 0 }, at);
+        if known.is_none() {
+            self.emitter.op(Op::Push(i64::from(limits.bound)), at);
+            self.emitter.op(Op::Store(slot + 2), at);
+        }
+        let mut exits = vec![self.emitter.op(Op::Count { slot, exit: 0 }, at)];
         let top = self.emitter.here();
         let before = self.emitter.steps;
+        if known.is_none() {
+            let (slot, exit) = (slot + 2, 0);
+            exits.push(self.emitter.op(Op::Guard { slot, exit }, at));
+        }
         self.controls.push(control.key());
         self.iteration(body, true);
         self.controls.pop();
         // The step is added only where an iteration follows, so that a loop up to the end of its type does not overflow.
-        let next = self.emitter.op(Op::Count { slot, exit: 0 }, at);
+        exits.push(self.emitter.op(Op::Count { slot, exit: 0 }, at));
         self.emitter.load(self.compiler, &place);
         self.emitter.op(step, at);
         self.emitter.op(Op::Binary(Binary::Add, scalar), at);
-        let store = match place.base {
-            super::tree::Base::Global => Op::Store(place.offset),
-            _ => Op::StoreThis(place.offset),
-        };
-        self.emitter.op(store, at);
+        self.emitter.op(Op::StoreThis(place.offset), at);
         self.emitter.op(Op::Jump(top), at);
         let once = self.emitter.steps - before;
-        self.emitter.steps = before.saturating_add(once.saturating_mul(most));
-        self.end_of_loop([first, next], top);
+        // Where the bound ends the loop, its guard is passed once more.
+        self.emitter.steps = before.saturating_add(once.saturating_mul(most)).saturating_add(1);
+        self.end_of_loop(exits, top);
         Ok(())
     }
 }
