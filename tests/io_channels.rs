@@ -203,3 +203,21 @@ fn names_of_channels_connect_nets() {
         assert_eq!(run.net().machine().outputs(11), Some([0b1000, 0]));
     });
 }
+
+#[test]
+fn check_names_the_channels_of_each_object() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/io-only.toml");
+    let output = std::process::Command::new(env!("CARGO_BIN_EXE_isocnc"))
+        .arg("check")
+        .arg(file)
+        .output()
+        .expect("the program");
+    let text = String::from_utf8(output.stdout).expect("text");
+    for expected in [
+        "0x6000:2   door-closed (bit 1)",
+        "0x6401:1   pressure (bar)",
+        "0x6200:1   coolant-pump (bit 3)",
+    ] {
+        assert!(text.contains(expected), "{expected}: {text}");
+    }
+}

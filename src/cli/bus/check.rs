@@ -8,7 +8,7 @@ use crate::bus::plan::{LeftOut, LeftOutReason, NodePlan};
 use crate::bus::powerlink::cdc;
 use crate::bus::powerlink::managing_node::{latencies, mn_config, node_configs};
 use crate::cli::check::print;
-use crate::config::{Config, Exchange, Mapped, Node, Profile};
+use crate::config::{Channel, ChannelKind, Config, Exchange, Mapped, Node, Profile};
 use anyhow::Context;
 use powerlink::mn::{Budget, BudgetLine, MnConfig, NodeConfig, Part};
 use serde_json::{Value as Json, json};
@@ -268,14 +268,27 @@ fn write_layout(f: &mut fmt::Formatter<'_>, direction: &str, layout: &Layout, no
     for field in &layout.fields {
         let Mapped { index, sub, bits } = field.object;
         let object = format!("0x{index:04X}:{sub}");
+        let here = node.channels.iter().filter(|channel| channel.object == field.object);
+        let channels = here.filter(|channel| channel.output == (direction == "out"));
+        let mut words: Vec<String> = channels.map(described).collect();
+        words.extend(name(node, &field.object).map(str::to_owned));
         let line = format!(
             "       {direction:<9} bit {:>4}  {bits:>2} bits  {object:<10} {}",
             8 * field.offset,
-            name(node, &field.object).unwrap_or("")
+            words.join(", ")
         );
         writeln!(f, "{}", line.trim_end())?;
     }
     Ok(())
+}
+
+/// A channel as the list of objects has it: name, bit, unit.
+fn described(channel: &Channel) -> String {
+    match channel.kind {
+        ChannelKind::Bit { bit } | ChannelKind::Relay { bit } => format!("{} (bit {bit})", channel.name),
+        _ if channel.unit.is_empty() => channel.name.clone(),
+        _ => format!("{} ({})", channel.name, channel.unit),
+    }
 }
 
 /// The budget as JSON, times in ns.
