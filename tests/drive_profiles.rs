@@ -58,8 +58,8 @@ fn each_profile_that_ships_can_be_read_and_says_that_it_was_not_tried() {
 #[test]
 fn a_machine_of_drives_that_are_known_makes_its_part() {
     let config = config::parse(DEMO, Path::new("m.toml")).unwrap_or_else(|errors| panic!("{errors}"));
-    let [x, y] = &config.bus.nodes[..] else {
-        panic!("two nodes")
+    let [x, y, _] = &config.bus.nodes[..] else {
+        panic!("three nodes")
     };
     assert_eq!((x.identity.vendor_id, y.identity.vendor_id), (Some(0x6A), Some(0xFB)));
     assert_eq!(config.joints[0].counts_per_unit, [1_048_576, 10]);
@@ -165,7 +165,7 @@ fn what_a_drive_cannot_is_refused_with_what_it_can() {
         (
             "homing_methods = [1, 35]",
             &same,
-            "m.toml:48:21: joint[1].homing.method = 23: does not work with own.toml, only 1, 35",
+            "m.toml:55:21: joint[1].homing.method = 23: does not work with own.toml, only 1, 35",
         ),
         (
             "modes = [\"csp\", \"hm\"]",

@@ -170,6 +170,7 @@ fn every_section_of_the_machine_file_is_in_an_example() {
     let examples = [
         include_str!("../configs/mill3-demo.toml"),
         include_str!("../configs/gantry-demo.toml"),
+        include_str!("../configs/cabinet2-demo.toml"),
     ];
     let sections: Vec<&str> = code_spans().into_iter().filter(|span| span.starts_with('[')).collect();
     assert!(sections.len() >= 9, "{sections:?}");

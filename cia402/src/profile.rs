@@ -12,11 +12,6 @@ const AXIS_STEP: u16 = 0x0800;
 /// The first object of the profile.
 const AXES_BEGIN: u16 = 0x6000;
 
-/// The object of an axis, by that of the first one (axis 0).
-pub const fn on_axis(index: u16, axis: u8) -> u16 {
-    index.wrapping_add(axis as u16 * AXIS_STEP)
-}
-
 /// The axis of an object, and the object of the first axis that it stands for.
 pub const fn axis_of(index: u16) -> (u8, u16) {
     match index.checked_sub(AXES_BEGIN) {

@@ -6,7 +6,6 @@
 use super::document::{Bound, Section};
 use super::types::{DeviceDescription, DriveProfile, Mapped, Node};
 pub use cia402::Mode as DriveMode;
-use cia402::profile::axis_of;
 use cia402::profile::mode::{HOMING, Offered, supported_bit};
 use obd::device::Value;
 use toml::de::DeTable;
@@ -204,8 +203,6 @@ const MODES: [(&str, DriveMode); 4] = [
 pub(super) struct DriveUse {
     /// Id of its node.
     pub(super) node: i64,
-    /// Of several axes of a device, from 0.
-    pub(super) axis: u8,
     /// `None`: the usual one of the drive.
     pub(super) mode: Option<DriveMode>,
     /// It turns the spindle, and its position is nothing to the control.
@@ -214,7 +211,7 @@ pub(super) struct DriveUse {
 
 /// What drives all joints and the spindle, as far as that can be read; what is wrong with it is told where it is read.
 pub(super) fn uses(document: &DeTable<'_>) -> Vec<DriveUse> {
-    let read = |table: &DeTable<'_>, axis_key: &str, is_spindle| {
+    let read = |table: &DeTable<'_>, is_spindle| {
         let number = |key: &str| {
             let number = table.get(key)?.get_ref().as_integer()?;
             i64::from_str_radix(number.as_str(), number.radix()).ok()
@@ -224,7 +221,6 @@ pub(super) fn uses(document: &DeTable<'_>) -> Vec<DriveUse> {
         let mode = word.and_then(|word| words.iter().find(|(name, _)| *name == word));
         Some(DriveUse {
             node: number("node")?,
-            axis: number(axis_key).and_then(|axis| u8::try_from(axis).ok()).unwrap_or(0),
             mode: mode.map(|(_, mode)| *mode),
             is_spindle,
         })
@@ -239,8 +235,8 @@ pub(super) fn uses(document: &DeTable<'_>) -> Vec<DriveUse> {
     // Without a mode it is an output that takes a speed.
     let spindle = spindle.filter(|drive| drive.contains_key("mode"));
     tables
-        .filter_map(|joint| read(joint, "drive_axis", false))
-        .chain(spindle.and_then(|drive| read(drive, "drive_axis", true)))
+        .filter_map(|joint| read(joint, false))
+        .chain(spindle.and_then(|drive| read(drive, true)))
         .collect()
 }
 
@@ -251,7 +247,7 @@ pub(super) fn mode(section: &mut Section<'_, '_>, drive: Option<&DriveProfile>) 
 
 /// Whether the drive has the modes in which it is to be run, as far as its profile or its device file says (6502).
 pub(super) fn modes_are_offered(section: &mut Section<'_, '_>, node: &Node, mode: DriveMode, homes: bool) {
-    let tells_mode = node.outputs.iter().any(|object| axis_of(object.index).1 == 0x6060);
+    let tells_mode = node.outputs.iter().any(|object| object.index == 0x6060);
     if homes && node.drive.is_some() && !tells_mode {
         let rule = "must be by = \"control\": \"0x6060/8\" is not among the outputs of its node, and the drive could not be changed to \
                     homing";

@@ -459,7 +459,7 @@ fn node(section: &mut Section<'_, '_>, around: &Surroundings<'_>, taken: &mut Ve
 }
 
 /// A ratio of two integers above 0.
-fn ratio_of_integers(
+pub(super) fn ratio_of_integers(
     section: &mut Section<'_, '_>,
     key: &'static str,
     item: Item<'_, '_>,

@@ -295,7 +295,7 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
     let nodes = bus.as_ref().map(|bus| bus.nodes.as_slice());
     let spindle = root
         .section("spindle")
-        .and_then(|section| spindle::spindle(section, nodes));
+        .and_then(|section| spindle::spindle(section, nodes, &joints));
     let base = path.parent().unwrap_or(Path::new(""));
     let program = root.section("program").and_then(|mut section| {
         let program = program::program(&mut section, base);

@@ -81,7 +81,6 @@ pub(super) fn node<'d, 'l>(
     let uses = network.uses.iter().filter(|it| Some(it.node) == id.map(i64::from));
     let mut axes: Vec<AxisUse> = uses
         .map(|it| AxisUse {
-            axis: it.axis,
             mode: it.mode.or_else(|| Some(known?.usual_mode())).unwrap_or(DriveMode::Csp),
             is_spindle: it.is_spindle,
         })

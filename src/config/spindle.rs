@@ -4,8 +4,10 @@
 //! Out: a [`Spindle`] whose objects stand in the payloads of their nodes.
 
 use super::document::{Bound, Section};
+use super::drive::{DriveMode, SPINDLE_MODES, modes_are_offered};
+use super::joints::{ratio, ratio_of_integers};
 use super::mapping::parse_object;
-use super::types::{Exchange, Mapped, Node};
+use super::types::{Exchange, Joint, Mapped, Node, Profile};
 use motion::canon::SPINDLES;
 
 /// `[spindle]`
@@ -25,6 +27,8 @@ pub struct Spindle {
     pub speed_timeout_s: f64,
     /// The object that sets its speed; `None`: components do, from the pins.
     pub drive: Option<SpindleDrive>,
+    /// The drive of CiA 402 that turns it, in place of that object; `None`: none does.
+    pub axis: Option<SpindleAxis>,
     /// What tells where the spindle is; `None`: nothing does.
     pub encoder: Option<SpindleEncoder>,
     /// Cycles from the place of the spindle as it is read to where the axes are with the set-points that come of it: what the exchange
@@ -39,6 +43,19 @@ pub struct SpindleDrive {
     pub node: usize,
     /// The object; it stands among the node's outputs.
     pub speed: Mapped,
+}
+
+/// `[spindle.drive]` with a mode: a drive of CiA 402.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SpindleAxis {
+    /// Index into `Bus::nodes`.
+    pub node: usize,
+    /// VL, PV or CSV.
+    pub mode: DriveMode,
+    /// Target of the mode (6042, 60FF) per 1/min: numerator and denominator.
+    pub units_per_rpm: [u32; 2],
+    /// How fast its target may change, 1/min per second; `None`: it has a ramp of its own.
+    pub ramp_rpm_s: Option<f64>,
 }
 
 /// `[spindle.encoder]`
@@ -74,6 +91,7 @@ impl Default for Spindle {
             speed_tolerance: 0.05,
             speed_timeout_s: 20.0,
             drive: None,
+            axis: None,
             encoder: None,
             encoder_lead_cycles: LEAD_CYCLES,
         }
@@ -94,7 +112,7 @@ enum Source {
 }
 
 /// `[spindle]`; `nodes`: `None` if the bus is wrong itself.
-pub(super) fn spindle(mut section: Section<'_, '_>, nodes: Option<&[Node]>) -> Option<Spindle> {
+pub(super) fn spindle(mut section: Section<'_, '_>, nodes: Option<&[Node]>, joints: &[Joint]) -> Option<Spindle> {
     let default = Spindle::default();
     let rpm_max = section.number("rpm_max", Bound::Positive(1e6), default.rpm_max);
     let count = section.integer("count", 1..=SPINDLES as i64, i64::from(default.count));
@@ -110,12 +128,13 @@ pub(super) fn spindle(mut section: Section<'_, '_>, nodes: Option<&[Node]>) -> O
         default.speed_tolerance * 100.0,
     );
     let speed_timeout_s = section.number("speed_timeout_s", Bound::Within(0.1, 600.0), default.speed_timeout_s);
-    let drive = match section.has("drive") {
-        false => Some(None),
-        true => section
-            .section("drive")
-            .and_then(|section| drive(section, nodes))
-            .map(Some),
+    let (drive, axis) = match section.has("drive") {
+        false => (Some(None), Some(None)),
+        true => match section.section("drive") {
+            None => (None, None),
+            Some(section) if section.has("mode") => (Some(None), axis(section, nodes, joints, rpm_max).map(Some)),
+            Some(section) => (drive(section, nodes).map(Some), Some(None)),
+        },
     };
     let encoder = match section.has("encoder") {
         false => Some(None),
@@ -134,6 +153,7 @@ pub(super) fn spindle(mut section: Section<'_, '_>, nodes: Option<&[Node]>) -> O
         speed_tolerance: percent? / 100.0,
         speed_timeout_s: speed_timeout_s?,
         drive: drive?,
+        axis: axis?,
         encoder: encoder.map(|encoder| encoder.map(|(encoder, _)| encoder))?,
         encoder_lead_cycles: encoder?.map_or(default.encoder_lead_cycles, |(_, lead)| lead),
     })
@@ -161,6 +181,79 @@ fn drive(mut section: Section<'_, '_>, nodes: Option<&[Node]>) -> Option<Spindle
     Some(SpindleDrive {
         node: node?.0,
         speed: speed??,
+    })
+}
+
+/// A drive of CiA 402, which no joint has.
+fn axis(
+    mut section: Section<'_, '_>,
+    nodes: Option<&[Node]>,
+    joints: &[Joint],
+    rpm_max: Option<f64>,
+) -> Option<SpindleAxis> {
+    /// A spindle that takes a millionth of a second to its speed needs no ramp.
+    const RAMP_MAX_RPM_S: f64 = 1e9;
+    let found = node(&mut section, nodes, |node| node.exchange != Exchange::AsyncOnly);
+    let mode = section.word("mode", &SPINDLE_MODES, None);
+    if let Some((index, node)) = found {
+        if node.profile != Profile::Cia402 {
+            section.wrong("node", "must be a node of profile \"cia402\"");
+        } else if joints.iter().any(|joint| joint.node == index) {
+            section.wrong("node", "is the drive of a joint");
+        } else if let Some(mode) = mode {
+            modes_are_offered(&mut section, node, mode, false);
+        }
+    }
+    let increments = found.and_then(|(_, node)| node.drive.as_ref()?.increments_per_turn);
+    let item = section.optional("units_per_rpm");
+    let units_per_rpm = match (item, mode, increments) {
+        (Some(item), ..) => {
+            let rule = "must be two integers: what the target counts, and the 1/min that it makes";
+            ratio_of_integers(&mut section, "units_per_rpm", item, rule)
+        }
+        // By the profile 6042 is in 1/min.
+        (None, Some(DriveMode::Vl), _) => Some([1, 1]),
+        (None, Some(_), Some(increments)) => Some([increments, 60]),
+        (None, Some(_), None) => {
+            section.wrong(
+                "units_per_rpm",
+                "is missing: what 60FFh counts, and the 1/min that it makes, like [10000, 60]",
+            );
+            None
+        }
+        (None, None, _) => None,
+    };
+    let ramp_rpm_s = match mode {
+        // Nobody but the control makes its set-points.
+        Some(DriveMode::Csv) => section
+            .number("ramp_rpm_s", Bound::Positive(RAMP_MAX_RPM_S), None)
+            .map(Some),
+        _ => match section.optional("ramp_rpm_s") {
+            None => Some(None),
+            Some(item) => item
+                .number(&section.key("ramp_rpm_s"), Bound::Positive(RAMP_MAX_RPM_S))
+                .map(Some),
+        },
+    };
+    if let (Some(units), Some(rpm_max), Some(mode)) = (units_per_rpm, rpm_max, mode) {
+        let (most, object) = match mode {
+            DriveMode::Vl => (f64::from(i16::MAX), "6042h"),
+            _ => (f64::from(i32::MAX), "60FFh"),
+        };
+        if rpm_max * ratio(units) > most {
+            let makes = rpm_max * ratio(units);
+            section.wrong(
+                "units_per_rpm",
+                format!("must let {object} hold rpm_max: {rpm_max} makes {makes:.0}"),
+            );
+        }
+    }
+    section.done();
+    Some(SpindleAxis {
+        node: found?.0,
+        mode: mode?,
+        units_per_rpm: units_per_rpm?,
+        ramp_rpm_s: ramp_rpm_s?,
     })
 }
 

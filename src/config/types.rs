@@ -8,7 +8,7 @@ pub use super::channels::{Channel, ChannelKind, Follow, ObjectKind};
 pub use super::drive::{DriveMode, Reactions, targets, touch_probe_objects};
 pub use super::drive_profile::{DriveProfile, InputBits, MappingLimits};
 pub use super::sim::{SimFault, SimFaultKind};
-pub use super::spindle::{Spindle, SpindleCounter, SpindleDrive, SpindleEncoder};
+pub use super::spindle::{Spindle, SpindleAxis, SpindleCounter, SpindleDrive, SpindleEncoder};
 use super::steps::{StepOutput, Steps};
 pub use gcode::ToolChanger;
 use motion::canon::{Axis, LengthUnit, Position};

@@ -153,6 +153,11 @@ pub enum Fault {
     },
     /// A move in step with the spindle was given up, and has come to rest.
     OutOfStep { fault: SyncFault },
+    /// The drive of the spindle is in fault, refuses a step or does not follow.
+    SpindleDrive {
+        /// What the drive supervisor saw.
+        fault: AxisFault,
+    },
     /// The spindle did not get to its speed in time.
     SpindleLate {
         /// How far it came.
@@ -294,6 +299,7 @@ impl Fault {
             | Fault::SoftLimit { .. }
             | Fault::LimitExceeded { .. }
             | Fault::OutOfStep { .. }
+            | Fault::SpindleDrive { .. }
             | Fault::SpindleLate { .. }
             | Fault::SpindleOrient { .. }
             | Fault::CountsLost { in_step: true, .. }
@@ -330,6 +336,7 @@ impl Fault {
             Fault::SpindleLate { .. } => "S-302",
             Fault::SpindleOrient { .. } => "S-303",
             Fault::CountsLost { .. } => "S-304",
+            Fault::SpindleDrive { .. } => "S-305",
             Fault::InputRange { .. } => "I-701",
             Fault::CyclesSkipped { .. } => "C-401",
             Fault::ManyOverruns { .. } => "C-402",
@@ -389,6 +396,7 @@ impl Fault {
             | Fault::IllegalCommand { .. }
             | Fault::LimitExceeded { .. }
             | Fault::OutOfStep { .. }
+            | Fault::SpindleDrive { .. }
             | Fault::SpindleLate { .. }
             | Fault::SpindleOrient { .. }
             | Fault::CountsLost { .. }
@@ -452,6 +460,7 @@ impl Fault {
                 )
             }
             Fault::OutOfStep { fault } => format!("spindle: {fault}"),
+            Fault::SpindleDrive { fault } => format!("spindle: {fault}"),
             Fault::SpindleLate { late } => match late.measured_rpm {
                 Some(measured_rpm) => format!(
                     "spindle: turns at {measured_rpm:.0} 1/min, wanted are {:.0}: its drive, its encoder and \

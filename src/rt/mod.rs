@@ -22,6 +22,7 @@ pub mod pins;
 pub mod recent;
 pub mod shared;
 pub mod spindle;
+mod spindle_drive;
 pub mod step_pins;
 pub mod steps;
 pub mod thread;

@@ -24,6 +24,7 @@ use crate::machine::state::State;
 use crate::rt::cycle_stats::Timing;
 use crate::rt::desk::{DeskPins, SwitchPins};
 use crate::rt::jog_pins::JogPins;
+use cia402::profile::axis_of;
 use hal_pins::{Hal, HalError, Input, Memory, Output};
 use motion::canon::Axis;
 use motion::element::{Action, Enables};
@@ -268,18 +269,54 @@ impl TimingPins {
     }
 }
 
+/// Numbers of drives in the names of their pins: that of their joint; those without one follow, in the order of the machine file.
+struct DriveNumbers {
+    /// Nodes and axes.
+    of: Vec<(usize, u8)>,
+}
+
+impl DriveNumbers {
+    fn new(config: &Config, plans: &[NodePlan]) -> DriveNumbers {
+        let mut of: Vec<_> = config.joints.iter().map(|joint| (joint.node, 0)).collect();
+        for (index, (node, plan)) in config.bus.nodes.iter().zip(plans).enumerate() {
+            if node.profile != Profile::Cia402 {
+                continue;
+            }
+            for field in plan.outputs.fields.iter().chain(&plan.inputs.fields) {
+                let axis = (index, axis_of(field.object.index).0);
+                if !of.contains(&axis) {
+                    of.push(axis);
+                }
+            }
+        }
+        DriveNumbers { of }
+    }
+
+    /// Of the drive that an object of a node belongs to.
+    fn number(&self, node: usize, field: Field) -> usize {
+        let axis = (node, axis_of(field.object.index).0);
+        self.of.iter().position(|other| *other == axis).unwrap_or(self.of.len())
+    }
+}
+
 /// Name of the pin of a CiA 402 object; LinuxCNC drivers' names where there is one.
 fn object_name(joint: usize, field: Field) -> String {
-    let (index, sub) = (field.object.index, field.object.sub);
+    let (_, index) = axis_of(field.object.index);
+    let sub = field.object.sub;
     let name = match (index, sub) {
         (0x603F, 0) => "error-code",
         (0x6040, 0) => "controlword",
         (0x6041, 0) => "statusword",
         (0x6060, 0) => "opmode",
         (0x6061, 0) => "opmode-display",
+        (0x6042, 0) => "vl-target-velocity",
+        (0x6043, 0) => "vl-velocity-demand",
+        (0x6044, 0) => "vl-actual-velocity",
         (0x6064, 0) => "drv-actual-position",
         (0x606C, 0) => "drv-actual-velocity",
         (0x6077, 0) => "drv-actual-torque",
+        (0x6078, 0) => "drv-actual-current",
+        (0x6079, 0) => "drv-dc-link-voltage",
         (0x6071, 0) => "drv-target-torque",
         (0x607A, 0) => "drv-target-position",
         (0x60FF, 0) => "drv-target-velocity",
@@ -296,8 +333,8 @@ fn object_name(joint: usize, field: Field) -> String {
 /// Whether the number in an object has a sign, for objects without which it would read wrong.
 fn is_signed(index: u16) -> bool {
     matches!(
-        index,
-        0x6060..=0x6064 | 0x6069..=0x606C | 0x6071 | 0x6074 | 0x6077 | 0x6078 | 0x607A | 0x60B0..=0x60B2 | 0x60F4 | 0x60FA | 0x60FF
+        axis_of(index).1,
+        0x6042..=0x6044 | 0x6060..=0x6064 | 0x6069..=0x606C | 0x6071 | 0x6074 | 0x6077 | 0x6078 | 0x607A | 0x60B0..=0x60B2 | 0x60F4 | 0x60FA | 0x60FF
     )
 }
 
@@ -346,34 +383,34 @@ impl Pins {
         }
         let (mut objects_received, mut objects_sent, mut objects_driven) = (Vec::new(), Vec::new(), Vec::new());
         let mut nodes = Vec::new();
+        let drives = DriveNumbers::new(config, plans);
         for (index, (node, plan)) in config.bus.nodes.iter().zip(plans).enumerate() {
             nodes.push(NodePins {
                 state: hal.output(&format!("plk.{}.state", node.id))?,
                 lost: hal.output(&format!("plk.{}.pres-lost", node.id))?,
             });
-            match node.profile {
-                Profile::Cia402 => {
-                    let Some(joint) = config.joints.iter().position(|joint| joint.node == index) else {
-                        continue;
-                    };
-                    for &field in &plan.inputs.fields {
-                        objects_received.push(object_pin(hal, joint, index, field)?);
-                    }
-                    for &field in &plan.outputs.fields {
-                        let object = (field.object.index, field.object.sub);
-                        if is_filled(&config.joints[joint], object) {
-                            objects_sent.push(object_pin(hal, joint, index, field)?);
-                        } else {
-                            let pin = hal.input(&object_name(joint, field), 0)?;
-                            objects_driven.push(DrivenObject {
-                                node: index,
-                                field,
-                                pin,
-                            });
-                        }
-                    }
+            if node.profile != Profile::Cia402 {
+                continue;
+            }
+            for &field in &plan.inputs.fields {
+                let number = drives.number(index, field);
+                objects_received.push(object_pin(hal, number, index, field)?);
+            }
+            for &field in &plan.outputs.fields {
+                let object = (field.object.index, field.object.sub);
+                let number = drives.number(index, field);
+                let joint = config.joints.get(number);
+                let of_joint = joint.is_some_and(|joint| is_filled(joint, object));
+                if of_joint || Spindle::fills(config, index, object) {
+                    objects_sent.push(object_pin(hal, number, index, field)?);
+                } else {
+                    let pin = hal.input(&object_name(number, field), 0)?;
+                    objects_driven.push(DrivenObject {
+                        node: index,
+                        field,
+                        pin,
+                    });
                 }
-                Profile::Io => {}
             }
         }
         let with_loop = config.joints.iter().enumerate();

@@ -6,11 +6,13 @@
 //! [`Spindle::new`] is made at start-up; the rest is RT.
 
 use super::encoder::{Encoder, Speed};
+use super::spindle_drive::SpindleDrive;
 use crate::bus::layout::Field;
 use crate::bus::plan::NodePlan;
-use crate::bus::{InputImage, NodeIndex, OutputImage};
+use crate::bus::{InputImage, NodeIndex, NodeState, OutputImage};
 use crate::config::{Config, SpindleEncoder};
 use crate::machine::faults::{OrientFailure, SpeedNotReached};
+use cia402::axis::{AxisFault, Request};
 use hal_pins::{Hal, HalError, Input, Output};
 use motion::canon::{Axis, OrientDirection, SpindleDirection};
 use motion::element::Surface;
@@ -72,6 +74,7 @@ pub struct Spindle {
     orientation: Orientation,
     source: Source,
     drive: Option<Drive>,
+    axis: Option<SpindleDrive>,
 
     cycle_s: f64,
     rpm_max: f64,
@@ -144,6 +147,7 @@ impl Spindle {
             orientation: Orientation::new(hal)?,
             source,
             drive,
+            axis: SpindleDrive::new(config, plans),
             cycle_s: f64::from(config.cycle_us) * 1e-6,
             rpm_max: spindle.rpm_max,
             tolerance: spindle.speed_tolerance,
@@ -181,11 +185,54 @@ impl Spindle {
         of_drive || of_encoder
     }
 
+    /// Whether the control fills an object of a node for the drive that turns the spindle.
+    pub fn fills(config: &Config, node: NodeIndex, object: (u16, u8)) -> bool {
+        let of = config.spindle.axis.filter(|of| of.node == node);
+        of.is_some_and(|of| SpindleDrive::fills(&of, object))
+    }
+
+    /// Takes what its drive sent, if it is one of CiA 402. RT.
+    pub fn read_drive(&mut self, inputs: &InputImage, state: impl Fn(NodeIndex) -> NodeState) {
+        if let Some(axis) = &mut self.axis {
+            axis.read(inputs, state);
+        }
+    }
+
+    /// Leads that drive; `may_turn`: the machine is on. RT.
+    pub fn lead_drive(&mut self, now_ns: u64, may_turn: bool, outputs: &mut OutputImage) {
+        if let Some(axis) = &mut self.axis {
+            let rpm = self.wanted.filter(|_| may_turn).map(|_| self.rpm);
+            axis.lead(now_ns, rpm, outputs);
+        }
+    }
+
+    /// Asks that drive for something. RT.
+    pub fn request(&mut self, request: Request) {
+        if let Some(axis) = &mut self.axis {
+            axis.request(request);
+        }
+    }
+
+    /// What is wrong with that drive. RT.
+    pub fn drive_fault(&self) -> Option<AxisFault> {
+        self.axis.as_ref()?.fault()
+    }
+
+    /// Whether that drive is off, if there is one. RT.
+    pub fn is_drive_off(&self) -> bool {
+        self.axis.as_ref().is_none_or(SpindleDrive::is_off)
+    }
+
     /// Looks at the encoder, and whether the spindle is at the angle of an M19. RT.
     pub fn update_feedback(&mut self, inputs: &InputImage) {
         self.orientation.look();
         self.place = match &mut self.source {
-            Source::None => return,
+            Source::None => {
+                if let Some(axis) = &self.axis {
+                    self.speed_in.set(axis.measured_rpm() / 60.0);
+                }
+                return;
+            }
             Source::Pins { revs, indexed } => SpindleFeedback {
                 turns: revs.get(),
                 indexed: indexed.get(),
@@ -330,12 +377,14 @@ impl Spindle {
         self.speed_out.set(self.rpm);
     }
 
-    /// Whether it has the speed that it is told: as the pin says, and the encoder where there is one. RT.
+    /// Whether it has the speed that it is told: as the pin says, and the encoder, or else its drive, where there is one. RT.
     pub fn is_at_speed(&mut self) -> bool {
         let measured = self.measured_rpm();
         let off = measured.map_or(0.0, |measured| (measured - self.rpm).abs());
         let slack = SPEED_SLACK_RPM.max(self.rpm.abs() * self.tolerance);
-        let at_speed = self.wanted.is_none() || (self.at_speed.get() && off <= slack);
+        // A drive that is still on its way to its power has no speed of its own.
+        let follows = self.axis.as_ref().is_none_or(SpindleDrive::is_enabled);
+        let at_speed = self.wanted.is_none() || (self.at_speed.get() && follows && off <= slack);
         self.waited_s = if at_speed { 0.0 } else { self.waited_s + self.cycle_s };
         at_speed
     }
@@ -368,7 +417,7 @@ impl Spindle {
 
     fn measured_rpm(&self) -> Option<f64> {
         match self.source {
-            Source::None => None,
+            Source::None => self.axis.as_ref().map(SpindleDrive::measured_rpm),
             Source::Pins { .. } | Source::Counter { .. } => Some(self.turns_per_cycle / self.cycle_s * 60.0),
         }
     }

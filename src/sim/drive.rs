@@ -12,8 +12,8 @@ use super::built::{MAKER_ENTRIES, objects, quirks};
 use super::motor::{Motor, MotorConfig};
 use super::track::{Track, mm_to_counts};
 use crate::config::{
-    DriveMode, Homing, HomingBy, InputBits, Joint, JointLimits, Node, NodeIndex, Reactions, Sim, SimFaultKind,
-    SimJoint, Sto, StopLimits,
+    Config, DriveMode, Homing, HomingBy, InputBits, Joint, JointLimits, Node, NodeIndex, Reactions, SimFaultKind,
+    SimJoint, SpindleAxis, Sto, StopLimits,
 };
 use cia402::State;
 use cia402::device::{DEVICE_TYPE, DRIVE_OBJECTS, Delays, Demand, Device, Injected, check_write};
@@ -97,11 +97,33 @@ const BENCH: Joint = Joint {
     squaring_offset_mm: 0.0,
 };
 
+/// Change of the speed of a spindle, turns/s².
+const SPINDLE_RAMP_TURNS_S2: f64 = 2000.0 / 60.0;
+/// Increments of a turn of a spindle whose drive counts in 1/min.
+const SPINDLE_INCREMENTS: u32 = 10_000;
+
+/// The bench of a drive that turns the spindle; its unit is a turn.
+fn of_spindle(of: &SpindleAxis) -> Joint {
+    let [units, rpm] = of.units_per_rpm.map(f64::from);
+    let increments = match of.mode {
+        DriveMode::Vl => SPINDLE_INCREMENTS,
+        _ => (60.0 * units / rpm).round().clamp(1.0, f64::from(u32::MAX)) as u32,
+    };
+    let mut bench = BENCH;
+    bench.mode = of.mode;
+    bench.counts_per_unit = [increments, 1];
+    bench.limits.acceleration_mm_s2 = SPINDLE_RAMP_TURNS_S2;
+    bench.stop.acceleration_mm_s2 = 2.0 * SPINDLE_RAMP_TURNS_S2;
+    bench
+}
+
 /// What a drive is made of; kept for the next power-on.
 #[derive(Clone, Debug)]
 struct Setup {
     node: Node,
     joint: Joint,
+    /// Of a drive that turns the spindle: its highest speed, 1/min.
+    rpm_max: Option<f64>,
     objects: &'static [EntryDef],
     period_ns: u32,
     delays: Delays,
@@ -135,18 +157,28 @@ impl Drive {
     pub(super) fn new(
         node: &Node,
         joint: Option<&Joint>,
-        (sim, index): (&Sim, NodeIndex),
+        (config, index): (&Config, NodeIndex),
         special: Option<&SimJoint>,
         period_ns: u32,
         now_ns: u64,
     ) -> Result<Drive, SimError> {
-        let joint = joint.unwrap_or(&BENCH).clone();
-        let config = MotorConfig {
+        let sim = &config.sim;
+        let spindle = config.spindle.axis.filter(|of| of.node == index);
+        let joint = match (joint, &spindle) {
+            (Some(joint), _) => joint.clone(),
+            (None, Some(of)) => of_spindle(of),
+            (None, None) => BENCH,
+        };
+        let track = match spindle {
+            Some(_) => Track::endless(joint.counts_per_unit[0].into()),
+            None => Track::for_joint(&joint, sim.start, special),
+        };
+        let motor = MotorConfig {
             natural_frequency_rad_s: sim.natural_frequency_hz * std::f64::consts::TAU,
             damping: sim.damping,
             acceleration_max: MOTOR_RESERVE * mm_to_counts(&joint, joint.stop.acceleration_mm_s2),
         };
-        let mut motor = Motor::new(config, Track::for_joint(&joint, sim.start, special));
+        let mut motor = Motor::new(motor, track);
         motor.index_missing = sim.is_faulty(index, SimFaultKind::IndexMissing);
         let mut delays = Delays::default();
         if sim.is_faulty(index, SimFaultKind::SlowEnable) {
@@ -156,6 +188,7 @@ impl Drive {
             Setup {
                 node: node.clone(),
                 joint,
+                rpm_max: spindle.map(|_| config.spindle.rpm_max),
                 objects: objects(node),
                 period_ns,
                 delays,
@@ -171,6 +204,9 @@ impl Drive {
         let mut objects: Dictionary<ENTRIES, OCTETS> =
             Dictionary::new(&[COMMUNICATION_PROFILE, setup.objects]).map_err(|error| SimError::new(node, error))?;
         commission(&mut objects, &setup.joint).map_err(|error| SimError::new(node, error))?;
+        if let Some(rpm_max) = setup.rpm_max {
+            commission_spindle(&mut objects, &setup.joint, rpm_max).map_err(|error| SimError::new(node, error))?;
+        }
         let device =
             Device::new(&objects, setup.period_ns, setup.delays).map_err(|error| SimError::new(node, error))?;
         let device = device.with_quirks(quirks);
@@ -356,6 +392,11 @@ impl Drive {
         self.device.state()
     }
 
+    /// Turns since power-on, of a drive that turns the spindle.
+    pub(super) fn turns(&self) -> Option<f64> {
+        self.setup.rpm_max.map(|_| self.machine_position_mm())
+    }
+
     /// Where the load is, mm: what a rule on the machine would show.
     pub(super) fn machine_position_mm(&self) -> f64 {
         self.motor.machine_position() / mm_to_counts(&self.setup.joint, 1.0)
@@ -388,6 +429,22 @@ fn commission(objects: &mut Dictionary<ENTRIES, OCTETS>, joint: &Joint) -> Resul
     for (index, sub, octets) in values {
         let handle = objects.find(index, sub)?;
         objects.set_default(handle, octets)?;
+    }
+    Ok(())
+}
+
+/// The same of a drive that turns the spindle: encoder, highest speed, ramps of VL.
+fn commission_spindle(objects: &mut Dictionary<ENTRIES, OCTETS>, joint: &Joint, rpm_max: f64) -> Result<(), AbortCode> {
+    let ramp_rpm_s = (60.0 * SPINDLE_RAMP_TURNS_S2) as u32;
+    let values = [
+        (0x608F, 1, joint.counts_per_unit[0]),
+        (0x6046, 2, rpm_max.ceil() as u32),
+        (0x6048, 1, ramp_rpm_s),
+        (0x6049, 1, ramp_rpm_s),
+    ];
+    for (index, sub, value) in values {
+        let handle = objects.find(index, sub)?;
+        objects.set_default(handle, &value.to_le_bytes())?;
     }
     Ok(())
 }

@@ -107,7 +107,7 @@ impl SimMachine {
                     Device::Drive(Box::new(Drive::new(
                         node,
                         joint,
-                        (&config.sim, index),
+                        (config, index),
                         special,
                         period_ns,
                         0,
@@ -169,6 +169,7 @@ impl SimMachine {
             }
             // Of where the loads are now, as the drives will tell it, too.
             self.sense();
+            self.turn_encoder();
             self.go_wrong();
             for place in &mut self.places {
                 match &mut place.device {
@@ -212,6 +213,20 @@ impl SimMachine {
                 io.sense(bit, closed);
             }
         });
+    }
+
+    /// The encoder of a spindle that a drive of CiA 402 turns goes with it.
+    fn turn_encoder(&mut self) {
+        let turns = self.places.iter().find_map(|place| match &place.device {
+            Device::Drive(drive) => drive.turns(),
+            Device::Io(_) => None,
+        });
+        let Some(turns) = turns else { return };
+        for place in &mut self.places {
+            if let Device::Io(io) = &mut place.device {
+                io.spindle_mut().led = Some(turns);
+            }
+        }
     }
 
     /// What a node has sent, in `answer`, comes to the others.

@@ -29,6 +29,8 @@ pub(super) struct Spindle {
     latched: u64,
     /// It is told to turn to its index.
     pub(super) orient: bool,
+    /// A drive of CiA 402 turns it: to here, turns.
+    pub(super) led: Option<f64>,
     /// The shaft is held: it stands, whatever it is told.
     pub(super) blocked: bool,
     /// Counts that came from nowhere; below 0: that got lost.
@@ -50,6 +52,7 @@ impl Spindle {
             turns_s: 0.0,
             latched: 0,
             orient: false,
+            led: None,
             blocked: false,
             slipped: 0,
         }
@@ -68,7 +71,10 @@ impl Spindle {
         } else {
             before + (wanted - before).clamp(-step, step)
         };
-        let (from, to) = (self.turns, self.turns + (before + self.turns_s) / 2.0 * self.period_s);
+        let (from, mut to) = (self.turns, self.turns + (before + self.turns_s) / 2.0 * self.period_s);
+        if let Some(turns) = self.led {
+            (self.turns_s, to) = ((turns - from) / self.period_s, turns);
+        }
         self.turns = to;
         let passed = |turns: f64| (turns - INDEX).floor();
         if passed(from) != passed(to) {

@@ -89,6 +89,22 @@ impl Track {
         track
     }
 
+    /// What turns has no ends and no switches.
+    pub(super) fn endless(counts_per_turn: i64) -> Track {
+        /// Further than anything turns.
+        const FAR: i64 = i64::MAX / 4;
+        Track {
+            start: 0,
+            negative_limit: -FAR,
+            positive_limit: FAR,
+            home: (-FAR, -FAR),
+            mark: 0,
+            mark_distance: counts_per_turn.max(1),
+            stop_low: -FAR,
+            stop_high: FAR,
+        }
+    }
+
     /// The home switch is closed from its place to the end; the limit switches lie beyond it and the travel.
     fn by_control(joint: &Joint, towards_positive: bool, switch_mm: f64, start: f64) -> Track {
         let counts = |mm: f64| mm_to_counts(joint, mm).round() as i64;

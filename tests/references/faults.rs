@@ -96,6 +96,7 @@ pub(crate) fn examples() -> Vec<Fault> {
     ]);
     examples.extend(OF_SPINDLES.map(|fault| Fault::OutOfStep { fault }));
     examples.extend([
+        Fault::SpindleDrive { fault: OF_DRIVES[0] },
         late(Some(2100.0)),
         late(None),
         Fault::SpindleOrient {

@@ -235,6 +235,7 @@ impl<B: CyclicBus> MotionController<B> {
                 .map_or(NodeState::Operational, |node| bus.node_state(node)),
         };
         self.parts.drives.read(&self.parts.inputs, state);
+        (self.parts.pins.spindle).read_drive(&self.parts.inputs, |node| self.bus.node_state(node));
         self.laps.end(Part::Drives);
         self.parts.pins.spindle.update_feedback(&self.parts.inputs);
         self.parts.pins.show_inputs(&self.parts.inputs);
@@ -257,6 +258,8 @@ impl<B: CyclicBus> MotionController<B> {
         self.parts
             .drives
             .write(report.sent_ns, &self.command_mm[..self.joints], &mut self.parts.outputs);
+        let may_turn = self.under_command();
+        (self.parts.pins.spindle).lead_drive(report.sent_ns, may_turn, &mut self.parts.outputs);
         self.parts.steps.write(&self.parts.outputs);
         self.laps.end(Part::Drives);
         self.parts.pins.show_steps(&self.parts.steps);
@@ -404,7 +407,7 @@ impl<B: CyclicBus> MotionController<B> {
     }
 
     fn drives_off(&self) -> bool {
-        self.parts.drives.all(Drive::is_off)
+        self.parts.drives.all(Drive::is_off) && self.parts.pins.spindle.is_drive_off()
     }
 
     fn network_up(&self) -> bool {

@@ -168,6 +168,7 @@ impl<B: CyclicBus> MotionController<B> {
         self.fault_seen = false;
         self.parts.overruns.clear();
         self.parts.drives.request(u64::MAX, Request::ResetFault);
+        self.parts.pins.spindle.request(Request::ResetFault);
         self.enter(State::Disabling);
     }
 

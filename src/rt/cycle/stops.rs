@@ -66,6 +66,9 @@ impl<B: CyclicBus> MotionController<B> {
         if let Some(fault) = drives.find_map(|(joint, drive)| drive_fault(joint, drive)) {
             self.fault(fault);
         }
+        if let Some(fault) = self.parts.pins.spindle.drive_fault() {
+            self.fault(Fault::SpindleDrive { fault });
+        }
     }
 
     /// The emergency stop chain. While the network comes up, inputs of its nodes say nothing yet.
@@ -191,6 +194,7 @@ impl<B: CyclicBus> MotionController<B> {
                 self.parts.hand.end();
                 self.parts.homer.end();
                 self.parts.drives.request(u64::MAX, self.parts.estop);
+                self.parts.pins.spindle.request(self.parts.estop);
                 // A reset that came before is none of this one.
                 self.parts.pins.forget_enable();
                 self.enter(State::Estop);

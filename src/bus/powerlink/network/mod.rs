@@ -8,8 +8,8 @@ use super::managing_node::{exchanges, pres_mn_octets};
 use crate::bus::layout::Layout;
 use crate::bus::plan::{LeftOut, LeftOutReason, NodePlan};
 use crate::config::{
-    Bus, Config, ConfigurationWrite, DeviceDescription, DriveProfile, Exchange, HomingBy, Joint, Mapped, Node, Profile,
-    Stamp,
+    Bus, Config, ConfigurationWrite, DeviceDescription, DriveMode, DriveProfile, Exchange, HomingBy, Joint, Mapped,
+    Node, Profile, SpindleAxis, Stamp,
 };
 use obd::cdc::CdcWriter;
 use obd::mapping::MappingEntry;
@@ -38,6 +38,9 @@ pub fn plan(config: &Config) -> Vec<NodePlan> {
                     // It cannot be told its mode in each cycle.
                     dcf.set(0x6060, 0, joint.mode.code());
                 }
+            }
+            if let Some(spindle) = config.spindle.axis.filter(|spindle| spindle.node == index) {
+                dcf.spindle(&spindle, node, config.cycle_us);
             }
             for write in &node.writes {
                 dcf.push(write.clone());
@@ -339,10 +342,8 @@ impl<'a> Configuration<'a> {
         modes.into_iter().chain(times).collect()
     }
 
-    /// What a servo drive must know: interpolation time, following error, ramps, homing.
-    fn drive(&mut self, joint: &Joint, cycle_us: u32) {
-        let [counts, units] = joint.counts_per_unit.map(f64::from);
-        let increments = |mm: f64| (mm * counts / units).round().clamp(0.0, f64::from(u32::MAX)) as u32;
+    /// 60C2.
+    fn interpolation_time(&mut self, cycle_us: u32) {
         // 60C2: cycle = digits * 10^exponent s; whole hundreds of microseconds fit the octet up to 25.5 ms.
         let (digits, exponent) = if cycle_us.is_multiple_of(1000) {
             (cycle_us / 1000, -3)
@@ -353,6 +354,27 @@ impl<'a> Configuration<'a> {
         };
         self.set(0x60C2, 1, digits.min(255) as u8);
         self.set(0x60C2, 2, exponent as i8);
+    }
+
+    /// What the drive of the spindle must know: how it stops, its mode where it is not told that in each cycle.
+    fn spindle(&mut self, spindle: &SpindleAxis, node: &Node, cycle_us: u32) {
+        if spindle.mode == DriveMode::Csv {
+            self.interpolation_time(cycle_us);
+        }
+        let reactions = node.drive.as_ref().map(|drive| drive.reactions).unwrap_or_default();
+        for (index, value) in reactions.writes() {
+            self.set(index, 0, value);
+        }
+        if node.outputs.iter().all(|object| object.index != 0x6060) {
+            self.set(0x6060, 0, spindle.mode.code());
+        }
+    }
+
+    /// What a servo drive must know: interpolation time, following error, ramps, homing.
+    fn drive(&mut self, joint: &Joint, cycle_us: u32) {
+        let [counts, units] = joint.counts_per_unit.map(f64::from);
+        let increments = |mm: f64| (mm * counts / units).round().clamp(0.0, f64::from(u32::MAX)) as u32;
+        self.interpolation_time(cycle_us);
         // The drive's own watch is wider than ours: it is the second line of defence.
         self.set(0x6065, 0, increments(2.0 * joint.following_error_mm));
         for (index, value) in joint.reactions.writes() {
