@@ -35,7 +35,7 @@ use isocnc::program::{Feeder, home};
 use isocnc::rt::assemble::assemble;
 use isocnc::rt::cycle::MotionController;
 use isocnc::rt::cycle_stats::{CycleTimes, Recorder, recorder};
-use isocnc::rt::pins::CAPACITY;
+use isocnc::rt::pins::capacity;
 use isocnc::rt::thread::grid;
 use isocnc::rt::timeout::{Limits, Watch, Watchdog};
 use isocnc::sim::{NetConfig, SimMachine, VirtualNet};
@@ -192,7 +192,7 @@ fn timed_cycles<const NODES: usize>(config: &Config, paced: bool) -> anyhow::Res
     let bus = Powerlink::<_, NODES>::new(mn, net, Arc::new(Watch::default()), NetTime::default);
     let bus = Timed::new(bus.map_err(|error| anyhow::anyhow!("{error}"))?);
     let name = format!("bench-{}", std::process::id());
-    let mut hal = hal_pins::Hal::create_in(&[std::env::temp_dir()], &name, CAPACITY)?;
+    let mut hal = hal_pins::Hal::create_in(&[std::env::temp_dir()], &name, capacity(config))?;
     let (control, endpoints) = assemble(config, &plans, bus, &mut hal)?;
     let mut control = Box::new(control);
     let mut operator = Operator::new(config, endpoints, 0).repeating();

@@ -17,7 +17,7 @@ use isocnc::rt::assemble::assemble;
 use isocnc::rt::cycle_stats::{CycleTimes, recorder};
 use isocnc::rt::joint_jog::{JogMotion, JogOrder};
 use isocnc::rt::local_drive;
-use isocnc::rt::pins::CAPACITY;
+use isocnc::rt::pins::capacity;
 use isocnc::rt::shared::Command;
 use isocnc::rt::steps::StepDrives;
 use isocnc::rt::thread::grid;
@@ -125,7 +125,7 @@ const BY_DRIVE: &str =
 const BY_CONTROL: &str = "homing = { by = \"control\", towards = \"negative\", switch_mm = -2.0, switch = \"drive\", \
                           search_mm_s = 40.0, latch_mm_s = 4.0 }";
 
-/// The demo machine with an encoder on its spindle, and X homed by the control.
+/// The demo machine with an encoder on its spindle, components, and X homed by the control.
 fn machine() -> Config {
     let text = include_str!("../configs/mill3-demo.toml");
     assert_eq!(text.matches(BY_DRIVE).count(), 2);
@@ -137,7 +137,10 @@ fn machine() -> Config {
          { name = \"bar\", object = \"0x6401:1\", scale = 0.1, filter_hz = 5, raw_min = 5 }, \
          { name = \"turns\", object = \"0x3000:1\", type = \"encoder\", latch = \"0x3000:2\" } ]\n",
     ) + "[spindle.drive]\nnode = 10\nspeed = \"0x6411:1\"\n\
-         [spindle.encoder]\nsource = \"node\"\nnode = 10\ncounter = \"0x3000:1\"\nindex = \"0x3000:2\"\ncounts_per_turn = 1000\n";
+         [spindle.encoder]\nsource = \"node\"\nnode = 10\ncounter = \"0x3000:1\"\nindex = \"0x3000:2\"\ncounts_per_turn = 1000\n\
+         [[hal.component]]\nname = \"near.0\"\ntype = \"near\"\n\
+         [[hal.component]]\nname = \"pid.9\"\ntype = \"pid\"\nplace = \"after-motion\"\n\
+         [[hal.net]]\nname = \"x\"\nsource = \"axis.x.pos-cmd\"\ntargets = [\"near.0.in1\", \"pid.9.command\"]\n";
     config::parse(&text, Path::new("m.toml")).unwrap_or_else(|errors| panic!("{errors}"))
 }
 
@@ -176,7 +179,7 @@ fn the_cycle_never_allocates() {
     )
     .expect("a network");
     let name = format!("no-allocation-{}", std::process::id());
-    let mut hal = hal_pins::Hal::create_in(&[std::env::temp_dir()], &name, CAPACITY).expect("pins");
+    let mut hal = hal_pins::Hal::create_in(&[std::env::temp_dir()], &name, capacity(&config)).expect("pins");
     let (control, endpoints) = assemble(&config, &plans, bus, &mut hal).expect("a control");
     let mut control = Box::new(control);
     let mut operator = Operator::new(&config, endpoints, 0);

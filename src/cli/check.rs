@@ -8,11 +8,12 @@ use crate::bus;
 use crate::bus::plan::NodePlan;
 use crate::cli::bench_servo;
 use crate::cli::bus::check::{budget_json, list_cdc, node_json, write_budget, write_cdc, write_node};
-use crate::config::{BusKind, Config, HomingBy, Joint, SUBSTEPS, rate_max_hz};
+use crate::config::{BusKind, Config, HomingBy, Joint, Place, SUBSTEPS, rate_max_hz};
 use crate::host::steadiness::Steadiness;
 use crate::operator::refusal::Refusal;
 use crate::operator::tuning::stability::{GAIN_MARGIN_DB, Margins, PHASE_MARGIN_DEG, margins_of_joint};
-use crate::rt::pins::{CAPACITY, Pins, PinsError};
+use crate::rt::components::{LateRead, late_reads};
+use crate::rt::pins::{Pins, PinsError, capacity};
 use crate::rt::steps::StepDrives;
 use anyhow::Context;
 use hal_pins::Hal;
@@ -91,7 +92,7 @@ fn connections(config: &Config, plans: &[NodePlan]) -> Result<(), PinsError> {
     // A control of this machine may be running: not under its name, and not where it would be found.
     static CHECKS: AtomicU64 = AtomicU64::new(0);
     let name = format!("check-{}-{}", std::process::id(), CHECKS.fetch_add(1, Relaxed));
-    let mut hal = Hal::create_in(&[std::env::temp_dir()], &name, CAPACITY)?;
+    let mut hal = Hal::create_in(&[std::env::temp_dir()], &name, capacity(config))?;
     Pins::new(&mut hal, config, plans, &StepDrives::new(config)).map(drop)
 }
 
@@ -151,12 +152,28 @@ impl fmt::Display for Summary<'_> {
             let joints: Vec<String> = map.joints.iter().map(usize::to_string).collect();
             writeln!(f, "    {}  joint {}", map.axis.letter(), joints.join(" and "))?;
         }
+        if !config.components.is_empty() {
+            writeln!(f, "components")?;
+        }
+        for component in &config.components {
+            let place = match component.place {
+                Place::BeforeMotion => "before motion",
+                Place::AfterMotion => "after motion",
+            };
+            writeln!(f, "       {}: {}, {place}", component.name, component.kind)?;
+        }
         writeln!(f, "nets")?;
         if config.nets.is_empty() {
             writeln!(f, "       none")?;
         }
         for net in &config.nets {
             writeln!(f, "       {}: {} -> {}", net.name, net.source, net.targets.join(", "))?;
+        }
+        for LateRead { net, source, target } in late_reads(config) {
+            writeln!(
+                f,
+                "       {net}: {target} is read before {source} is made: a cycle late"
+            )?;
         }
         Ok(())
     }
@@ -247,6 +264,12 @@ fn to_json(config: &Config, plans: &[NodePlan]) -> Json {
         .nets
         .iter()
         .map(|net| json!({ "name": net.name, "source": net.source, "targets": net.targets }));
+    let components = config
+        .components
+        .iter()
+        .map(|component| json!({ "name": component.name, "type": component.kind }));
+    let late_reads = late_reads(config).into_iter();
+    let late_reads = late_reads.map(|late| json!({ "net": late.net, "source": late.source, "target": late.target }));
     json!({
         "file": config.path.display().to_string(),
         "errors": [],
@@ -259,7 +282,9 @@ fn to_json(config: &Config, plans: &[NodePlan]) -> Json {
         "nodes": nodes.collect::<Vec<_>>(),
         "joints": joints.collect::<Vec<_>>(),
         "axes": axes.collect::<Vec<_>>(),
+        "components": components.collect::<Vec<_>>(),
         "nets": nets.collect::<Vec<_>>(),
+        "late_reads": late_reads.collect::<Vec<_>>(),
     })
 }
 

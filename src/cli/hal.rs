@@ -1,8 +1,9 @@
-//! `isocnc hal`: pins and nets of a running control, from another process.
+//! `isocnc hal`: pins and nets of a running control, from another process; `import` is in `hal_import`.
 //!
 //! In:  the shared memory of the control, found by the name of its machine.
 //! Out: lines or JSON on standard output; `set` changes an input that no net reaches.
 
+use super::hal_import::{self, ImportArgs};
 use crate::host::terminal::table;
 use anyhow::{Context, bail};
 use glob::Pattern;
@@ -42,6 +43,8 @@ pub enum HalCommand {
         #[arg(required = true)]
         names: Vec<String>,
     },
+    /// Translate HAL files of LinuxCNC into components and nets of a machine file; no control is needed
+    Import(ImportArgs),
     /// Set an input that no net reaches
     #[command(after_help = "Example: isocnc hal set motion.feed-hold 1")]
     Set {
@@ -67,6 +70,9 @@ pub enum HalCommand {
 /// # Errors
 /// No control, an unknown name, a value that cannot be set, a damaged file.
 pub fn hal(args: &HalArgs) -> anyhow::Result<ExitCode> {
+    if let HalCommand::Import(import) = &args.command {
+        return hal_import::import(import, args.json);
+    }
     let machine = match &args.machine {
         Some(machine) => machine.clone(),
         None => the_only_one(hal_pins::find())?,
@@ -129,6 +135,8 @@ fn run(command: &HalCommand, as_json: bool, pins: &Attached, out: &mut impl Writ
                 }
             }
         }
+        // Needs no control: it is done before one is looked for.
+        HalCommand::Import(_) => {}
         HalCommand::Set { name, value } => {
             let value_type = pins.get(name)?.value_type();
             pins.set(

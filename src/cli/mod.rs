@@ -8,6 +8,7 @@ pub mod dda;
 pub mod demo;
 pub mod doctor;
 pub mod hal;
+pub mod hal_import;
 pub mod init;
 pub mod interpret;
 pub mod jitter;

@@ -37,6 +37,8 @@ pub enum Question {
     Word(Vec<&'static str>),
     /// `true` or `false`.
     Flag,
+    /// `true` or `false`, a number or a word: something else decides which.
+    Scalar,
     /// An array, of what is asked of its items.
     Array,
     Table,
@@ -162,6 +164,15 @@ impl Bound {
 }
 
 /// A value and its place.
+/// A value whose type something else decides.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Scalar {
+    Flag(bool),
+    Integer(i64),
+    Number(f64),
+    Word(String),
+}
+
 #[derive(Clone, Copy)]
 pub(super) struct Item<'d, 'l> {
     pub(super) log: &'l Log<'d>,
@@ -255,6 +266,25 @@ impl<'d, 'l> Item<'d, 'l> {
             self.is_no(key, "true or false");
         }
         flag
+    }
+
+    /// A value of any of these types; a float is finite.
+    fn scalar(self, key: &str) -> Option<Scalar> {
+        self.log.asked(key, Question::Scalar);
+        let finite = |value: &f64| value.is_finite();
+        let scalar = match self.value.get_ref() {
+            DeValue::Boolean(value) => Some(Scalar::Flag(*value)),
+            DeValue::String(word) => Some(Scalar::Word(word.to_string())),
+            DeValue::Integer(integer) => i64::from_str_radix(integer.as_str(), integer.radix())
+                .ok()
+                .map(Scalar::Integer),
+            DeValue::Float(float) => float.as_str().parse().ok().filter(finite).map(Scalar::Number),
+            DeValue::Datetime(_) | DeValue::Array(_) | DeValue::Table(_) => None,
+        };
+        if scalar.is_none() {
+            self.is_no(key, "true, false, a finite number or a word");
+        }
+        scalar
     }
 
     /// Whether an array is as short as one may be; else notes an error.
@@ -471,6 +501,11 @@ impl<'d, 'l> Section<'d, 'l> {
     /// The number behind a key that the user chose.
     pub(super) fn any_number(&mut self, name: &str, bound: Bound) -> Option<f64> {
         self.any(name)?.number(&self.key(name), bound)
+    }
+
+    /// What stands behind a key that the user chose.
+    pub(super) fn any_scalar(&mut self, name: &str) -> Option<Scalar> {
+        self.any(name)?.scalar(&self.key(name))
     }
 
     fn any(&self, name: &str) -> Option<Item<'d, 'l>> {

@@ -12,6 +12,7 @@ mod analog;
 mod bus;
 mod channels;
 mod compensation;
+mod components;
 mod device;
 mod document;
 mod drive;
@@ -35,6 +36,8 @@ mod tests;
 mod tests_analog;
 #[cfg(test)]
 mod tests_channels;
+#[cfg(test)]
+mod tests_components;
 #[cfg(test)]
 mod tests_devices;
 #[cfg(test)]
@@ -221,6 +224,25 @@ pub fn net_errors(config: &Config, refused: &[(usize, HalError)]) -> ConfigError
     ConfigErrors::new(errors, more)
 }
 
+/// A component whose pins cannot be made, at the place of its name in the machine file.
+pub fn component_error(config: &Config, number: usize, error: &HalError) -> ConfigErrors {
+    let file = config.path.display().to_string();
+    let text = files::read_text(&config.path, TEXT_MAX).unwrap_or_default();
+    let (document, _) = DeTable::parse_recoverable(&text);
+    let hal = document.get_ref().get("hal").and_then(|hal| hal.get_ref().as_table());
+    let tables = hal.and_then(|hal| hal.get("component")?.get_ref().as_array());
+    let table = tables.and_then(|tables| tables.get(number)?.get_ref().as_table());
+    let key = format!("hal.component[{number}].name");
+    let log = Log::new(&file, &text);
+    match table.and_then(|table| table.get("name")) {
+        Some(value) => log.wrong(value.span(), &key, error.to_string(), None),
+        // The file is not the one any more that was read.
+        None => return ConfigErrors::new(vec![ConfigError::whole(&file, format!("{key}: {error}"))], 0),
+    }
+    let (errors, more) = log.into_errors();
+    ConfigErrors::new(errors, more)
+}
+
 /// Sections in an order in which each can be checked against those before.
 fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<Config> {
     let mut root = Section::root(log, table);
@@ -313,10 +335,11 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
         section.done();
         tools
     });
-    let nets = root.section("hal").and_then(hal);
+    let hal = root.section("hal").and_then(hal);
+    let nets = hal.as_ref().map(|(nets, _)| nets);
     let all_joints = (joints.len() == count).then_some(joints.as_slice());
     if let (Some(joints), Some(axes), Some(transform), Some(nodes), Some(nets)) =
-        (all_joints, &axes, &transform, nodes, &nets)
+        (all_joints, &axes, &transform, nodes, nets)
     {
         homing::fit(&mut root, joints, axes, transform, nodes, nets);
     }
@@ -335,6 +358,7 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
     root.not_yet(&["logic", "hmi", "service"]);
     root.done();
 
+    let (nets, components) = hal?;
     Some(Config {
         path: path.to_owned(),
         name: name?,
@@ -357,7 +381,8 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
         tools: tools?,
         mains: mains?,
         estop_category: estop_category?,
-        nets: nets?,
+        nets,
+        components,
         sim: sim?,
     })
 }
@@ -477,8 +502,8 @@ fn mains(mut section: Section<'_, '_>) -> Option<Mains> {
     })
 }
 
-/// `[[hal.net]]`; whether the pins exist is found out when the pins do.
-fn hal(mut section: Section<'_, '_>) -> Option<Vec<Net>> {
+/// `[[hal.net]]` and `[[hal.component]]`; whether the pins exist that nets name is found out when the pins do.
+fn hal(mut section: Section<'_, '_>) -> Option<(Vec<Net>, Vec<Component>)> {
     let mut nets: Vec<Net> = Vec::new();
     let mut complete = true;
     for mut table in section.sections("net") {
@@ -488,9 +513,10 @@ fn hal(mut section: Section<'_, '_>) -> Option<Vec<Net>> {
         }
         table.done();
     }
-    section.not_yet(&["component", "components", "function", "functions", "order", "set"]);
+    let components = components::components(&mut section, &nets);
+    section.not_yet(&["function", "functions", "order", "set"]);
     section.done();
-    complete.then_some(nets)
+    complete.then_some((nets, components?))
 }
 
 const PIN_RULE: &str = "must be a name of lower-case letters, digits, dashes and dots, like \"joint.0.f-error\"";

@@ -617,10 +617,10 @@ fn rules_of_the_rest() {
             "m.toml:31:19: hal.net[0].targets[1] = \"c..d\": must be a name of lower-case letters, digits, dashes and dots, like \"joint.0.f-error\"",
             "m.toml:35:17: hal.net[1].targets[1] = \"e\": is written by a net already: a pin has one writer",
         ]),
-        (end, "joints = [0]\n[[hal.net]]\nname = \"n\"\nsource = \"x\"\ntargets = [\"e\"]\n[[hal.net]]\nname = \"n\"\nsource = \"y\"\ntargets = [\"e\"]\n[[hal.component]]\n", &[
+        (end, "joints = [0]\n[[hal.net]]\nname = \"n\"\nsource = \"x\"\ntargets = [\"e\"]\n[[hal.net]]\nname = \"n\"\nsource = \"y\"\ntargets = [\"e\"]\n[hal.order]\n", &[
             "m.toml:33:8: hal.net[1].name = \"n\": is taken by a net above",
             "m.toml:35:12: hal.net[1].targets[0] = \"e\": is written by a net already: a pin has one writer",
-            "m.toml:36:7: hal.component: is not supported yet",
+            "m.toml:36:6: hal.order: is not supported yet",
         ]),
         (end, "joints = [0]\n[[hal.net]]\nname = \"n\"\nsource = \"x\"\ntargets = []\n", &[
             "m.toml:31:11: hal.net[0].targets = []: must name at least one pin",

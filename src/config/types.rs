@@ -63,6 +63,8 @@ pub struct Config {
     pub estop_category: StopCategory,
     /// Connections between pins.
     pub nets: Vec<Net>,
+    /// In the order in which they run.
+    pub components: Vec<Component>,
     /// What the simulated machine is made of.
     pub sim: Sim,
 }
@@ -789,6 +791,30 @@ pub struct Tools {
     pub table: Option<PathBuf>,
     /// What pocket numbers mean; default fixed.
     pub changer: ToolChanger,
+}
+
+/// `[[hal.component]]`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Component {
+    /// Name of the instance, before the names of its pins.
+    pub name: String,
+    /// Name of its kind in [`components::CATALOGUE`].
+    pub kind: &'static str,
+    /// When in the cycle it runs.
+    pub place: Place,
+    /// Options by their keys.
+    pub options: Vec<(String, i64)>,
+    /// Inputs with values of their own: name behind that of the instance, and the value.
+    pub set: Vec<(String, hal_pins::AnyValue)>,
+}
+
+/// When in the cycle a component runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// Behind the inputs of nodes, before orders and interpolation.
+    BeforeMotion,
+    /// Behind the set-points, before the outputs of nodes.
+    AfterMotion,
 }
 
 /// `[[hal.net]]`

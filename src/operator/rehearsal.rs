@@ -16,7 +16,7 @@ use crate::operator::session::pin_reader;
 use crate::program::{Begin, Feeder, Progress, waits};
 use crate::rt::assemble::assemble;
 use crate::rt::cycle::MotionController;
-use crate::rt::pins::CAPACITY;
+use crate::rt::pins::capacity;
 use crate::rt::thread::grid;
 use crate::sim::near_end::{VirtualBus, VirtualTime, with_virtual};
 use crate::sim::{NetConfig, VirtualNet, stepper};
@@ -94,7 +94,7 @@ pub fn rehearse_on<'a, B: VirtualTime, T>(
     operator: impl FnOnce(Operator) -> Operator,
     act: impl FnOnce(&mut Rehearsal<'a, B>) -> anyhow::Result<T>,
 ) -> anyhow::Result<T> {
-    let mut hal = private_pins()?;
+    let mut hal = private_pins(config)?;
     let (mut control, endpoints) = assemble(config, &bus::plan(config), bus, &mut hal)?;
     if let Some(port) = stepper::port(config) {
         control.steps_mut().set_port(port);
@@ -278,8 +278,8 @@ impl<'a, B: VirtualTime> Rehearsal<'a, B> {
 }
 
 /// Pins under a name of their own, so that any number of rehearsals can run side by side.
-fn private_pins() -> anyhow::Result<Hal> {
+fn private_pins(config: &Config) -> anyhow::Result<Hal> {
     static RUNS: AtomicU64 = AtomicU64::new(0);
     let name = format!("rehearsal-{}-{}", std::process::id(), RUNS.fetch_add(1, Relaxed));
-    Ok(Hal::create_in(&[std::env::temp_dir()], &name, CAPACITY)?)
+    Ok(Hal::create_in(&[std::env::temp_dir()], &name, capacity(config))?)
 }

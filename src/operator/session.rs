@@ -34,7 +34,7 @@ use crate::program::text::Reader;
 use crate::rt::assemble::assemble;
 use crate::rt::cycle_stats;
 use crate::rt::cycle_stats::CycleFigures;
-use crate::rt::pins::CAPACITY;
+use crate::rt::pins::capacity;
 use crate::rt::thread;
 use crate::rt::timeout::{self, Limits, TimeoutThread};
 use crate::sim::near_end;
@@ -208,7 +208,7 @@ fn run_on(
         phase_ns: calibration.phase_ns(),
         ..thread::grid(config)
     };
-    let mut hal = Hal::create(&config.name, CAPACITY).context("pins")?;
+    let mut hal = Hal::create(&config.name, capacity(config)).context("pins")?;
     let (control, endpoints) = assemble(config, &bus::plan(config), open.cyclic, &mut hal)?;
     // On the heap: it is larger than the stack of a real-time thread, which is locked in memory as a whole.
     let mut control = Box::new(control);

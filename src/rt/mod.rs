@@ -3,6 +3,7 @@
 pub mod analog;
 pub mod assemble;
 pub mod axis_jog;
+pub mod components;
 pub mod counter;
 pub mod cycle;
 pub mod cycle_stats;

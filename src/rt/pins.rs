@@ -5,6 +5,7 @@
 //!
 //! Names are LinuxCNC's where LinuxCNC has one. [`Pins::new`] and the links are made at start-up; the rest is RT.
 
+use super::components::{Lists, count_pins};
 use super::drives::{Drives, is_filled};
 use super::io_channels::IoPins;
 use super::io_pins::{InputPins, OutputPins};
@@ -25,13 +26,18 @@ use crate::rt::cycle_stats::Timing;
 use crate::rt::desk::{DeskPins, SwitchPins};
 use crate::rt::jog_pins::JogPins;
 use cia402::profile::axis_of;
-use hal_pins::{Hal, HalError, Input, Memory, Output};
+use hal_pins::{CAPACITY_MAX, Hal, HalError, Input, Memory, Output};
 use motion::canon::Axis;
 use motion::element::{Action, Enables};
 use motion::rt::{Sample, Shares};
 
-/// Pins and nets that there is room for.
-pub const CAPACITY: usize = 2048;
+/// Pins and nets of the control that there is room for, beside those of components.
+const CAPACITY: usize = 2048;
+
+/// Pins and nets that there is to be room for.
+pub fn capacity(config: &Config) -> usize {
+    (CAPACITY + count_pins(config) + config.nets.len()).min(CAPACITY_MAX)
+}
 
 struct JointPins {
     motor_pos_cmd: Output<f64>,
@@ -117,6 +123,8 @@ pub struct Pins {
     pub spindle: Spindle,
     /// Those beside the first.
     pub others: Vec<OtherSpindle>,
+    /// Those of the machine file.
+    pub components: Lists,
     /// Inputs for which programs wait.
     pub inputs: InputPins,
     /// Outputs that programs set.
@@ -344,7 +352,7 @@ pub enum PinsError {
     /// The shared memory, or a pin of our own.
     #[error(transparent)]
     Hal(#[from] HalError),
-    /// Nets of the machine file, at their places there.
+    /// Nets and components of the machine file, at their places there.
     #[error("{0}")]
     Nets(ConfigErrors),
 }
@@ -450,6 +458,8 @@ impl Pins {
             others: (1..config.spindle.count)
                 .map(|number| OtherSpindle::new(hal, config, number))
                 .collect::<Result<_, _>>()?,
+            components: Lists::new(hal, config)
+                .map_err(|(number, error)| PinsError::Nets(config::component_error(config, number, &error)))?,
             inputs: InputPins::new(hal, config)?,
             outputs: OutputPins::new(hal, config)?,
             flood: hal.output("iocontrol.0.coolant-flood")?,

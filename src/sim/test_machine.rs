@@ -156,6 +156,7 @@ pub(super) fn test_config() -> Config {
         tools: Tools::default(),
         mains: Mains::default(),
         nets: Vec::new(),
+        components: Vec::new(),
         sim: Sim {
             natural_frequency_hz: 60.0,
             damping: 0.8,

@@ -307,7 +307,13 @@ impl Keys {
             }
             properties.insert(name.to_owned(), schema);
         }
-        json!({ "type": "object", "properties": properties, "required": required, "additionalProperties": rest })
+        let mut schema =
+            json!({ "type": "object", "properties": properties, "required": required, "additionalProperties": rest });
+        // A date is a table to a validator, with one text in it: no name of a pin or an option begins like its key.
+        if schema["additionalProperties"]["type"].is_array() {
+            schema["propertyNames"] = json!({ "pattern": "^[a-z0-9]" });
+        }
+        schema
     }
 
     fn key_schema(&self, path: &str, meanings: &BTreeMap<String, String>) -> Json {
@@ -321,6 +327,7 @@ impl Keys {
             Question::Array => json!({ "type": "array", "items": self.key_schema(&format!("{path}[]"), meanings) }),
             Question::Text => json!({ "type": "string" }),
             Question::Flag => json!({ "type": "boolean" }),
+            Question::Scalar => json!({ "type": ["boolean", "number", "string"] }),
             Question::Word(_) => json!({ "enum": key.words() }),
             Question::Integer(_) | Question::Number(_) => key.range_schema(),
             other => panic!("{path}: {other:?}"),
@@ -334,6 +341,7 @@ impl Keys {
             Question::Array => format!("array of {}", self.kind(&format!("{path}[]"))),
             Question::Text => "text".to_owned(),
             Question::Flag => "`true`, `false`".to_owned(),
+            Question::Scalar => "`true`, `false`, number or text".to_owned(),
             Question::Word(_) => key
                 .words()
                 .iter()

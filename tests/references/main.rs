@@ -6,6 +6,7 @@
 //! that is new gets an empty last column, to be filled in by hand.
 
 mod alarms;
+mod components;
 mod faults;
 mod machine_file;
 mod pins;

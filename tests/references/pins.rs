@@ -3,7 +3,7 @@
 use super::{check, code, head, root, row};
 use hal_pins::{Hal, Kind};
 use isocnc::config::StepPortKind;
-use isocnc::rt::pins::{CAPACITY, Pins};
+use isocnc::rt::pins::{Pins, capacity};
 use isocnc::rt::steps::StepDrives;
 use isocnc::{bus, config};
 use std::collections::BTreeMap;
@@ -67,9 +67,14 @@ fn pins() -> BTreeMap<String, (&'static str, Kind)> {
         .flatten()
     {
         let directories = [folder.path().to_owned()];
-        let mut hal = Hal::create_in(&directories, &config.name, CAPACITY).expect("memory for pins");
+        let mut hal = Hal::create_in(&directories, &config.name, capacity(&config)).expect("memory for pins");
         Pins::new(&mut hal, &config, &bus::plan(&config), &StepDrives::new(&config)).expect("pins");
-        for pin in hal.list().into_iter().filter(|pin| pin.kind != Kind::Net) {
+        let of_component = |pin: &str| {
+            let mut names = config.components.iter().map(|component| format!("{}.", component.name));
+            names.any(|name| pin.starts_with(&name))
+        };
+        let is_own = |pin: &hal_pins::PinInfo| pin.kind != Kind::Net && !of_component(&pin.name);
+        for pin in hal.list().into_iter().filter(is_own) {
             let what = (pin.value_type().name(), pin.kind);
             let name = general(&without_channel(&config, &pin.name));
             // What these are, their channel says, or their object.

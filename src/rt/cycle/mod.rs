@@ -241,6 +241,7 @@ impl<B: CyclicBus> MotionController<B> {
         self.parts.pins.show_inputs(&self.parts.inputs);
         self.parts.pins.inputs.look();
         self.parts.pins.see_prepared_tool();
+        self.parts.pins.components.run_before_motion(skipped);
         self.laps.end(Part::Pins);
         if report.lost > 0 {
             self.parts.homer.input_lost();
@@ -263,9 +264,10 @@ impl<B: CyclicBus> MotionController<B> {
         self.parts.steps.write(&self.parts.outputs);
         self.laps.end(Part::Drives);
         self.parts.pins.show_steps(&self.parts.steps);
+        self.show();
+        self.parts.pins.components.run_after_motion(skipped);
         self.parts.pins.write_outputs(&mut self.parts.outputs);
         self.parts.analog.write(&mut self.parts.outputs);
-        self.show();
         self.laps.end(Part::Pins);
         self.bus.publish(self.cycle);
         self.laps.end(Part::Bus);

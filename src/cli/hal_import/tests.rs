@@ -1,0 +1,263 @@
+use super::*;
+use std::path::Path;
+
+fn import(text: &str, ini: &str) -> Translation {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("m.hal");
+    std::fs::write(&path, text).unwrap();
+    std::fs::write(
+        folder.path().join("more.hal"),
+        "loadrt not names=from-more\naddf from-more servo-thread\n",
+    )
+    .unwrap();
+    let config = config::parse(EXAMPLE, Path::new("example.toml")).unwrap();
+    let own = OwnPins::new(&config).unwrap();
+    translated(&[path], &Ini::parse(ini), &own, false).unwrap()
+}
+
+/// Line and reason of what was refused.
+fn refused(translation: &Translation) -> Vec<(usize, &str)> {
+    let refused = translation.refused.iter();
+    refused
+        .map(|refused| (refused.place.line, refused.why.as_str()))
+        .collect()
+}
+
+#[test]
+fn a_hal_file_becomes_components_in_their_order_and_nets() {
+    let translation = import(
+        "# a comment\n\
+         loadrt trivkins\n\
+         loadrt [EMCMOT]EMCMOT servo_period_nsec=1000000 num_joints=3\n\
+         loadrt and2 count=2\n\
+         loadrt estop_latch\n\
+         loadrt near names=Spindle_Near\n\
+         loadrt debounce cfg=2,1\n\
+         loadrt logic personality=0x104\n\
+         addf motion-command-handler servo-thread\n\
+         addf and2.1 servo-thread 1\n\
+         addf motion-controller servo-thread\n\
+         addf estop-latch.0 servo-thread\n\
+         addf and2.0 servo-thread\n\
+         addf spindle_near servo-thread\n\
+         addf debounce.0 servo-thread\n\
+         addf debounce.1 servo-thread\n\
+         addf logic.0 servo-thread\n\
+         net estop-loop estop-latch.0.ok-out => \\\n  iocontrol.0.emc-enable-in\n\
+         net reset-it iocontrol.0.user-request-enable => estop-latch.0.reset\n\
+         setp spindle-near.scale [SPINDLE_0]SCALE\n\
+         spindle-near.difference = 0x10\n\
+         setp debounce.0.delay 7\n\
+         net gate and2.1.out and2.0.in1\n\
+         net gate debounce.1.0.in\n\
+         sets nobody true\n\
+         newsig nobody bit\n\
+         net gone and2.1.in0 and2.0.in1\n\
+         unlinkp and2.1.in0\n\
+         delsig gone\n\
+         linksp nobody => and2.0.in0\n\
+         loadrt [KINS]KINEMATICS\n\
+         start\n",
+        "[KINS]\nKINEMATICS = trivkins coordinates=xz\n[EMCMOT]\nEMCMOT = motmod\n[SPINDLE_0]\nSCALE = 1.05\n",
+    );
+    assert_eq!(
+        refused(&translation),
+        [(22, "\"0x10\" is no float")],
+        "{}",
+        translation.toml
+    );
+    let expected = r#"[[hal.component]]
+name = "and2.1"
+type = "and2"
+
+[[hal.component]]
+name = "estop-latch.0"
+type = "estop_latch"
+place = "after-motion"
+
+[[hal.component]]
+name = "and2.0"
+type = "and2"
+place = "after-motion"
+set = { in0 = true }
+
+[[hal.component]]
+name = "spindle-near"
+type = "near"
+place = "after-motion"
+set = { scale = 1.05 }
+
+[[hal.component]]
+name = "debounce.0"
+type = "debounce"
+place = "after-motion"
+options = { cfg = 2 }
+set = { delay = 7 }
+
+[[hal.component]]
+name = "debounce.1"
+type = "debounce"
+place = "after-motion"
+options = { cfg = 1 }
+
+[[hal.component]]
+name = "logic.0"
+type = "logic"
+place = "after-motion"
+options = { personality = 4 }
+
+[[hal.net]]
+name = "estop-loop"
+source = "estop-latch.0.ok-out"
+targets = ["iocontrol.0.emc-enable-in"]
+
+[[hal.net]]
+name = "reset-it"
+source = "iocontrol.0.user-request-enable"
+targets = ["estop-latch.0.reset"]
+
+[[hal.net]]
+name = "gate"
+source = "and2.1.out"
+targets = ["and2.0.in1", "debounce.1.0.in"]
+
+"#;
+    assert_eq!(translation.toml, expected);
+    // The machine file takes it as it is.
+    let config = config::parse(&format!("{EXAMPLE}\n{}", translation.toml), Path::new("m.toml"));
+    OwnPins::new(&config.unwrap_or_else(|errors| panic!("{errors}"))).unwrap();
+}
+
+#[test]
+fn what_cannot_be_translated_is_told_with_its_line_and_reason() {
+    let translation = import(
+        "loadrt hostmot2\n\
+         loadrt hypott\n\
+         loadrt pid names=x-pid bits=3\n\
+         addf x-pid.do-pid-calcs base-thread\n\
+         addf hm2_5i25.0.read servo-thread\n\
+         loadusr -W hal_manualtoolchange\n\
+         net probe hm2_5i25.0.gpio.001.in => motion.probe-input\n\
+         net two x-pid.output x-pid.saturated\n\
+         net float x-pid.error => motion.feed-hold\n\
+         setp x-pid.pgian 3\n\
+         setp x-pid.Pgain many\n\
+         setp motion.feed-hold 1\n\
+         setp x-pid.error 1\n\
+         net lonely => x-pid.command\n\
+         setp x-pid.maxerror [AXIS_X]MAX_ERROR\n\
+         setp x-pid.bias \"3\n\
+         source none.hal\n\
+         unload all\n\
+         net\n\
+         loadrt and2\n",
+        "",
+    );
+    let expected = [
+        (1, "no component of this name here"),
+        (2, "no component of this name here; hypot is the nearest"),
+        (3, "bits=3: is no option here"),
+        (4, "there is no base-thread: it runs once a cycle"),
+        (5, "no component of that function here"),
+        (6, "programs beside the control are not started by it"),
+        (7, "no pin hm2-5i25.0.gpio.001.in here"),
+        (8, "x-pid.saturated would be a second writer of two"),
+        (
+            9,
+            "x-pid.error is float, motion.feed-hold is bit here: conv_float_bit between them",
+        ),
+        (10, "pid has no pin pgian here; pgain is the nearest"),
+        (11, "\"many\" is no float"),
+        (
+            12,
+            "the control's own: `isocnc hal set motion.feed-hold 1` while it runs",
+        ),
+        (13, "is an output, which the component writes"),
+        (14, "nothing writes lonely here"),
+        (15, "[AXIS_X]MAX_ERROR is not known: name the INI file with --ini"),
+        (16, "a quotation mark without its end"),
+        (18, "has nothing like it in a machine file"),
+        (19, "words are missing or too many"),
+        (
+            20,
+            "no addf adds it to a thread: put it where it is to run; it stands last",
+        ),
+    ];
+    let mut refused = refused(&translation);
+    let source = refused
+        .iter()
+        .position(|(line, _)| *line == 17)
+        .expect("a file that is not there");
+    assert!(refused.remove(source).1.contains("none.hal") || translation.refused[source].why.contains("No such file"));
+    assert_eq!(refused, expected);
+    // What is known of a net stays, to be completed.
+    assert!(
+        translation
+            .toml
+            .contains("# not here: hm2-5i25.0.gpio.001.in\n# [[hal.net]]\n# name = \"probe\"")
+    );
+    assert!(translation.toml.contains("# targets = [\"motion.probe-input\"]"));
+}
+
+#[test]
+fn files_that_are_included_and_variables_are_followed() {
+    let translation = import("source more.hal\nnet a from-more.out $PATH\n", "");
+    assert!(
+        translation
+            .toml
+            .starts_with("[[hal.component]]\nname = \"from-more\"\ntype = \"not\"\n")
+    );
+    let translation = import("source m.hal\n", "");
+    assert_eq!(refused(&translation), [(1, "files include each other")]);
+}
+
+#[test]
+fn no_text_makes_the_reader_panic() {
+    use proptest::prelude::*;
+    let word = prop_oneof![
+        Just("net"),
+        Just("loadrt"),
+        Just("setp"),
+        Just("addf"),
+        Just("and2"),
+        Just("count=2"),
+        Just("and2.0.out"),
+        Just("and2.0.in0"),
+        Just("servo-thread"),
+        Just("-1"),
+        Just("[A]B"),
+        Just("$X"),
+        Just("[A"),
+        Just("\""),
+        Just("\\"),
+        Just("\n"),
+        Just("#"),
+        Just("="),
+        Just("personality=-1"),
+        Just("logic"),
+        Just("names=,,"),
+        Just("ä"),
+        Just("."),
+        Just("motion-controller"),
+        Just("sets"),
+    ];
+    let config = config::parse(EXAMPLE, Path::new("example.toml")).unwrap();
+    let own = OwnPins::new(&config).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("m.hal");
+    let mut runner = proptest::test_runner::TestRunner::default();
+    runner
+        .run(&proptest::collection::vec(word, 0..40), |words| {
+            std::fs::write(&path, words.join(" ")).unwrap();
+            let translation = translated(std::slice::from_ref(&path), &Ini::default(), &own, false).unwrap();
+            // Whatever comes of it can be read.
+            let text = format!("{EXAMPLE}\n{}", translation.toml);
+            prop_assert!(
+                config::parse(&text, Path::new("m.toml")).is_ok(),
+                "{}",
+                translation.toml
+            );
+            Ok(())
+        })
+        .unwrap();
+}

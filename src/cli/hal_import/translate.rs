@@ -1,0 +1,559 @@
+//! Commands of HAL files to components, their order, and nets.
+//!
+//! In:  commands; kinds of components; the control's own pins.
+//! Out: the tables of a machine file; commands that could not be translated, each with its reason.
+
+use super::read::Command;
+use super::write::{self, Made, Wire};
+use super::{KnownPin, OwnPins, Place, Refused, Translation};
+use components::{CATALOGUE, Direction, Kind, PinSpec, find};
+use hal_pins::{AnyValue, Type};
+use std::collections::BTreeMap;
+
+/// Modules whose work the control does itself.
+const PARTS_OF_THE_CONTROL: [&str; 9] = [
+    "motmod",
+    "tpmod",
+    "homemod",
+    "trivkins",
+    "gantrykins",
+    "threads",
+    "tp",
+    "homecomp",
+    "scope_rt",
+];
+
+/// Commands without effect on what the machine does then.
+const NEEDLESS: [&str; 17] = [
+    "start", "stop", "lock", "unlock", "getp", "gets", "ptype", "stype", "list", "show", "status", "save", "debug",
+    "help", "print", "waitusr", "echo",
+];
+
+/// An instance of a component, as far as commands have said.
+struct Instance {
+    made: Made,
+    pins: Vec<PinSpec>,
+    kind: &'static Kind,
+    place: Place,
+}
+
+/// A signal.
+#[derive(Default)]
+struct Signal {
+    /// Pins as they are called here, each with its command.
+    pins: Vec<(String, usize)>,
+    /// Value that `sets` gives.
+    value: Option<(String, usize)>,
+}
+
+struct Translator<'a> {
+    commands: &'a [Command],
+    own: &'a OwnPins,
+    exactly: bool,
+    instances: Vec<Instance>,
+    /// Names of modules that are not translated: their pins need no more words.
+    unknown: Vec<String>,
+    signals: BTreeMap<String, Signal>,
+    /// Signals in the order in which they came.
+    order: Vec<String>,
+    /// Functions of the list of the cycle: name, command.
+    functions: Vec<(String, usize)>,
+    refused: Vec<Refused>,
+    needless: usize,
+}
+
+pub(super) fn translate(commands: &[Command], own: &OwnPins, exactly: bool, refused: Vec<Refused>) -> Translation {
+    let mut translator = Translator {
+        commands,
+        own,
+        exactly,
+        instances: Vec::new(),
+        unknown: Vec::new(),
+        signals: BTreeMap::new(),
+        order: Vec::new(),
+        functions: Vec::new(),
+        refused,
+        needless: 0,
+    };
+    let unread = translator.refused.len();
+    // As LinuxCNC's two passes: what is loaded anywhere is there for all commands.
+    for (at, command) in commands.iter().enumerate() {
+        if command.words[0] == "loadrt" {
+            translator.load(at, command);
+        }
+    }
+    for (at, command) in commands.iter().enumerate() {
+        translator.take(at, command);
+    }
+    translator.place_functions();
+    let wires = translator.wires();
+    let made: Vec<&Made> = translator.instances.iter().map(|instance| &instance.made).collect();
+    let toml = write::toml(&made, &wires);
+    let mut refused = translator.refused;
+    refused.sort_by(|a, b| a.place.cmp(&b.place));
+    let mut places: Vec<&Place> = refused[..].iter().map(|refused| &refused.place).collect();
+    places.dedup();
+    let not_translated = places.len() - unread;
+    Translation {
+        toml,
+        translated: commands.len() - translator.needless - not_translated.min(commands.len() - translator.needless),
+        needless: translator.needless,
+        refused,
+    }
+}
+
+/// A name as names are here: lower case, dashes, a letter first.
+pub(super) fn name_here(name: &str) -> String {
+    let legal = |c: char| match c.to_ascii_lowercase() {
+        c @ ('a'..='z' | '0'..='9' | '.') => c,
+        _ => '-',
+    };
+    let levels: String = name.chars().map(legal).collect();
+    let levels = levels
+        .split('.')
+        .map(|level| level.trim_matches('-'))
+        .filter(|level| !level.is_empty());
+    let name = levels.collect::<Vec<_>>().join(".");
+    match name.chars().next() {
+        Some('a'..='z') => name,
+        Some(_) => format!("n-{name}"),
+        None => "n".to_owned(),
+    }
+}
+
+impl<'a> Translator<'a> {
+    fn refuse(&mut self, at: usize, why: impl Into<String>) {
+        let Command { place, text, .. } = &self.commands[at];
+        self.refused.push(Refused {
+            place: place.clone(),
+            text: text.clone(),
+            why: why.into(),
+        });
+    }
+
+    fn take(&mut self, at: usize, command: &Command) {
+        let words: Vec<&str> = command.words.iter().map(String::as_str).collect();
+        match words[..] {
+            ["loadrt", ..] => {}
+            ["net", signal, ref pins @ ..] => {
+                for pin in pins {
+                    self.link(signal, pin, at);
+                }
+            }
+            ["newsig", ..] => self.needless += 1,
+            ["linkps", pin, signal] | ["linksp", signal, pin] => self.link(signal, pin, at),
+            ["unlinkp", pin] => {
+                let pin = name_here(pin);
+                for signal in self.signals.values_mut() {
+                    signal.pins.retain(|(linked, _)| *linked != pin);
+                }
+            }
+            ["delsig", signal] => drop(self.signals.remove(&name_here(signal))),
+            ["linkpp", first, second] => {
+                self.link(first, first, at);
+                self.link(first, second, at);
+            }
+            ["setp", pin, value] => self.set(pin, value, at),
+            ["sets", signal, value] => {
+                self.signal(signal).value = Some((value.to_owned(), at));
+            }
+            ["addf", function, thread, ref position @ ..] => self.add_function(function, thread, position.first(), at),
+            ["loadusr", ..] => self.refuse(at, "programs beside the control are not started by it"),
+            [command, ..] if NEEDLESS.contains(&command) => self.needless += 1,
+            [
+                "net" | "setp" | "sets" | "addf" | "linkps" | "linksp" | "linkpp" | "unlinkp" | "delsig",
+                ..,
+            ] => self.refuse(at, "words are missing or too many"),
+            _ => self.refuse(at, "has nothing like it in a machine file"),
+        }
+    }
+
+    /// `loadrt MODULE count=N names=a,b key=value ..`
+    fn load(&mut self, at: usize, command: &Command) {
+        let Some(module) = command.words.get(1) else {
+            return self.refuse(at, "no module is named");
+        };
+        if PARTS_OF_THE_CONTROL.contains(&module.as_str()) || module.ends_with("kins") {
+            self.needless += 1;
+            return;
+        }
+        let Some(kind) = find(module) else {
+            self.unknown.push(name_here(&module.replace("hal_", "")));
+            let near = hal_pins::nearest(module, CATALOGUE.iter().map(|kind| kind.name));
+            let hint = near.map_or(String::new(), |near| format!("; {near} is the nearest"));
+            return self.refuse(at, format!("no component of this name here{hint}"));
+        };
+        let mut values: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+        for word in &command.words[2..] {
+            if let Some((key, list)) = word.split_once('=') {
+                values.insert(
+                    key,
+                    list.split(',')
+                        .map(str::trim)
+                        .filter(|value| !value.is_empty())
+                        .collect(),
+                );
+            }
+        }
+        let own_words = ["count", "num_chan", "names", "debug"];
+        let lists = values.iter().filter(|(key, _)| !own_words.contains(key));
+        let longest = lists.map(|(_, list)| list.len()).max();
+        let count = ["count", "num_chan"]
+            .iter()
+            .find_map(|key| values.get(key)?.first()?.parse::<usize>().ok());
+        let names: Vec<String> = match values.get("names") {
+            Some(names) => names.iter().map(|name| name_here(name)).collect(),
+            None => {
+                let loaded = self
+                    .instances
+                    .iter()
+                    .filter(|instance| instance.kind.name == kind.name)
+                    .count();
+                let count = count
+                    .or(longest)
+                    .unwrap_or(if ["pid", "encoder"].contains(module_name(kind)) {
+                        3
+                    } else {
+                        1
+                    });
+                (loaded..loaded + count.min(1000))
+                    .map(|number| instance_name(kind, number))
+                    .collect()
+            }
+        };
+        for (number, name) in names.into_iter().enumerate() {
+            let mut options = Vec::new();
+            for (key, list) in &values {
+                if own_words.contains(key) {
+                    continue;
+                }
+                // A list that is too short holds for the others, too.
+                let value = list.get(number).or(list.last()).copied().unwrap_or_default();
+                match option(kind, key, value) {
+                    Ok(option) => options.push(option),
+                    Err(why) => self.refuse(at, format!("{key}={value}: {why}")),
+                }
+            }
+            let numbers: Vec<(String, i64)> = options.iter().map(|(key, number, _)| (key.clone(), *number)).collect();
+            let mut made = match kind.make(&numbers) {
+                Ok(made) => made,
+                Err(error) => {
+                    self.refuse(at, error.to_string());
+                    continue;
+                }
+            };
+            if self.instances.iter().any(|instance| instance.made.name == name) {
+                self.refuse(at, format!("{name:?} is there already"));
+                continue;
+            }
+            self.instances.push(Instance {
+                made: Made {
+                    name,
+                    kind: kind.name,
+                    options: options.into_iter().map(|(key, _, text)| (key, text)).collect(),
+                    set: Vec::new(),
+                    after_motion: false,
+                },
+                pins: made.pins(),
+                kind,
+                place: command.place.clone(),
+            });
+        }
+    }
+
+    fn signal(&mut self, name: &str) -> &mut Signal {
+        let name = name_here(name);
+        if !self.signals.contains_key(&name) {
+            self.order.push(name.clone());
+        }
+        self.signals.entry(name).or_default()
+    }
+
+    fn link(&mut self, signal: &str, pin: &str, at: usize) {
+        let pin = name_here(pin);
+        let pins = &mut self.signal(signal).pins;
+        if !pins.iter().any(|(known, _)| *known == pin) {
+            pins.push((pin, at));
+        }
+    }
+
+    /// The instance that a pin belongs to, and the pin as it is declared.
+    fn of_instance(&self, pin: &str) -> Option<(usize, Option<&PinSpec>)> {
+        let at = self.instances.iter().position(|instance| {
+            let rest = pin.strip_prefix(instance.made.name.as_str());
+            rest.is_some_and(|rest| rest.starts_with('.'))
+        })?;
+        let instance = &self.instances[at];
+        let name = &pin[instance.made.name.len() + 1..];
+        Some((at, instance.pins.iter().find(|pin| pin.name == name)))
+    }
+
+    /// What is known of a pin, or why nothing is.
+    fn known(&self, pin: &str) -> Result<KnownPin, String> {
+        match self.of_instance(pin) {
+            Some((_, Some(spec))) => Ok(KnownPin {
+                is_output: spec.direction == Direction::Out,
+                value_type: spec.default.kind(),
+            }),
+            Some((at, None)) => {
+                let Instance { made, pins, .. } = &self.instances[at];
+                let name = &pin[made.name.len() + 1..];
+                let near = hal_pins::nearest(name, pins.iter().map(|pin| pin.name.as_str()));
+                let hint = near.map_or(String::new(), |near| format!("; {near} is the nearest"));
+                Err(format!("{} has no pin {name} here{hint}", made.kind))
+            }
+            None => self.own.get(pin, self.exactly).ok_or_else(|| {
+                let first = pin.split(['.', '-']).next().unwrap_or_default();
+                let is_unknown = self
+                    .unknown
+                    .iter()
+                    .any(|module| module.starts_with(first) || pin.starts_with(module.as_str()));
+                let near = self.own.nearest(pin).filter(|_| !is_unknown);
+                let hint = near.map_or(String::new(), |near| format!("; {near} is the nearest"));
+                match is_unknown {
+                    true => format!("{pin} is a pin of a module that was not translated"),
+                    false => format!("no pin {pin} here{hint}"),
+                }
+            }),
+        }
+    }
+
+    fn set(&mut self, pin: &str, value: &str, at: usize) {
+        let pin = name_here(pin);
+        match (self.of_instance(&pin), self.known(&pin)) {
+            (_, Err(why)) => self.refuse(at, why),
+            (_, Ok(KnownPin { is_output: true, .. })) => self.refuse(at, "is an output, which the component writes"),
+            (None, Ok(_)) => self.refuse(
+                at,
+                format!("the control's own: `isocnc hal set {pin} {value}` while it runs"),
+            ),
+            (Some((instance, _)), Ok(known)) => match number(known.value_type, value) {
+                Some(value) => {
+                    let made = &mut self.instances[instance].made;
+                    let name = pin[made.name.len() + 1..].to_owned();
+                    made.set.retain(|(before, _)| *before != name);
+                    made.set.push((name, value));
+                }
+                None => self.refuse(at, format!("{value:?} is no {}", known.value_type)),
+            },
+        }
+    }
+
+    fn add_function(&mut self, function: &str, thread: &str, position: Option<&&str>, at: usize) {
+        let function = name_here(function);
+        let is_motion = function.starts_with("motion-");
+        if !is_motion && self.of_function(&function).is_empty() {
+            return self.refuse(at, "no component of that function here");
+        }
+        if thread.starts_with("base") || thread.starts_with("fast") {
+            self.refuse(at, format!("there is no {thread}: it runs once a cycle"));
+        }
+        if is_motion {
+            self.needless += 1;
+        }
+        let count = self.functions.len();
+        let index = match position.and_then(|position| position.parse::<i64>().ok()) {
+            Some(place @ 1..) => (usize::try_from(place).unwrap_or(count) - 1).min(count),
+            Some(place @ ..=-1) => (count + 1).saturating_sub(usize::try_from(-place).unwrap_or(0)),
+            Some(0) | None => count,
+        };
+        self.functions.insert(index, (function, at));
+    }
+
+    /// Instances that a function updates: `and2.0`, `pid.0.do-pid-calcs`, or `encoder.update-counters` for all of a kind.
+    fn of_function(&self, function: &str) -> Vec<usize> {
+        let all = self.instances.iter().enumerate();
+        let by_name = all.clone().filter(|(_, instance)| {
+            let rest = function.strip_prefix(instance.made.name.as_str());
+            rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+        });
+        let found: Vec<usize> = by_name.map(|(at, _)| at).collect();
+        if !found.is_empty() {
+            return found;
+        }
+        let module = function.split('.').next().unwrap_or_default();
+        let of_module = all.filter(|(_, instance)| {
+            name_here(instance.kind.name) == module || instance.kind.name == "weighted_sum" && module == "process-wsums"
+        });
+        of_module.map(|(at, _)| at).collect()
+    }
+
+    /// Puts the instances in the order of their functions; those behind the motion controller run after motion.
+    fn place_functions(&mut self) {
+        let motion = self
+            .functions
+            .iter()
+            .position(|(function, _)| function == "motion-controller");
+        let mut order: Vec<(usize, bool)> = Vec::new();
+        let mut again = Vec::new();
+        for (number, (function, at)) in self.functions.iter().enumerate() {
+            let after = motion.is_some_and(|motion| number > motion);
+            for instance in self.of_function(function) {
+                match order.iter().find(|(known, _)| *known == instance) {
+                    None => order.push((instance, after)),
+                    Some((_, before)) if *before != after => again.push(*at),
+                    Some(_) => {}
+                }
+            }
+        }
+        for at in again {
+            self.refuse(
+                at,
+                "all functions of a component run in one call here, where the first one stands",
+            );
+        }
+        let mut instances: Vec<Option<Instance>> = std::mem::take(&mut self.instances).into_iter().map(Some).collect();
+        for (at, after) in order {
+            let Some(mut instance) = instances[at].take() else {
+                continue;
+            };
+            instance.made.after_motion = after;
+            self.instances.push(instance);
+        }
+        for instance in instances.into_iter().flatten() {
+            let name = instance.made.name.clone();
+            let place = instance.place.clone();
+            self.instances.push(instance);
+            self.refused.push(Refused {
+                place,
+                text: name,
+                why: "no addf adds it to a thread: put it where it is to run; it stands last".to_owned(),
+            });
+        }
+    }
+
+    /// Nets, with what is wrong with them; values of signals that nothing writes go to the pins that read them.
+    fn wires(&mut self) -> Vec<Wire> {
+        let mut wires = Vec::new();
+        let mut linked: Vec<String> = Vec::new();
+        for name in self.order.clone() {
+            let Some(signal) = self.signals.remove(&name) else {
+                continue;
+            };
+            let mut wire = Wire {
+                name: name.clone(),
+                ..Wire::default()
+            };
+            let mut source: Option<(String, KnownPin)> = None;
+            let mut targets = Vec::new();
+            for (pin, at) in &signal.pins {
+                if linked.contains(pin) {
+                    self.refuse(*at, format!("{pin} is on a net already"));
+                    continue;
+                }
+                linked.push(pin.clone());
+                match self.known(pin) {
+                    Err(why) => {
+                        wire.missing.push(pin.clone());
+                        self.refuse(*at, why);
+                    }
+                    Ok(known) if !known.is_output => targets.push((pin.clone(), known, *at)),
+                    Ok(known) if source.is_none() => source = Some((pin.clone(), known)),
+                    Ok(_) => self.refuse(*at, format!("{pin} would be a second writer of {name}")),
+                }
+            }
+            match (&source, &signal.value) {
+                (None, Some((value, at))) => {
+                    for (pin, ..) in &targets {
+                        let (pin, value) = (pin.clone(), value.clone());
+                        self.set(&pin, &value, *at);
+                    }
+                    continue;
+                }
+                (Some(_), Some((_, at))) => self.refuse(*at, "the signal has a writer"),
+                (_, None) => {}
+            }
+            for (pin, known, at) in targets {
+                match &source {
+                    Some((from, KnownPin { value_type, .. })) if *value_type != known.value_type => {
+                        let (is, wants) = (value_type.name(), known.value_type.name());
+                        self.refuse(
+                            at,
+                            format!("{from} is {is}, {pin} is {wants} here: conv_{is}_{wants} between them"),
+                        );
+                    }
+                    _ => wire.targets.push(pin),
+                }
+            }
+            wire.source = source.map(|(pin, _)| pin);
+            // Where a pin is known that nothing would write, the reason has been told with the others of the net.
+            if wire.source.is_none() && wire.missing.is_empty() && !wire.targets.is_empty() {
+                let at = signal.pins[0].1;
+                self.refuse(at, format!("nothing writes {name} here"));
+            }
+            // What a net writes has no value of its own.
+            if wire.source.is_some() {
+                for target in &wire.targets {
+                    if let Some((at, _)) = self.of_instance(target) {
+                        let made = &mut self.instances[at].made;
+                        let start = made.name.len() + 1;
+                        made.set.retain(|(pin, _)| *pin != target[start..]);
+                    }
+                }
+            }
+            wires.push(wire);
+        }
+        wires
+    }
+}
+
+/// The module's name, for a look-up.
+fn module_name(kind: &'static Kind) -> &'static &'static str {
+    &kind.name
+}
+
+/// How LinuxCNC calls an instance that has no name of its own.
+fn instance_name(kind: &Kind, number: usize) -> String {
+    match kind.name {
+        "charge_pump" | "watchdog" => name_here(kind.name),
+        "weighted_sum" => format!("wsum.{number}"),
+        name => format!("{}.{number}", name_here(name)),
+    }
+}
+
+/// An option by the word of `loadrt`: its key here, its number, and how it is written.
+fn option(kind: &Kind, key: &str, value: &str) -> Result<(String, i64, String), String> {
+    let name = match (kind.name, key) {
+        ("weighted_sum", "wsum_sizes") | ("multiswitch", "cfg") => "personality",
+        _ => key,
+    };
+    let Some(spec) = kind.options.iter().find(|spec| spec.name == name) else {
+        return Err("is no option here".to_owned());
+    };
+    if !spec.words.is_empty() {
+        let at = spec.words.iter().position(|word| *word == value);
+        let number = at.and_then(|at| i64::try_from(at).ok());
+        return number
+            .map(|number| (name.to_owned(), number, format!("{value:?}")))
+            .ok_or_else(|| format!("must be one of {}", spec.words.join(", ")));
+    }
+    let number = match value.strip_prefix("0x") {
+        Some(digits) => i64::from_str_radix(digits, 16).ok(),
+        None => value.parse().ok(),
+    };
+    // Of LinuxCNC's personality of `logic` the upper octet chooses outputs; all are there here.
+    let number = number.map(|number| if kind.name == "logic" { number & 0xFF } else { number });
+    let [least, most] = spec.range;
+    number
+        .filter(|number| (least..=most).contains(number))
+        .map(|number| (name.to_owned(), number, number.to_string()))
+        .ok_or_else(|| format!("must be {least} to {most}"))
+}
+
+/// A value as a machine file has it.
+fn number(kind: Type, text: &str) -> Option<String> {
+    let text = text.to_ascii_lowercase();
+    let value = match (kind, text.as_str()) {
+        (Type::Bit, "true" | "yes" | "on") => AnyValue::Bit(true),
+        (Type::Bit, "false" | "no" | "off") => AnyValue::Bit(false),
+        (Type::Bit, other) => AnyValue::Bit(other.parse::<f64>().ok()? != 0.0),
+        (Type::Float, text) => AnyValue::parse(Type::Float, text).ok()?,
+        // Whole numbers are sometimes written with a point.
+        (kind, text) => AnyValue::parse(kind, text.strip_suffix(".0").unwrap_or(text)).ok()?,
+    };
+    Some(match value {
+        AnyValue::Bit(value) => value.to_string(),
+        AnyValue::Float(value) => format!("{value:?}"),
+        other => other.to_string(),
+    })
+}

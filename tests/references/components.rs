@@ -1,0 +1,66 @@
+//! `docs/components.md`: all components with their options and pins, from their declarations.
+
+use super::{check, code, head, row};
+use components::{CATALOGUE, Kind};
+use hal_pins::AnyValue;
+
+fn value(value: AnyValue) -> String {
+    match value {
+        AnyValue::Float(value) if value.abs() >= 1e6 => format!("{value:e}"),
+        value => value.to_string(),
+    }
+}
+
+fn section(kind: &Kind) -> String {
+    // The text of a document comment begins each line with a space, and has them without line ends.
+    let mut text = format!("### {}\n\n{}\n\n", kind.name, kind.doc.trim().replace("  ", " "));
+    for option in kind.options {
+        let values = match option.words {
+            [] => format!("{} to {}", option.range[0], option.range[1]),
+            words => words
+                .iter()
+                .map(|word| code(&format!("{word:?}")))
+                .collect::<Vec<_>>()
+                .join(", "),
+        };
+        let default = match usize::try_from(option.default).ok().and_then(|at| option.words.get(at)) {
+            Some(word) => format!("{word:?}"),
+            None => option.default.to_string(),
+        };
+        text += &format!(
+            "Option `{}`: {}; {values}, left out {default}.\n\n",
+            option.name, option.doc
+        );
+    }
+    text += &head(&["pin", "type", "at first", "meaning"]);
+    let pins = kind.make(&[]).expect("no options").pins();
+    let mut same: Option<(&str, AnyValue)> = None;
+    for pin in &pins {
+        // Of several alike one is told.
+        if same == Some((pin.doc, pin.default)) && pin.name.contains(|digit: char| digit.is_ascii_digit()) {
+            continue;
+        }
+        same = Some((pin.doc, pin.default));
+        let alike = pins
+            .iter()
+            .filter(|other| other.doc == pin.doc && other.default == pin.default);
+        let alike: Vec<&str> = alike.map(|pin| pin.name.as_str()).collect();
+        let name = match alike[..] {
+            [first, .., last] if first.len() == last.len() && alike.len() > 1 => {
+                format!("{} to {}", code(first), code(last))
+            }
+            _ => code(&pin.name),
+        };
+        let kind = format!("{} {}", pin.direction.name(), pin.default.kind());
+        text += &row(&[&name, &kind, &value(pin.default), pin.doc]);
+    }
+    text
+}
+
+#[test]
+fn the_components_with_their_pins() {
+    check("docs/components.md", |_| {
+        let sections: Vec<String> = CATALOGUE.iter().map(section).collect();
+        sections.join("\n").trim_end().to_owned()
+    });
+}
