@@ -124,6 +124,38 @@ fn homed_by_hand(run: &mut Rehearsal<'_>) {
 }
 
 #[test]
+fn a_zero_mark_behind_the_switch_is_found_to_the_increment_again_and_again() {
+    const OBJECTS: [&str; 2] = ["\"0x6040/16\", \"0x6060/8\", ", "\"0x6041/16\", \"0x6061/8\", "];
+    for probe in [1, 2] {
+        let rising = if probe == 1 { "0x60BA" } else { "0x60BC" };
+        let config = machine_with(&[
+            (
+                "id = 1\nname = \"x-drive\"\nprofile = \"cia402\"\n",
+                &format!(
+                    "id = 1\nname = \"x-drive\"\nprofile = \"cia402\"\noutputs = [{}\"0x60B8/16\", \"0x607A/32\"]\n\
+                     inputs = [{}\"0x60FD/32\", \"0x603F/16\", \"0x60B9/16\", \"{rising}/32\", \"0x6064/32\", \"0x60F4/32\"]\n",
+                    OBJECTS[0], OBJECTS[1]
+                ),
+            ),
+            (
+                "switch_mm = -3.0 ",
+                &format!("switch_mm = -3.0\nindex_distance_mm = 4.0\nindex_probe = {probe} # "),
+            ),
+        ]);
+        by_hand(&config, |run| {
+            for _ in 0..3 {
+                homed_by_hand(run);
+                assert!((shown(run, X) - 5.0).abs() < 1e-3, "{}", shown(run, X));
+                // An increment of the drive is 0.0001 mm.
+                let off_mm = shown(run, X) - loads(run)[X];
+                assert!(off_mm.abs() < 1.5e-4, "probe {probe}: {off_mm}");
+            }
+            assert_no_limit_was_broken(run);
+        });
+    }
+}
+
+#[test]
 fn a_machine_homes_by_its_switches_and_runs_its_program() {
     rehearse_on(&machine(), |run| {
         reach(run, "running", |run| run.control.state() == State::Running);

@@ -2,11 +2,12 @@
 //!
 //! In:  radius in steps, widths of the registers.
 //! Out: path variance, steps, clocks and sawteeth of a quarter circle, from (R, 0) to (0, R), for each method; as a table, as JSON,
-//!      and drawn.
+//!      drawn, and as one page for a browser.
 //!
 //! The figures are exact, the same on every PC.
 
 use crate::host::terminal;
+use crate::plot::sheet::escaped;
 use anyhow::Context;
 use clap::Args;
 use motion::rt::dda::{ArcDda, Fill, Method, Registers, Rule, Turn, path_variance, sawteeth};
@@ -37,6 +38,9 @@ pub struct DdaArgs {
     /// Draw the paths of all methods, at the first width, near 38 degrees
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
+    /// Write the figures and the picture as one page for a browser
+    #[arg(long, value_name = "FILE.html")]
+    html: Option<PathBuf>,
 }
 
 /// A method by its name, and what the literature found for it: no width is told there.
@@ -152,7 +156,35 @@ pub fn dda(args: &DdaArgs) -> anyhow::Result<ExitCode> {
     if let Some(file) = &args.svg {
         files::write(file, picture(args)?).with_context(|| format!("{}: cannot be written", file.display()))?;
     }
+    if let Some(file) = &args.html {
+        files::write(file, page(args)?).with_context(|| format!("{}: cannot be written", file.display()))?;
+    }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Picture and figures as HTML that needs no other file, no script and no network.
+fn page(args: &DdaArgs) -> anyhow::Result<String> {
+    let in_words = DdaArgs {
+        json: false,
+        ..args.clone()
+    };
+    Ok(format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>{title}</title>\n\
+         <style>\nbody {{ font: 15px/1.45 sans-serif; margin: 1.2em auto; max-width: 1240px; padding: 0 1em }}\n\
+         figure {{ margin: .6em 0; overflow-x: auto }} svg {{ max-width: 100%; height: auto }} pre {{ overflow-x: auto }}\n\
+         </style>\n</head>\n<body>\n<h1>{title}</h1>\n<figure>\n{picture}</figure>\n<pre>{figures}</pre>\n</body>\n</html>\n",
+        title = format_args!("A circle of {} steps by digital differential analysers", args.radius),
+        picture = picture(args)?,
+        figures = figures_of(&report(&in_words)?),
+    ))
+}
+
+/// Lines of a text as HTML.
+fn figures_of(text: &str) -> String {
+    let lines = text.lines().map(escaped);
+    lines.collect::<Vec<_>>().join("\n")
 }
 
 fn report(args: &DdaArgs) -> anyhow::Result<String> {
@@ -400,6 +432,20 @@ mod tests {
         let text = report(&args(&["--radius", "40", "--width", "8"])).unwrap();
         assert!(text.starts_with("Quarter circle of 40 steps radius"), "{text}");
         assert!(!text.contains("literature"), "{text}");
+    }
+
+    #[test]
+    fn the_page_has_the_picture_and_the_figures_and_needs_nothing_else() {
+        let page = page(&args(&["--json", "--width", "6,8"])).unwrap();
+        assert_eq!(
+            (page.matches("<svg xmlns").count(), page.matches("</html>").count()),
+            (1, 1)
+        );
+        for text in ["<h1>A circle of 100 steps", "improved, signed", "15.6304", "2^6 &lt; R"] {
+            assert!(page.contains(text), "{text}");
+        }
+        let addresses = page.replace("http://www.w3.org/2000/svg", "");
+        assert!(!addresses.contains("http:") && !addresses.contains("<script"));
     }
 
     #[test]

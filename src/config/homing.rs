@@ -4,12 +4,13 @@
 //! |---|---|
 //! | both | `search_mm_s`, `latch_mm_s`, `position_mm`, `sequence`, `absolute_encoder`, `moved_when_off_mm`, `volatile` |
 //! | `"drive"` (default) | `method`, `acceleration_mm_s2` |
-//! | `"control"` | `towards`, `switch_mm`, `switch`, `search_distance_mm`, `release_distance_mm`, `resolution_mm`, `bounce_s`, `skew_mm` |
+//! | `"control"` | `towards`, `switch_mm`, `switch`, `search_distance_mm`, `release_distance_mm`, `resolution_mm`, `bounce_s`, `skew_mm`, `index_distance_mm`, `index_probe` |
 
 use super::document::{Bound, Section};
 use super::joints::{ACCELERATION_MAX, LENGTH_MAX, VELOCITY_MAX, ratio};
 use super::types::{
-    AxisMap, DriveProfile, HomeSwitch, Homing, HomingBy, HomingByControl, Joint, Net, Node, StopLimits,
+    AxisMap, DriveProfile, HomeSwitch, Homing, HomingBy, HomingByControl, HomingIndex, Joint, Net, Node, StopLimits,
+    touch_probe_objects,
 };
 use motion::canon::Axis;
 use motion::kinematics::Transform;
@@ -26,7 +27,7 @@ const MOVED_USUAL_MM: f64 = 1.0;
 const DIGITAL_INPUTS: u16 = 0x60FD;
 
 const OF_DRIVES: [&str; 2] = ["method", "acceleration_mm_s2"];
-const OF_THE_CONTROL: [&str; 8] = [
+const OF_THE_CONTROL: [&str; 10] = [
     "towards",
     "switch_mm",
     "switch",
@@ -35,6 +36,8 @@ const OF_THE_CONTROL: [&str; 8] = [
     "resolution_mm",
     "bounce_s",
     "skew_mm",
+    "index_distance_mm",
+    "index_probe",
 ];
 
 pub(super) const METHOD_RULE: &str = "must be a homing method of CiA 402: 1 to 14, 17 to 30, 33, 34, 35 or 37";
@@ -232,13 +235,15 @@ fn by_control(
             .number(&section.key("skew_mm"), Bound::Positive(LENGTH_MAX))
             .map(Some),
     };
-    if section.has("index_distance_mm") {
-        section.known(&["index_distance_mm"]);
-        section.wrong(
-            "index_distance_mm",
-            "the control does not see the index pulses of drives: leave it out, or let the drive home itself by a method \
-             from 1 to 14",
-        );
+    let index_distance_mm = match section.optional("index_distance_mm") {
+        None => Some(None),
+        Some(item) => item
+            .number(&section.key("index_distance_mm"), Bound::Positive(LENGTH_MAX))
+            .map(Some),
+    };
+    let index_probe = section.optional_integer("index_probe", 1..=2);
+    if let (Some(Some(_)), Some(None)) = (index_probe, index_distance_mm) {
+        section.wrong("index_probe", "is for a joint with index_distance_mm");
     }
     if resolution_mm.is_some_and(|resolution_mm| resolution_mm < increment_mm) {
         let rule = format!("must not be below one increment of the drive, {increment_mm}");
@@ -254,7 +259,8 @@ fn by_control(
     if let (Some(search_mm), Some(release_mm), Some(search_mm_s), Some(latch_mm_s)) =
         (search_distance_mm, release_distance_mm, search_mm_s, latch_mm_s)
     {
-        let duration_s = search_mm / search_mm_s + 2.0 * release_mm / latch_mm_s;
+        let index_mm = index_distance_mm.flatten().unwrap_or(0.0);
+        let duration_s = search_mm / search_mm_s + (2.0 * release_mm + index_mm) / latch_mm_s;
         if duration_s > DURATION_MAX_S {
             let rule = format!(
                 "must be quicker: {search_mm} mm of search and twice release_distance_mm with latch_mm_s may take \
@@ -272,6 +278,10 @@ fn by_control(
         resolution_mm: resolution_mm?,
         bounce_s: bounce_s?,
         skew_mm: skew_mm?,
+        index: index_distance_mm?.map(|distance_mm| HomingIndex {
+            distance_mm,
+            probe: index_probe.flatten().map_or(1, |number| number as u8),
+        }),
     })
 }
 
@@ -320,6 +330,10 @@ fn belts(sections: &mut [Option<Section<'_, '_>>], joints: &[Joint], axes: &[Axi
                 "must be the same for both belts of CoreXY, which move together",
             );
         }
+        if control.index.is_some() {
+            let rule = "is not for belts of CoreXY, whose zero marks are none of an axis";
+            section.wrong("index_distance_mm", rule);
+        }
         if joint.compensation.is_some() {
             let rule = "a belt of CoreXY with a compensation homes by its drive: where it is at the switch of the axis, \
                         the other belt says";
@@ -352,7 +366,7 @@ fn belts(sections: &mut [Option<Section<'_, '_>>], joints: &[Joint], axes: &[Axi
 
 /// Keys that all joints of an axis must have alike, and how to compare them.
 type Alike = (&'static str, fn(&Homing, &HomingByControl) -> f64);
-const ALIKE: [Alike; 7] = [
+const ALIKE: [Alike; 8] = [
     ("search_mm_s", |homing, _| homing.search_mm_s),
     ("latch_mm_s", |homing, _| homing.latch_mm_s),
     ("towards", |_, control| f64::from(u8::from(control.towards_positive))),
@@ -360,6 +374,9 @@ const ALIKE: [Alike; 7] = [
     ("resolution_mm", |_, control| control.resolution_mm),
     ("bounce_s", |_, control| control.bounce_s),
     ("skew_mm", |_, control| control.skew_mm.unwrap_or(f64::INFINITY)),
+    ("index_distance_mm", |_, control| {
+        control.index.map_or(f64::INFINITY, |index| index.distance_mm)
+    }),
 ];
 
 /// What homing by the control needs of the rest of the machine: switches that are wired, joints of a gantry that home alike.
@@ -393,6 +410,9 @@ pub(super) fn fit(
                 continue;
             };
             wired(section, number, control, nodes.get(joints[number].node), nets);
+            if let Some(index) = control.index {
+                latched(section, &joints[number], index, nodes.get(joints[number].node));
+            }
             match (map.joints.len(), control.skew_mm) {
                 (1, Some(_)) => section.wrong("skew_mm", "is for joints that move an axis together"),
                 (1, None) => {}
@@ -432,6 +452,35 @@ pub(super) fn fit(
 fn together(map: &AxisMap, value: String) -> String {
     let (first, letter) = (map.joints[0], map.axis.letter());
     format!("must be {value} for joint {first} and this one, which move {letter} together")
+}
+
+/// Whether the drive tells of its zero mark, by a touch probe that is free for it.
+fn latched(section: &mut Section<'_, '_>, joint: &Joint, index: HomingIndex, node: Option<&Node>) {
+    let number = index.probe;
+    let Some(node) = node else {
+        section.wrong(
+            "index_distance_mm",
+            "is not for a joint with step pulses: it has no drive that could tell",
+        );
+        return;
+    };
+    if joint.touch_probe == Some(number) {
+        let rule = format!(
+            "touch probe {number} of the drive has the machine's probe (touch_probe): index_probe must be the other one"
+        );
+        section.wrong("index_distance_mm", rule);
+    }
+    let [function, status, rising, _] = touch_probe_objects(number);
+    for (payload, name, object, bits) in [
+        (&node.outputs, "outputs", function, 16),
+        (&node.inputs, "inputs", status, 16),
+        (&node.inputs, "inputs", rising, 32),
+    ] {
+        if payload.iter().all(|mapped| (mapped.index, mapped.sub) != (object, 0)) {
+            let rule = format!("\"0x{object:04X}/{bits}\" must be among the {name} of its node");
+            section.wrong("index_distance_mm", rule);
+        }
+    }
 }
 
 /// Whether somebody tells of the switch: nothing would stop a joint that searches for one that is not wired.

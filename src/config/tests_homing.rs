@@ -34,6 +34,7 @@ fn what_is_left_out_suits_the_joint() {
         resolution_mm: 1e-3,
         bounce_s: 0.02,
         skew_mm: None,
+        index: None,
     };
     assert_eq!(homing.by, HomingBy::Control(control));
     assert_eq!((homing.position_mm, homing.sequence), (0.0, None));
@@ -66,10 +67,12 @@ fn rules_of_homing_by_the_control() {
     let cases: &[(String, &[&str])] = &[
         (small("method = 37\n"), &["m.toml:26:10: joint[0].homing.method = 37: is for by = \"drive\""]),
         (small("bounce = 1\n"), &["m.toml:26:1: joint[0].homing.bounce: unknown key; did you mean `bounce_s`?"]),
-        (small("index_distance_mm = 6.0\n"), &[
-            "m.toml:26:21: joint[0].homing.index_distance_mm = 6.0: the control does not see the index pulses of drives: leave \
-             it out, or let the drive home itself by a method from 1 to 14",
+        (small("index_distance_mm = 6.0\nindex_probe = 2\n"), &[
+            "m.toml:26:21: joint[0].homing.index_distance_mm = 6.0: \"0x60B8/16\" must be among the outputs of its node",
+            "m.toml:26:21: joint[0].homing.index_distance_mm = 6.0: \"0x60B9/16\" must be among the inputs of its node",
+            "m.toml:26:21: joint[0].homing.index_distance_mm = 6.0: \"0x60BC/32\" must be among the inputs of its node",
         ]),
+        (small("index_probe = 2\n"), &["m.toml:26:15: joint[0].homing.index_probe = 2: is for a joint with index_distance_mm"]),
         (small("resolution_mm = 0.0005\n"), &[
             "m.toml:26:17: joint[0].homing.resolution_mm = 0.0005: must not be below one increment of the drive, 0.001",
         ]),

@@ -539,7 +539,7 @@ pub struct HomingByControl {
     pub towards_positive: bool,
     /// Who tells of the switch; default a pin.
     pub switch: HomeSwitch,
-    /// Position that the place has at which the switch closes, mm.
+    /// Position that the place has at which the switch closes, or of the zero mark behind it, mm.
     pub switch_mm: f64,
     /// Where the switch must be found within, mm; default from the far end of the travel, and the way of the release.
     pub search_distance_mm: f64,
@@ -551,6 +551,17 @@ pub struct HomingByControl {
     pub bounce_s: f64,
     /// How far joints that move an axis together may be moved against each other, mm; `None` for a joint alone.
     pub skew_mm: Option<f64>,
+    /// The zero mark of the encoder behind the switch, which then counts; `None`: the switch does.
+    pub index: Option<HomingIndex>,
+}
+
+/// A zero mark that the drive latches with a touch probe of its own.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HomingIndex {
+    /// Where it must come within behind the switch, mm.
+    pub distance_mm: f64,
+    /// Number of the touch probe, 1 or 2; default 1.
+    pub probe: u8,
 }
 
 /// Who tells whether a home switch is closed.

@@ -77,7 +77,7 @@ impl Homer {
                     latch: homing.latch_mm_s,
                     search_distance: control.search_distance_mm,
                     release_distance: control.release_distance_mm,
-                    index_distance: None,
+                    index_distance: control.index.map(|index| index.distance_mm),
                     resolution: control.resolution_mm,
                     bounce_s: control.bounce_s,
                     home: homing.position_mm - joint.squaring_offset_mm,
@@ -172,7 +172,7 @@ impl Homer {
                     HomeSwitch::Drive => drive.home_switch(),
                 },
                 measured: drive.actual_mm(),
-                index: None,
+                index: drive.index_mm(),
             };
         }
         let Some(belts) = self.moving_belts() else {

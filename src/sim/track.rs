@@ -77,10 +77,13 @@ impl Track {
             HomingBy::Control(HomingByControl {
                 towards_positive,
                 switch_mm,
+                index,
                 ..
             }) => {
                 let switch_mm = special.and_then(|special| special.switch_mm).unwrap_or(switch_mm);
-                Track::by_control(joint, towards_positive, switch_mm, start)
+                // The zero mark lies behind the switch, half of the way within which it is looked for.
+                let before_mm = index.map_or(0.0, |index| index.distance_mm.min(TURN_MM) / 2.0);
+                Track::by_control(joint, towards_positive, switch_mm, before_mm, start)
             }
         };
         if let Some(start_mm) = special.and_then(|special| special.start_mm) {
@@ -106,11 +109,12 @@ impl Track {
     }
 
     /// The home switch is closed from its place to the end; the limit switches lie beyond it and the travel.
-    fn by_control(joint: &Joint, towards_positive: bool, switch_mm: f64, start: f64) -> Track {
+    fn by_control(joint: &Joint, towards_positive: bool, mark_mm: f64, before_mm: f64, start: f64) -> Track {
+        let switch_mm = mark_mm - if towards_positive { before_mm } else { -before_mm };
         let counts = |mm: f64| mm_to_counts(joint, mm).round() as i64;
         let [low_mm, high_mm] = joint.travel_mm;
-        let negative_mm = low_mm.min(switch_mm) - LIMIT_MARGIN_MM;
-        let positive_mm = high_mm.max(switch_mm) + LIMIT_MARGIN_MM;
+        let negative_mm = low_mm.min(mark_mm) - LIMIT_MARGIN_MM;
+        let positive_mm = high_mm.max(mark_mm) + LIMIT_MARGIN_MM;
         let (stop_low, stop_high) = (
             counts(negative_mm - STOP_MARGIN_MM),
             counts(positive_mm + STOP_MARGIN_MM),
@@ -124,7 +128,7 @@ impl Track {
             } else {
                 (stop_low, counts(switch_mm))
             },
-            mark: counts(switch_mm),
+            mark: counts(mark_mm),
             mark_distance: counts(TURN_MM).max(1),
             stop_low,
             stop_high,
@@ -261,6 +265,7 @@ mod tests {
             resolution_mm: 1e-3,
             bounce_s: 0.02,
             skew_mm: None,
+            index: None,
         };
         joint.homing.by = HomingBy::Control(control);
         let track = Track::for_joint(&joint, 0.5, None);

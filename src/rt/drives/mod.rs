@@ -17,7 +17,8 @@ use crate::bus::layout::{Field, Layout};
 use crate::bus::plan::NodePlan;
 use crate::bus::{InputImage, NodeIndex, NodeState, OutputImage};
 use crate::config::{
-    Compensation, Config, DriveMode, HomingBy, InputBits, JOINTS_MAX, Joint, Sto, targets, touch_probe_objects,
+    Compensation, Config, DriveMode, HomingBy, HomingIndex, InputBits, JOINTS_MAX, Joint, Sto, targets,
+    touch_probe_objects,
 };
 use cia402::axis::{Axis, AxisConfig, Feedback, HomingState, Request, Setpoint, Status, Target};
 use motion::canon::Position;
@@ -28,20 +29,30 @@ use motion::rt::{JointCompensation, Pid, PidGains, Sample};
 pub fn is_filled(joint: &Joint, object: (u16, u8)) -> bool {
     match object {
         (0x6040 | 0x6060, 0) => true,
-        (0x60B8, 0) => joint.touch_probe.is_some(),
+        (0x60B8, 0) => joint.touch_probe.is_some() || index_of(joint).is_some(),
         (0x60B1, 0) => joint.mode.is_position(),
         (0x60B2, 0) => joint.torque_per_mm_s2.is_some(),
         object => targets(joint.mode).contains(&object),
     }
 }
 
-/// The touch probe of a drive, which latches every edge of the machine's probe.
+/// The zero mark by which the control homes a joint, if it does.
+fn index_of(joint: &Joint) -> Option<HomingIndex> {
+    match joint.homing.by {
+        HomingBy::Control(control) => control.index,
+        HomingBy::Drive { .. } => None,
+    }
+}
+
+/// A touch probe of a drive, which latches every zero mark of its encoder, or every edge of the machine's probe.
 #[derive(Clone, Copy, Debug)]
 struct Touch {
     /// Function, status; positions of the last rising and the last falling edge.
     fields: [Field; 4],
     /// How far the bits of this probe stand up in function and status.
     shift: u8,
+    /// In the function, before they are moved up.
+    bits: u64,
     /// What the positions were before.
     before: [i32; 2],
     /// No edge has been stored since: the next one that is counts, also at the very increment of the one before.
@@ -55,6 +66,8 @@ struct Touch {
 impl Touch {
     /// On, continuously, rising and falling edges of the probe's input.
     const FUNCTION: u64 = 0b0011_0011;
+    /// On, continuously, zero marks in place of the input, which rise where they are.
+    const ZERO_MARKS: u64 = 0b0001_0111;
 
     fn new(number: u8, outputs: &Layout, inputs: &Layout) -> Option<Touch> {
         let [function, status, rising, falling] = touch_probe_objects(number);
@@ -66,6 +79,22 @@ impl Touch {
                 inputs.find(falling, 0)?,
             ],
             shift: 8 * (number - 1),
+            bits: Touch::FUNCTION,
+            before: [0; 2],
+            cleared: [false; 2],
+            found: [None; 2],
+            off: false,
+        })
+    }
+
+    /// The same for zero marks, which have no falling edge.
+    fn of_zero_marks(number: u8, outputs: &Layout, inputs: &Layout) -> Option<Touch> {
+        let [function, status, rising, _] = touch_probe_objects(number);
+        let rising = inputs.find(rising, 0)?;
+        Some(Touch {
+            fields: [outputs.find(function, 0)?, inputs.find(status, 0)?, rising, rising],
+            shift: 8 * (number - 1),
+            bits: Touch::ZERO_MARKS,
             before: [0; 2],
             cleared: [false; 2],
             found: [None; 2],
@@ -106,7 +135,7 @@ impl Touch {
 
     /// 60B8, as far as it is its own. RT.
     fn function(&self) -> u64 {
-        if self.off { 0 } else { Touch::FUNCTION << self.shift }
+        if self.off { 0 } else { self.bits << self.shift }
     }
 }
 
@@ -207,6 +236,10 @@ pub struct Drive {
     /// What it sent last says that its safety circuit is open.
     sto_open: bool,
     touch: Option<Touch>,
+    /// Latches zero marks, for homing by the control.
+    index: Option<Touch>,
+    /// Where it has told of one in this cycle, increments.
+    index_passed: Option<i32>,
     command_mm: f64,
     command_before_mm: f64,
     compensation: Option<JointCompensation>,
@@ -258,6 +291,8 @@ impl Drive {
             touch: joint
                 .touch_probe
                 .and_then(|number| Touch::new(number, &plan.outputs, &plan.inputs)),
+            index: index_of(joint).and_then(|index| Touch::of_zero_marks(index.probe, &plan.outputs, &plan.inputs)),
+            index_passed: None,
             command_mm: 0.0,
             command_before_mm: 0.0,
             compensation: joint.compensation.as_ref().map(|compensation| {
@@ -278,6 +313,7 @@ impl Drive {
             // It may have been switched off meanwhile, and then counts again.
             self.forget_home();
         }
+        self.index_passed = None;
         self.fresh = inputs.fresh[self.node];
         if !self.fresh {
             return;
@@ -301,6 +337,12 @@ impl Drive {
         }
         if let Some(touch) = &mut self.touch {
             touch.watch(payload);
+        }
+        if let Some(index) = &mut self.index {
+            index.watch(payload);
+            self.index_passed = index.found[0];
+            // A mark that is passed again, there and back, is one again.
+            index.arm();
         }
         self.sto_open = self
             .sto
@@ -391,8 +433,10 @@ impl Drive {
         if let Some(offset) = self.fields.torque_offset {
             offset.write(payload, self.setpoint.torque_offset as u64);
         }
-        if let Some(touch) = &self.touch {
-            touch.fields[0].write(payload, touch.function());
+        let probes = [&self.touch, &self.index].map(Option::as_ref);
+        if let Some(probe) = probes[0].or(probes[1]) {
+            let functions = probes.iter().flatten().map(|probe| probe.function());
+            probe.fields[0].write(payload, functions.fold(0, |all, one| all | one));
         }
         if let Some(mode) = self.fields.mode {
             mode.write(payload, self.setpoint.mode as u64);
@@ -470,8 +514,17 @@ impl Drive {
 
     /// Where its touch probe has found an edge, mm; 0 the rising one, 1 the falling one. RT.
     fn touched_mm(&self, edge: usize) -> Option<f64> {
-        let found = self.touch.as_ref()?.found[edge]?;
-        let actual = self.axis.actual_position();
+        self.latched_mm(self.touch.as_ref()?.found[edge])
+    }
+
+    /// Where it has passed a zero mark, if it has told so in this cycle, mm. RT.
+    pub fn index_mm(&self) -> Option<f64> {
+        self.latched_mm(self.index_passed)
+    }
+
+    /// A position of 32 bits near the actual one, mm.
+    fn latched_mm(&self, latched: Option<i32>) -> Option<f64> {
+        let (found, actual) = (latched?, self.axis.actual_position());
         Some(self.to_mm(actual + i64::from(found.wrapping_sub(actual as i32))))
     }
 
