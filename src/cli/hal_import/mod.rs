@@ -37,7 +37,7 @@ pub struct ImportArgs {
     /// HAL files, in the order in which LinuxCNC reads them
     #[arg(required = true, value_name = "FILE.hal")]
     pub files: Vec<PathBuf>,
-    /// INI file with the values of [SECTION]KEY
+    /// INI file with the values of `[SECTION]KEY`
     #[arg(long, value_name = "FILE.ini")]
     pub ini: Option<PathBuf>,
     /// Machine file whose pins nets may name; left out: those of an example
