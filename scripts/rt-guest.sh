@@ -221,7 +221,7 @@ add_libraries() {
 cp "$root/scripts/rt-guest/init" "$guest/init"
 cp "$root"/scripts/rt-guest/*.sh "$guest/check/"
 cp -r "$root"/scripts/isolcpus.sh "$root"/scripts/isolcpus "$guest/scripts/"
-cp "$root"/configs/* "$guest/configs/"
+cp -r "$root"/configs/. "$guest/configs/"
 cp "$kernel_folder/veth.ko" "$guest/modules/"
 cp "$busybox" "$guest/bin/busybox"
 # Without what only a debugger reads: the guest unpacks it more slowly than this PC would.

@@ -2,10 +2,12 @@
 
 use cia402::State as Power;
 use isocnc::config;
-use isocnc::machine::sequence::Job;
+use isocnc::machine::sequence::{Job, Step};
 use isocnc::machine::state::State;
+use isocnc::machine::tables::Tables;
 use isocnc::operator::console::Operator;
 use isocnc::operator::rehearsal::{Rehearsal, rehearse_with};
+use isocnc::program::{Begin, home};
 use isocnc::rt::joint_jog::{JogMotion, JogOrder};
 use isocnc::rt::shared::Command;
 use isocnc::sim::NetConfig;
@@ -260,4 +262,35 @@ fn limit_switches_that_a_drive_tells_of_stop_the_machine_and_let_it_be_jogged_of
             assert_eq!(run.control.state(), State::Jogging);
         });
     }
+}
+
+#[test]
+fn a_spindle_switched_on_by_hand_stands_behind_a_fault_until_it_is_told_anew() {
+    stand_by("limit_switches = \"drive\"", "", |run| {
+        bring_to(run, State::Ready);
+        let machine = MILL.replace("[[joint]]", "[[joint]]\nlimit_switches = \"drive\"");
+        let config = config::parse(&machine, Path::new("machine.toml")).unwrap();
+        let from = Begin::Mdi {
+            at: home(&config),
+            modes: None,
+        };
+        run.set_program(b"M3 S800\n", Tables::read(&config).unwrap(), from, true);
+        reach(run, "standing by", |run| run.operator.step() == Step::StandBy);
+        begin(run, Job::Program { home: vec![], runs: 1 });
+        let on = run.hal.reader::<bool>("spindle.0.on").unwrap();
+        reach(run, "turning by hand", |run| {
+            on.get() && run.control.state() == State::Ready
+        });
+        run.net().machine_mut().drive_injected(1).unwrap().digital_inputs = 1;
+        reach(run, "faulted", |run| run.control.state() == State::Faulted);
+        wait(run, 10);
+        assert!(!on.get());
+        run.operator.acknowledge();
+        reach(run, "off", |run| run.control.state() == State::Disabled);
+        reach(run, "standing by", |run| run.operator.step() == Step::StandBy);
+        begin(run, Job::On);
+        reach(run, "on", |run| run.control.state() == State::Ready);
+        wait(run, 100);
+        assert!(!on.get());
+    });
 }

@@ -235,7 +235,7 @@ struct Relay {
     switchings: Output<u32>,
 }
 
-/// A node that has been silent for so long, s, may have been restarted meanwhile; none is polled more rarely than that.
+/// A node that has been silent for so long, s, and for three of its rounds, may have been restarted meanwhile.
 const OUT_OF_SIGHT_S: f64 = 0.1;
 
 /// LinuxCNC's pins of an encoder. A pin has one writer here: `index-enable` stays as it is, and `indexed` says that it was found.
@@ -247,6 +247,7 @@ struct CounterPins {
     /// Last cycle in which a value came.
     seen: u64,
     cycle_s: f64,
+    out_of_sight_s: f64,
     counts: Output<i32>,
     position: Output<f64>,
     velocity: Output<f64>,
@@ -270,7 +271,7 @@ impl CounterPins {
         place: Place,
         follow: Follow,
         latch: Option<Field>,
-        cycle_s: f64,
+        [cycle_s, out_of_sight_s]: [f64; 2],
     ) -> Result<CounterPins, HalError> {
         let pin = |name: &str, pin: &str| format!("{name}.{pin}");
         let index = match latch {
@@ -291,6 +292,7 @@ impl CounterPins {
             counter: Counter::new(place.field.object.bits),
             seen: 0,
             cycle_s,
+            out_of_sight_s,
             counts: hal.output(&pin(name, "counts"))?,
             position: hal.output(&pin(name, "position"))?,
             velocity: hal.output(&pin(name, "velocity"))?,
@@ -316,7 +318,7 @@ impl CounterPins {
             }
         }
         let latch = self.latch.map(|latch| latch.read(payload));
-        if (cycle - std::mem::replace(&mut self.seen, cycle)) as f64 * self.cycle_s > OUT_OF_SIGHT_S {
+        if (cycle - std::mem::replace(&mut self.seen, cycle)) as f64 * self.cycle_s > self.out_of_sight_s {
             self.counter.lose_sight();
         }
         self.counter.update(cycle, self.place.read(payload), latch);
@@ -356,6 +358,7 @@ pub struct IoPins {
     pwms: Vec<PwmOut>,
     relays: Vec<Relay>,
     counters: Vec<CounterPins>,
+    out_of_sight_s: f64,
     cycle: u64,
 }
 
@@ -365,8 +368,12 @@ impl IoPins {
     /// # Errors
     /// Shared memory too small.
     pub fn new(hal: &mut Hal, config: &Config, plans: &[NodePlan]) -> Result<IoPins, HalError> {
-        let mut pins = IoPins::default();
         let cycle_s = f64::from(config.cycle_us) * 1e-6;
+        let round_s = f64::from(config.bus.multiplex_cycles.max(1)) * cycle_s;
+        let mut pins = IoPins {
+            out_of_sight_s: OUT_OF_SIGHT_S.max(3.0 * round_s),
+            ..IoPins::default()
+        };
         for (index, (node, plan)) in config.bus.nodes.iter().zip(plans).enumerate() {
             if node.profile != Profile::Io {
                 continue;
@@ -525,7 +532,8 @@ impl IoPins {
                 }
             }
             ChannelKind::Counter { follow } => {
-                let pins = CounterPins::new(hal, &name, place, follow, latch, cycle_s)?;
+                let times_s = [cycle_s, self.out_of_sight_s];
+                let pins = CounterPins::new(hal, &name, place, follow, latch, times_s)?;
                 self.counters.push(pins);
                 hal.alias(&name, &format!("{name}.position"))?;
             }

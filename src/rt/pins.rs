@@ -59,6 +59,9 @@ struct ObjectPin {
     value: ObjectValue,
 }
 
+/// What is left of a controlword that a pin has where no drive may be under power: quick stop, or no voltage.
+const QUICK_STOP: u64 = 0x0002;
+
 /// A mapped object that a pin sets: one that the control itself has no use for.
 struct DrivenObject {
     node: usize,
@@ -722,11 +725,15 @@ impl Pins {
     }
 
     /// Copies pins into the payloads, as far as the control does not fill them itself, and shows what it sends.
-    pub fn write_outputs(&mut self, outputs: &mut OutputImage) {
+    /// `commanded`: drives may be under power; a drive without a joint whose controlword is a pin is else told to stop.
+    pub fn write_outputs(&mut self, commanded: bool, outputs: &mut OutputImage) {
         for object in &self.objects_driven {
-            object
-                .field
-                .write(outputs.node_mut(object.node), object.pin.get() as u64);
+            let value = object.pin.get() as u64;
+            let value = match commanded || object.field.object.index != 0x6040 {
+                true => value,
+                false => value & QUICK_STOP,
+            };
+            object.field.write(outputs.node_mut(object.node), value);
         }
         for object in &mut self.objects_sent {
             object.show(outputs.node(object.node));

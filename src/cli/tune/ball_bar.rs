@@ -80,7 +80,7 @@ fn program(plane: Plane, middle_mm: [f64; 2], radius_mm: f64, feed_mm_min: f64) 
     let [across, up] = middle_mm;
     let lines = [
         "(circles both ways, to see how round they are)".to_owned(),
-        format!("G21 G90 G94 {code} G91.1 G40 G49 G64 P0.001"),
+        format!("G8 G21 G90 G94 {code} G91.1 G40 G49 G64 P0.001"),
         format!(
             "G53 G0 {}{:.4} {}{up:.4}",
             first.letter(),

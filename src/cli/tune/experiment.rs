@@ -102,6 +102,10 @@ pub(super) fn letter(config: &Config, joint: usize) -> anyhow::Result<char> {
     let is_axis = matches!(config.kinematics().transform(), Transform::Trivial);
     let map = config.axes.iter().find(|map| map.joints.contains(&joint));
     match map {
+        Some(map) if is_axis && map.joints.len() > 1 => bail!(
+            "joint {joint}: moves axis {} together with others, which one joint cannot be told apart from",
+            map.axis.letter()
+        ),
         Some(map) if is_axis => Ok(map.axis.letter()),
         _ => bail!(
             "joint {joint}: is no axis of its own, as the kinematics of {} move several joints together",

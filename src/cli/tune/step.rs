@@ -95,7 +95,7 @@ impl Way {
 pub(super) fn opening(letter: char, way: &Way) -> Vec<String> {
     vec![
         "(one joint there and back, to see how it follows)".to_owned(),
-        "G21 G90 G94 G40 G49 G61.1".to_owned(),
+        "G8 G21 G90 G94 G40 G49 G61.1".to_owned(),
         // Not as a rapid move: a loop whose gains are still bad would not follow it.
         format!("G53 G1 {letter}{:.5} F{:.3}", way.ends_mm[0], way.speed_mm_s * 60.0),
         "G4 P0.5".to_owned(),

@@ -78,19 +78,19 @@ fn strokes(args: &SweepArgs, joint: &Joint) -> anyhow::Result<Vec<Strokes>> {
 fn text(letter: char, from_mm: f64, velocity_mm_s: f64, strokes: &[Strokes]) -> String {
     let mut lines = vec![
         "(one joint to and fro, faster and faster)".to_owned(),
-        format!("G21 G90 G94 G40 G49 G61.1 F{:.3}", velocity_mm_s * 60.0),
+        format!("G8 G21 G90 G94 G40 G49 G61.1 F{:.3}", velocity_mm_s * 60.0),
         format!("G53 G1 {letter}{from_mm:.5}"),
-        "G4 P0.5 G91".to_owned(),
+        "G4 P0.5".to_owned(),
     ];
     for (number, strokes) in strokes.iter().enumerate() {
         let number = 100 + number;
         lines.push(format!("o{number} repeat [{}]", strokes.periods));
-        lines.push(format!("G1 {letter}{:.6}", strokes.length_mm));
-        lines.push(format!("G1 {letter}{:.6}", -strokes.length_mm));
+        // In machine coordinates: those of the work may be turned.
+        lines.push(format!("G53 G1 {letter}{:.6}", from_mm + strokes.length_mm));
+        lines.push(format!("G53 G1 {letter}{from_mm:.6}"));
         lines.push(format!("o{number} endrepeat"));
         lines.push("G4 P0.2".to_owned());
     }
-    lines.push("G90".to_owned());
     lines.push("M2".to_owned());
     lines.join("\n") + "\n"
 }

@@ -266,7 +266,7 @@ impl<B: CyclicBus> MotionController<B> {
         self.parts.pins.show_steps(&self.parts.steps);
         self.show();
         self.parts.pins.components.run_after_motion(skipped);
-        self.parts.pins.write_outputs(&mut self.parts.outputs);
+        self.parts.pins.write_outputs(may_turn, &mut self.parts.outputs);
         self.parts.analog.write(&mut self.parts.outputs);
         self.laps.end(Part::Pins);
         self.bus.publish(self.cycle);
@@ -477,8 +477,11 @@ impl<B: CyclicBus> MotionController<B> {
             if program.is_probing() {
                 let measured = self.parts.drives.measured(&self.parts.kinematics, &self.sample);
                 let latched = self.parts.drives.touched(&self.parts.kinematics, &self.sample);
-                // The probe may be wired to the drives alone: what all of them have latched is a contact, whatever the pin shows.
-                let in_contact = self.probe_in_contact[1] || matches!(latched, [Some(_), None]);
+                // The probe may be wired to the drives alone: what all of them have latched is a contact, whatever the pin shows. For a
+                // move towards the work it stays one, as a contact may bounce within a cycle.
+                let [touched, released] = latched;
+                let by_drives = touched.is_some() && (released.is_none() || program.is_probing_towards());
+                let in_contact = self.probe_in_contact[1] || by_drives;
                 program.see_probe(in_contact, &measured);
                 program.see_latches(latched);
             } else {

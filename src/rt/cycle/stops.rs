@@ -224,6 +224,8 @@ impl<B: CyclicBus> MotionController<B> {
     }
 
     pub(super) fn quick_stop(&mut self) {
+        // What a line of MDI has switched on would else begin again with the next enabling.
+        self.all_off();
         self.parts.drives.request(u64::MAX, Request::QuickStop);
         self.enter(State::Faulted);
     }

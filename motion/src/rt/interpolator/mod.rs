@@ -117,6 +117,11 @@ impl Interpolator {
         matches!(self.track.current(), Some(Element::Probing(_)))
     }
 
+    /// Whether that one ends as the probe closes, not as it opens. RT.
+    pub fn is_probing_towards(&self) -> bool {
+        matches!(self.track.current(), Some(Element::Probing(probing)) if probing.mode.towards)
+    }
+
     /// Whether a dwell is under way. RT.
     pub fn is_dwelling(&self) -> bool {
         matches!(self.track.current(), Some(Element::Dwell { .. }))
