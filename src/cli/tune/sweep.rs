@@ -20,7 +20,7 @@ use std::fmt::Write as _;
 use std::process::ExitCode;
 
 /// Shortest stroke: so many increments of the drive.
-const COUNTS_MIN: f64 = 10.0;
+const COUNTS_MIN: f64 = 4.0;
 /// The first line that is judged.
 const FIRST_LINE: u32 = 5;
 /// Greatest frequency, Hz.
@@ -75,18 +75,23 @@ fn strokes(args: &SweepArgs, joint: &Joint) -> anyhow::Result<Vec<Strokes>> {
 }
 
 /// One line of O-words for each frequency, a rest behind it.
-fn text(letter: char, from_mm: f64, velocity_mm_s: f64, strokes: &[Strokes]) -> String {
+fn text(letter: char, from_mm: f64, strokes: &[Strokes]) -> String {
+    let fastest_mm_s = strokes.iter().map(|it| it.velocity_mm_s).fold(0.0, f64::max);
     let mut lines = vec![
         "(one joint to and fro, faster and faster)".to_owned(),
-        format!("G8 G21 G90 G94 G40 G49 G61.1 F{:.3}", velocity_mm_s * 60.0),
-        format!("G53 G1 {letter}{from_mm:.5}"),
+        "G8 G21 G90 G94 G40 G49 G61.1".to_owned(),
+        format!("G53 G1 {letter}{from_mm:.5} F{:.3}", 60.0 * fastest_mm_s),
         "G4 P0.5".to_owned(),
     ];
     for (number, strokes) in strokes.iter().enumerate() {
         let number = 100 + number;
         lines.push(format!("o{number} repeat [{}]", strokes.periods));
         // In machine coordinates: those of the work may be turned.
-        lines.push(format!("G53 G1 {letter}{:.6}", from_mm + strokes.length_mm));
+        lines.push(format!(
+            "G53 G1 {letter}{:.6} F{:.4}",
+            from_mm + strokes.length_mm,
+            strokes.velocity_mm_s * 60.0
+        ));
         lines.push(format!("G53 G1 {letter}{from_mm:.6}"));
         lines.push(format!("o{number} endrepeat"));
         lines.push("G4 P0.2".to_owned());
@@ -105,7 +110,6 @@ pub(super) fn run(args: &SweepArgs) -> anyhow::Result<ExitCode> {
     let joint = &config.joints[number];
     let strokes = strokes(args, joint)?;
     let longest_mm = strokes.iter().map(|strokes| strokes.length_mm).fold(0.0, f64::max);
-    let velocity_mm_s = args.speed.unwrap_or(0.5 * joint.limits.velocity_mm_s);
     let [from_mm, to_mm] = args.joint.way(joint, longest_mm)?;
     prepare_for(&args.joint.out, &["sweep.json", "sweep.svg"])?;
     let letter = letter(&config, number)?;
@@ -116,7 +120,7 @@ pub(super) fn run(args: &SweepArgs) -> anyhow::Result<ExitCode> {
         .sum();
     let plan = Plan {
         name: "sweep",
-        text: text(letter, from_mm, velocity_mm_s, &strokes),
+        text: text(letter, from_mm, &strokes),
         moves: format!(
             "{}: homes all joints, then moves joint {number} ({letter}) to and fro between {from_mm:.3} and {to_mm:.3} mm for {time_s:.0} s, \
              up to {highest_hz:.0} times a second, within its limits",
@@ -176,7 +180,14 @@ fn said(found: &Sweep, high_hz: f64) -> String {
                 "phase margin {:.0} degrees, crossover {:.1} Hz; gain margin beyond {last_hz:.0} Hz",
                 margins.phase_deg, margins.crossover_hz
             ),
-            (_, true) => format!("beyond {last_hz:.0} Hz"),
+            (_, true) => {
+                let first = found.points.first();
+                let first_db = first.and_then(|point| Some(20.0 * point.open?.size().log10()));
+                match first_db {
+                    Some(db) if db < 0.0 => "crossover below the lowest frequency: try a lower --low".to_owned(),
+                    _ => format!("crossover beyond {last_hz:.0} Hz"),
+                }
+            }
         };
         let _ = writeln!(text, "loop          {margins}");
     }
@@ -247,7 +258,7 @@ mod tests {
         let args = Line::parse_from(line).sweep;
         let joint = &config.joints[0];
         let strokes = strokes(&args, joint).unwrap();
-        let text = text('X', 100.0, 75.0, &strokes);
+        let text = text('X', 100.0, &strokes);
         let record = rehearsed(&config, 0, &text);
         judged(&record, &strokes, joint).unwrap()
     }

@@ -10,7 +10,7 @@ use serde::Serialize;
 use std::f64::consts::TAU;
 
 /// Strokes there and back at each frequency: at the least, and for at least so long, s.
-const PERIODS_MIN: u32 = 8;
+const PERIODS_MIN: u32 = 5;
 const TIME_S: f64 = 0.8;
 /// The first of them are left out: the joint is not yet in its stride.
 const PERIODS_LEFT_OUT: f64 = 2.0;
@@ -23,6 +23,8 @@ pub struct Strokes {
     pub frequency_hz: f64,
     /// From end to end, mm.
     pub length_mm: f64,
+    /// Greatest speed of a stroke, mm/s.
+    pub velocity_mm_s: f64,
     /// There and back.
     pub periods: u32,
 }
@@ -75,30 +77,40 @@ impl Bounds {
         let steps = ((to_hz / from_hz).log10() * PER_DECADE).ceil().max(1.0) as u32;
         let frequencies = (0..=steps).map(|step| from_hz * (to_hz / from_hz).powf(f64::from(step) / f64::from(steps)));
         let of = |frequency_hz: f64| {
-            let [longest, shortest] = self.stroke_mm;
+            let [longest_mm, shortest_mm] = self.stroke_mm;
             let half_s = 0.5 / frequency_hz;
-            let (mut low, mut high) = (0.0, longest);
-            for _ in 0..60 {
-                let middle = f64::midpoint(low, high);
-                if self.time_s(middle) < half_s {
-                    low = middle
-                } else {
-                    high = middle
-                }
-            }
-            let is_visible = low >= shortest;
-            is_visible.then_some(Strokes {
-                // A longest stroke that takes less than half a period is run at the frequency at which it takes that.
-                frequency_hz: 0.5 / self.time_s(low),
-                length_mm: low,
+            // A longest stroke that would take less time is run more slowly.
+            let (length_mm, velocity_mm_s) = if self.time_s(longest_mm) < half_s {
+                let at = |velocity_mm_s| Bounds { velocity_mm_s, ..*self };
+                let velocity_mm_s = last(self.velocity_mm_s, |velocity| at(velocity).time_s(longest_mm) > half_s);
+                (longest_mm, velocity_mm_s)
+            } else {
+                let length_mm = last(longest_mm, |length| self.time_s(length) < half_s);
+                (length_mm, self.velocity_mm_s)
+            };
+            (length_mm >= shortest_mm).then_some(Strokes {
+                frequency_hz,
+                length_mm,
+                velocity_mm_s,
                 periods: PERIODS_MIN.max((TIME_S * frequency_hz).ceil() as u32),
             })
         };
-        let mut strokes: Vec<Strokes> = frequencies.filter_map(of).collect();
-        // Those that the longest stroke does not let be any slower are one and the same.
-        strokes.dedup_by(|one, other| (one.length_mm / other.length_mm - 1.0).abs() < 1e-3);
-        strokes
+        frequencies.filter_map(of).collect()
     }
+}
+
+/// The last value from 0 to `most` that still holds.
+fn last(most: f64, holds: impl Fn(f64) -> bool) -> f64 {
+    let (mut low, mut high) = (0.0, most);
+    for _ in 0..60 {
+        let middle = f64::midpoint(low, high);
+        if holds(middle) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    low
 }
 
 /// A frequency response at one frequency.
@@ -227,6 +239,7 @@ mod tests {
             BOUNDS.time_s(150.0)
         );
         let strokes = BOUNDS.strokes(1.0, 500.0);
+        assert!((strokes[0].frequency_hz - 1.0).abs() < 1e-9 && strokes[0].length_mm == 10.0);
         assert!(
             strokes
                 .windows(2)
@@ -234,7 +247,11 @@ mod tests {
         );
         for strokes in strokes {
             assert!((0.002..=10.0).contains(&strokes.length_mm), "{strokes:?}");
-            let time_s = BOUNDS.time_s(strokes.length_mm);
+            let bounds = Bounds {
+                velocity_mm_s: strokes.velocity_mm_s,
+                ..BOUNDS
+            };
+            let time_s = bounds.time_s(strokes.length_mm);
             assert!((time_s * strokes.frequency_hz - 0.5).abs() < 1e-6, "{strokes:?}");
         }
     }
