@@ -165,3 +165,30 @@ fn rules_of_a_drive_of_the_spindle() {
         .to_string();
     assert!(errors.contains("is the drive of a joint"), "{errors}");
 }
+
+#[test]
+fn a_spindle_that_takes_long_to_stand_keeps_its_drive_until_it_does() {
+    let (mode, mut config) = machines().remove(2);
+    let axis = config.spindle.axis.as_mut().expect("its drive");
+    // From 1200 1/min to rest in eight seconds: longer than drives are else given to be off.
+    axis.ramp_rpm_s = Some(150.0);
+    rehearse(&config, b"M3 S1200\nG4 P0.1\nM2\n", NetConfig::clean(3), |run| {
+        let speed = run.hal.reader::<f64>("spindle.0.speed-in").expect("a pin");
+        let word = run.hal.reader::<u64>("cia402.2.statusword").expect("a pin");
+        let outcome = run.run_until(CYCLES_MAX, |run| {
+            let powerless = word.get() & 0x6F != 0x27;
+            let turns = 60.0 * speed.get() > 50.0;
+            assert!(!(powerless && turns), "{mode}: no power at {} 1/s", speed.get());
+            run.operator.outcome().is_some()
+        });
+        assert!(outcome.expect("an end"), "{mode}:\n{}", journal(run));
+        assert_eq!(
+            run.operator.outcome(),
+            Some(Outcome::Completed),
+            "{mode}:\n{}",
+            journal(run)
+        );
+        Ok(())
+    })
+    .unwrap();
+}

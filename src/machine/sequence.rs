@@ -87,6 +87,8 @@ pub enum Job {
 pub struct Sequence {
     step: Step,
     step_since_ns: u64,
+    /// How much longer drives may take to be off: a spindle has to run down first, ns.
+    run_down_ns: u64,
     /// Groups of joints still to be homed, the next one last.
     homing: Vec<u64>,
     /// A program runs behind that.
@@ -123,7 +125,14 @@ impl Sequence {
             outcome: Outcome::Completed,
             has_begun: false,
             program: Outcome::Completed,
+            run_down_ns: 0,
         }
+    }
+
+    /// With a spindle that takes so long to stand, ns.
+    #[must_use]
+    pub fn with_run_down(self, run_down_ns: u64) -> Sequence {
+        Sequence { run_down_ns, ..self }
     }
 
     /// The same with the program begun again whenever it has ended, until [`Sequence::stop`] or [`Sequence::stopped`].
@@ -280,7 +289,11 @@ impl Sequence {
             self.outcome = Outcome::Faulted;
             self.enter(Step::Disable, now_ns);
         }
-        if now_ns.saturating_sub(self.step_since_ns) > self.step.limit_ns() {
+        let run_down_ns = match self.step {
+            Step::Disable | Step::ShutDown => self.run_down_ns,
+            _ => 0,
+        };
+        if now_ns.saturating_sub(self.step_since_ns) > self.step.limit_ns().saturating_add(run_down_ns) {
             if !matches!(self.outcome, Outcome::Faulted | Outcome::TimedOut(_)) {
                 self.outcome = Outcome::TimedOut(self.step);
             }

@@ -61,6 +61,8 @@ impl SpindleDrive {
             step_rpm: of.ramp_rpm_s.map_or(f64::INFINITY, |ramp| ramp * cycle_s),
             axis: Axis::new(AxisConfig {
                 mode: of.mode,
+                // A converter charges its link, and takes its ramp to brake, for longer than a servo: no power is cut meanwhile.
+                step_timeout_ns: (config.spindle.speed_timeout_s * 1e9) as u64,
                 ..AxisConfig::default()
             }),
             feedback: Feedback::default(),

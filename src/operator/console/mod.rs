@@ -162,9 +162,12 @@ pub struct Operator {
 impl Operator {
     /// An operator who runs one program from power-on to power-off.
     pub fn new(config: &Config, endpoints: OperatorEndpoints, now_ns: u64) -> Operator {
+        // Its drive is switched off once it stands.
+        let run_down_s = config.spindle.axis.map_or(0.0, |_| config.spindle.speed_timeout_s);
+        let run_down_ns = (run_down_s * 1e9) as u64;
         Operator {
             endpoints,
-            sequence: Sequence::new(now_ns, &config.homing_order()),
+            sequence: Sequence::new(now_ns, &config.homing_order()).with_run_down(run_down_ns),
             homing: config.homing_order(),
             records: true,
             orders_given: 0,
