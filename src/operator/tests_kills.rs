@@ -135,15 +135,18 @@ fn two_hundred_kills_lose_nothing_that_counted_as_written() {
             .wrapping_add(1_442_695_040_888_963_407);
         (seed >> 33) % below
     };
-    let mut told = Vec::new();
+    let (mut told, mut before) = (Vec::new(), 0);
     for kill in 0..KILLS {
         let later = Duration::from_micros(random(4_000));
         told.extend(killed_after(folder, random(3) as usize, later));
+        // A process may be killed when it has written a change and not said so: the next one goes on behind that.
         let said = told.last().copied().unwrap_or(0);
+        let most = said.max(before) + 1;
         let state = state_file::open(folder, &config.name);
         assert_eq!(state.warning, None, "kill {kill}");
         let count = state.remembered.parts.count;
-        assert!((said..=said + 1).contains(&count), "kill {kill}: {count}, said {said}");
+        assert!((said..=most).contains(&count), "kill {kill}: {count}, said {said}");
+        before = count;
         assert_eq!(
             state.remembered.mdi.last().cloned(),
             (count > 0).then(|| text(count)),
@@ -155,7 +158,7 @@ fn two_hundred_kills_lose_nothing_that_counted_as_written() {
         let offset = found.map_or(0.0, |(_, value)| *value) as u64;
         let length = tables.tools().tools().find(|tool| tool.number == 5).unwrap().offset[Axis::Z] as u64;
         for value in [offset, length] {
-            assert!((said..=said + 1).contains(&value), "kill {kill}: {value}, said {said}");
+            assert!((said..=most).contains(&value), "kill {kill}: {value}, said {said}");
         }
         let journal = Journal::open(folder).unwrap();
         assert_eq!(journal.warning, None, "kill {kill}");
