@@ -187,6 +187,12 @@ impl Binary {
         let found = Binary::ALL.iter().find(|(operator, ..)| *operator == self);
         found.map_or("", |(_, word, _)| word)
     }
+
+    /// Whether the result is a BOOL whatever is compared.
+    pub(crate) fn compares(self) -> bool {
+        use Binary::*;
+        matches!(self, Less | Greater | LessEqual | GreaterEqual | Equal | NotEqual)
+    }
 }
 
 /// An argument of a call.

@@ -32,6 +32,14 @@ fn statements() {
         ("c := a AND b;", "2:6: AND does not take INT: write INT_TO_WORD(..)"),
         ("w := w + 1;", "2:6: + does not take WORD: write WORD_TO_UINT(..)"),
         ("r := a ** 2;", "2:6: ** does not take INT: write INT_TO_LREAL(..)"),
+        (
+            "r := LINT#5 * 0.5;",
+            "2:6: * does not take LINT and a real number together: write LINT_TO_LREAL(..)",
+        ),
+        (
+            "a := b * 0.5;",
+            "2:6: REAL does not become INT by itself: write REAL_TO_INT(..)",
+        ),
         ("u := 5;", "2:6: an integer does not become TIME by itself: write T#5s"),
         (
             "c := a < b < 3;",

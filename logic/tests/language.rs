@@ -193,6 +193,54 @@ fn standard_functions() {
 }
 
 #[test]
+fn integers_become_real_beside_real_literals() {
+    let declarations =
+        "PROGRAM p VAR i : INT := 3; d : DINT := 16777217; r, s, m : REAL; n, o : LREAL; b, c : BOOL; END_VAR";
+    let statements = "r := i * 0.5; b := i > 2.5; c := 3.5 < i; s := LIMIT(0.0, i, 9.5); m := MAX(2, 0.5, i); n := d * 0.5; o := i * 0.1;";
+    assert_eq!(
+        after(declarations, statements, &["r", "b", "c", "s", "m", "n", "o"]),
+        ["1.5", "1", "0", "3", "3", "8388608.5", "0.30000000000000004"]
+    );
+}
+
+#[test]
+fn literals_and_functions_take_the_real_type_that_is_wanted() {
+    let cases = [
+        ("EXPT(2.0, 3.0)", "8"),
+        ("10.0 ** x", "100"),
+        ("2 ** 3", "8"),
+        ("MUL(SQRT(4.0), x)", "4"),
+        ("SQRT(i) + SIN(i - 4)", "2"),
+        ("SEL(2.0 ** x > x, 0.0, 1.0)", "1"),
+    ];
+    for (expression, wanted) in cases {
+        let declarations = "PROGRAM p VAR x : REAL := 2.0; y : REAL; i : INT := 4; END_VAR";
+        assert_eq!(
+            after(declarations, &format!("y := {expression};"), &["y"]),
+            [wanted],
+            "{expression}"
+        );
+    }
+    assert_eq!(value("LREAL", "SQRT(DINT#9) + 2 ** 3"), "11");
+}
+
+#[test]
+fn time_is_divided_alike_by_literals_and_variables() {
+    let declarations = "PROGRAM p VAR t : TIME := T#11ns; n : INT := 3; a, b : TIME; END_VAR";
+    assert_eq!(
+        after(declarations, "a := t / 3; b := t / n;", &["a", "b"]),
+        ["0.000003"; 2]
+    );
+}
+
+#[test]
+fn a_structure_may_end_without_a_semicolon() {
+    let text = "TYPE s : STRUCT x : INT := 7; END_STRUCT END_TYPE TYPE t : STRUCT y : s; END_STRUCT u : INT; END_TYPE
+        PROGRAM p VAR a : t; b : u; END_VAR";
+    assert_eq!(after(text, "b := a.y.x;", &["b"]), ["7"]);
+}
+
+#[test]
 fn choices() {
     let text = "PROGRAM p VAR_INPUT n : INT; END_VAR VAR_OUTPUT a, b : INT; END_VAR
         IF n < 0 THEN a := 1; ELSIF n = 0 THEN a := 2; ELSIF n < 10 THEN a := 3; ELSE a := 4; END_IF;

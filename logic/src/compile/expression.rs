@@ -113,21 +113,12 @@ impl<'c, 'a, 't> Checker<'c, 'a, 't> {
             ExpressionKind::Variable(access) => self.variable(access, expected),
             ExpressionKind::Unary(operator, operand) => self.unary(*operator, operand, expected, at),
             ExpressionKind::Binary(operator, left, right) => {
-                use syntax::Binary as Word;
-                let compares = [
-                    Word::Less,
-                    Word::Greater,
-                    Word::LessEqual,
-                    Word::GreaterEqual,
-                    Word::Equal,
-                    Word::NotEqual,
-                ];
-                let expected = expected.filter(|_| !compares.contains(operator));
+                let expected = expected.filter(|_| !operator.compares());
                 let left = self.expression(left, expected)?;
                 // The value of an enumeration on the right is one of that on the left.
                 let enumeration = Some(left.ty).filter(|ty| matches!(ty, Type::Enumeration(_)));
                 let right = self.expression(right, enumeration.or(expected))?;
-                self.operator(*operator, left, right, at)
+                self.operator(*operator, left, right, expected, at)
             }
             ExpressionKind::Call(name, arguments) => self.function(name, arguments, expected, at),
         }
@@ -400,8 +391,14 @@ impl<'c, 'a, 't> Checker<'c, 'a, 't> {
         }
     }
 
-    /// Values that become one type by themselves; `None` if there is none.
-    pub(super) fn common(&mut self, nodes: &[Node]) -> Option<Type> {
+    /// Values that become one type by themselves; `None` if there is none. Beside a real literal integers become REAL or LREAL,
+    /// whichever is expected and holds them.
+    pub(super) fn common(&mut self, nodes: &[Node], expected: Option<Type>) -> Option<Type> {
+        let real = if expected == Some(LREAL) {
+            Scalar::Lreal
+        } else {
+            Scalar::Real
+        };
         let typed = nodes.iter().map(|node| node.ty);
         let mut common = None;
         for ty in typed {
@@ -410,6 +407,11 @@ impl<'c, 'a, 't> Checker<'c, 'a, 't> {
                 (Some(known), ty) if known == ty => Some(known),
                 (Some(Type::AnyInteger), Type::AnyReal) | (Some(Type::AnyReal), Type::AnyInteger) => {
                     Some(Type::AnyReal)
+                }
+                (Some(Type::AnyReal), Type::Scalar(scalar)) | (Some(Type::Scalar(scalar)), Type::AnyReal)
+                    if scalar.is_integer() =>
+                {
+                    Some(Type::Scalar(scalar.common(real)?))
                 }
                 (Some(Type::AnyInteger | Type::AnyReal), ty) => Some(ty),
                 (Some(known), Type::AnyInteger | Type::AnyReal) => Some(known),

@@ -306,7 +306,11 @@ impl Checker<'_, '_, '_> {
                 let wanted = expected
                     .filter(|ty| ty.scalar().is_some_and(Scalar::is_real))
                     .unwrap_or(LREAL);
-                let node = self.typed(first, Some(wanted))?;
+                let mut node = self.typed(first, Some(wanted))?;
+                let scalar = node.ty.scalar().filter(|scalar| scalar.is_integer());
+                if let Some(real) = scalar.and_then(|scalar| scalar.common(wanted.scalar()?)) {
+                    node = self.coerce(node, Type::Scalar(real))?;
+                }
                 match node.ty.scalar() {
                     Some(scalar) if scalar.is_real() => Ok(self.folded(operation, scalar, Node { at, ..node })),
                     _ => self.no_operand(name, &node),
@@ -339,10 +343,12 @@ impl Checker<'_, '_, '_> {
                 }
             }
             Standard::Operator(word, _) => {
-                let mut sum = self.expression(first, None)?;
+                let expected = expected.filter(|_| !word.compares());
+                let mut sum = self.expression(first, expected)?;
                 for value in &values[1..] {
-                    let right = self.expression(value, None)?;
-                    sum = self.operator(word, sum, right, at)?;
+                    let enumeration = Some(sum.ty).filter(|ty| matches!(ty, Type::Enumeration(_)));
+                    let right = self.expression(value, enumeration.or(expected))?;
+                    sum = self.operator(word, sum, right, expected, at)?;
                 }
                 Ok(sum)
             }
@@ -418,7 +424,7 @@ impl Checker<'_, '_, '_> {
         for value in values {
             nodes.push(self.expression(value, expected)?);
         }
-        let Some(common) = self.common(&nodes) else {
+        let Some(common) = self.common(&nodes, expected) else {
             let different = nodes
                 .iter()
                 .find(|node| node.ty != nodes[0].ty)

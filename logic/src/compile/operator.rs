@@ -10,13 +10,20 @@ use crate::syntax;
 
 impl Checker<'_, '_, '_> {
     /// `a + b` of what has been checked.
-    pub(super) fn operator(&mut self, operator: syntax::Binary, left: Node, right: Node, at: Span) -> Read<Node> {
+    pub(super) fn operator(
+        &mut self,
+        operator: syntax::Binary,
+        left: Node,
+        right: Node,
+        expected: Option<Type>,
+        at: Span,
+    ) -> Read<Node> {
         use syntax::Binary as Word;
         match operator {
             Word::Add | Word::Subtract | Word::Multiply | Word::Divide | Word::Modulo => {
-                self.arithmetic(operator, left, right, at)
+                self.arithmetic(operator, left, right, expected, at)
             }
-            Word::Power => self.power(left, right, at),
+            Word::Power => self.power(left, right, expected, at),
             Word::And | Word::Or | Word::Xor => self.bitwise(operator, left, right, at),
             Word::AndThen | Word::OrElse => {
                 let left = self.coerce(left, BOOL)?;
@@ -44,6 +51,9 @@ impl Checker<'_, '_, '_> {
             (Type::Scalar(left), Type::Scalar(right)) if left.is_real() && right.is_integer() => {
                 Some(format!("write {}_TO_{}(..)", right.name(), left.name()))
             }
+            (Type::Scalar(scalar), Type::AnyReal) | (Type::AnyReal, Type::Scalar(scalar)) if scalar.is_integer() => {
+                Some(format!("write {}_TO_LREAL(..)", scalar.name()))
+            }
             _ => None,
         };
         let (left, right) = (self.type_name(left), self.type_name(right));
@@ -59,7 +69,14 @@ impl Checker<'_, '_, '_> {
         )
     }
 
-    fn arithmetic(&mut self, word: syntax::Binary, left: Node, right: Node, at: Span) -> Read<Node> {
+    fn arithmetic(
+        &mut self,
+        word: syntax::Binary,
+        left: Node,
+        right: Node,
+        expected: Option<Type>,
+        at: Span,
+    ) -> Read<Node> {
         use syntax::Binary as Word;
         let operation = match word {
             Word::Add => Binary::Add,
@@ -78,7 +95,7 @@ impl Checker<'_, '_, '_> {
         }
         let types = (left.ty, right.ty);
         let pair = [left, right];
-        let Some(common) = self.common(&pair) else {
+        let Some(common) = self.common(&pair, expected) else {
             return self.no_operands(word.word(), types.0, types.1, at);
         };
         let scalar = match common {
@@ -150,7 +167,7 @@ impl Checker<'_, '_, '_> {
 
     /// TIME times or through a number.
     fn scaled(&mut self, operation: Binary, time: Node, number: Node, at: Span) -> Read<Node> {
-        let number = self.settle(number, Some(LREAL))?;
+        let number = self.settle(number, None)?;
         let ty = time.ty;
         match number.ty {
             Type::Scalar(scalar) if scalar.widens_to(Scalar::Lint) => {
@@ -172,8 +189,10 @@ impl Checker<'_, '_, '_> {
         }
     }
 
-    pub(super) fn power(&mut self, left: Node, right: Node, at: Span) -> Read<Node> {
-        let base = self.settle(left, Some(LREAL))?;
+    fn power(&mut self, left: Node, right: Node, expected: Option<Type>, at: Span) -> Read<Node> {
+        let is_real = |ty: &Type| ty.scalar().is_some_and(Scalar::is_real);
+        let of_literal = expected.filter(is_real).or(Some(right.ty).filter(is_real));
+        let base = self.settle(left, of_literal.or(Some(LREAL)))?;
         let exponent = self.settle(right, Some(LREAL))?;
         let Some(scalar) = base.ty.scalar().filter(|scalar| scalar.is_real()) else {
             return self.no_operand("**", &base);
@@ -193,7 +212,7 @@ impl Checker<'_, '_, '_> {
             _ => Binary::Xor,
         };
         let pair = [left, right];
-        let common = self.common(&pair);
+        let common = self.common(&pair, None);
         let [left, right] = pair;
         let suits = |ty: Type| matches!(ty, Type::Scalar(scalar) if scalar == Scalar::Bool || scalar.is_bit_string());
         match common {
@@ -230,7 +249,7 @@ impl Checker<'_, '_, '_> {
         let equality = matches!(word, Word::Equal | Word::NotEqual);
         let types = (left.ty, right.ty);
         let pair = [left, right];
-        let Some(mut common) = self.common(&pair) else {
+        let Some(mut common) = self.common(&pair, None) else {
             return self.no_operands(word.word(), types.0, types.1, at);
         };
         common = match common {

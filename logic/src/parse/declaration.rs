@@ -212,7 +212,12 @@ impl Parser<'_, '_> {
             self.type_text()?
         };
         let initial = self.initial()?;
-        self.semicolon("the declaration");
+        // Behind END_STRUCT many leave it out.
+        if initial.is_none() && matches!(ty.kind, TypeKind::Struct(_)) {
+            self.take_sign(";");
+        } else {
+            self.semicolon("the declaration");
+        }
         Ok(TypeDeclaration { name, ty, initial })
     }
 
