@@ -17,7 +17,7 @@ fn sources(folder: &Path) -> Vec<PathBuf> {
     for entry in read_dir(folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display())) {
         let path = entry.expect("an entry").path();
         let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
-        if path.is_dir() && !matches!(name, "target" | ".git" | "fuzz") {
+        if path.is_dir() && !matches!(name, "target" | ".git" | "fuzz" | "node_modules") {
             found.extend(sources(&path));
         } else if name.ends_with(".rs") {
             found.push(path);

@@ -1,0 +1,45 @@
+import { render } from "preact";
+import { useState } from "preact/hooks";
+import { language, t } from "./i18n";
+import { listenToKeys } from "./keys";
+import { Operate } from "./pages/operate";
+import { PAGES, type Page, usePage } from "./route";
+import { Actions, Banners, chosenTheme, StateBar, Toasts, ToolDialogue } from "./shell";
+import { connect } from "./store";
+import { Icon } from "./ui";
+
+const VIEWS: Partial<Record<Page, () => preact.JSX.Element>> = {
+  operate: Operate,
+};
+
+function App() {
+  const page = usePage();
+  const [menu, setMenu] = useState(false);
+  const View = VIEWS[page] ?? Operate;
+  return (
+    <div class="app">
+      <StateBar />
+      <nav class={menu ? "rail open" : "rail"} aria-label={t("pages")}>
+        {PAGES.filter((one) => VIEWS[one]).map((one) => (
+          <a key={one} href={`#/${one}`} data-testid={`page-${one}`} aria-current={one === page ? "page" : undefined} onClick={() => setMenu(false)}>
+            <Icon name={one} />
+            <span>{t(`page-${one}`)}</span>
+          </a>
+        ))}
+      </nav>
+      <main>
+        <Banners />
+        <View />
+      </main>
+      <Actions />
+      <ToolDialogue />
+      <Toasts />
+    </div>
+  );
+}
+
+document.documentElement.lang = language;
+document.documentElement.dataset.theme = chosenTheme();
+listenToKeys();
+connect();
+render(<App />, document.getElementById("app")!);

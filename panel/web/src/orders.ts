@@ -1,0 +1,62 @@
+/** Orders as buttons give them, and which of them the control would take at the moment. */
+import { order } from "./store";
+import type { Status } from "./types";
+
+/** Whether the control would refuse it: the button is dim then. The control itself decides, and says why. */
+export function refuses(status: Status | null, what: string): boolean {
+  if (!status) return true;
+  // Taken, and without effect.
+  if (what === "hold" && ["held", "away"].includes(status.activity)) return true;
+  if (status.orders) return (status.orders[what] ?? null) !== null;
+  const { power, activity, program, waiting } = status;
+  const on = power === "on";
+  switch (what) {
+    case "program start":
+      return !on || activity !== "idle" || !program;
+    case "hold":
+      return !["running", "jogging", "returning"].includes(activity);
+    case "resume":
+      return !["held", "away"].includes(activity) && waiting?.for !== "operator" && !status.single_block;
+    case "skip":
+      return !["operator", "dwell", "input"].includes(waiting?.for ?? "");
+    case "stop":
+      return !on || activity === "idle";
+    case "reset":
+      return !["estop", "estop, chain open", "alarm"].includes(power);
+    case "jog":
+      return !on || !["idle", "jogging", "held", "away"].includes(activity);
+    case "home":
+      return (!on && power !== "off") || activity !== "idle";
+    case "mdi":
+      return !on || activity !== "idle" && activity !== "running" || status.homed.length < jointCount(status);
+    default:
+      return false;
+  }
+}
+
+export function jointCount(status: Status): number {
+  return new Set(status.axes.flatMap((axis) => axis.joints)).size;
+}
+
+/** After an emergency stop or an alarm. */
+export function reset(status: Status): Promise<unknown> {
+  return order(status.power.startsWith("estop") ? "estop.reset" : "alarm.acknowledge");
+}
+
+/** What the control says is the next step, as an order of the panel. */
+export function nextStep(status: Status): { method: string; word: "power-on" | "reset" | "acknowledge" | "home-all" | "start" } | null {
+  switch (status.next) {
+    case "isocnc on":
+      return { method: "on", word: "power-on" };
+    case "isocnc estop reset":
+      return { method: "estop.reset", word: "reset" };
+    case "isocnc alarm acknowledge":
+      return { method: "alarm.acknowledge", word: "acknowledge" };
+    case "isocnc home":
+      return { method: "home", word: "home-all" };
+    case "isocnc program start":
+      return { method: "program.start", word: "start" };
+    default:
+      return null;
+  }
+}

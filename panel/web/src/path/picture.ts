@@ -1,0 +1,42 @@
+/** What a picture of the path shows, whoever draws it. */
+import type { PathData } from "./data";
+import type { View } from "./view";
+
+export interface Zero {
+  name: string;
+  place: [number, number, number];
+  /** Directions of X, Y, Z. */
+  axes: [number, number, number][];
+  large: boolean;
+}
+
+export interface Frame {
+  colours: {
+    background: string;
+    rapid: string;
+    feed: string;
+    probe: string;
+    /** Slow to fast. */
+    ramp: string[];
+    box: string;
+    grid: string;
+    axes: string[];
+    tool: string;
+    text: string;
+  };
+  /** Codes of the slowest and the fastest speed of the done part. */
+  span: [number, number];
+  /** Travel of the machine; null where nobody says. */
+  box: { min: [number, number, number]; max: [number, number, number] } | null;
+  zeros: Zero[];
+  /** How long the axes of a zero are drawn, mm. */
+  unit: number;
+  tool: [number, number, number] | null;
+  /** The vertex from which the machine has gone on to where it is. */
+  tailFrom: number | null;
+}
+
+export interface Picture {
+  draw(view: View, data: PathData, frame: Frame): void;
+  dispose(): void;
+}

@@ -1,0 +1,347 @@
+/** What is around every page: state bar, alarm, orders at the foot, dialogues. */
+import { useEffect, useState } from "preact/hooks";
+import { type Key, dateAndTime, fixed, language, setLanguage, t, timeOfDay, word } from "./i18n";
+import { keys } from "./keys";
+import { nextStep, refuses, reset } from "./orders";
+import { ask, clientName, connection, controlOf, dismiss, getStore, order, say, setStore, tellRefused, useStatus, useStore } from "./store";
+import type { Entry } from "./types";
+import { Button, Dialog, Field, Icon, type IconName } from "./ui";
+import { useEveryHalfSecond } from "./hooks";
+
+// ------------------------------------------------------------------------------------------------ state bar
+
+/** Colour and form of a state, beside its word. */
+const LOOKS: Record<string, [string, IconName]> = {
+  running: ["run", "start"],
+  homing: ["run", "home"],
+  jogging: ["run", "setup"],
+  returning: ["run", "resume"],
+  ready: ["ready", "check"],
+  held: ["wait", "hold"],
+  away: ["wait", "setup"],
+  stopping: ["wait", "stop"],
+  enabling: ["wait", "power"],
+  disabling: ["wait", "power"],
+  faulted: ["fault", "warning"],
+  estop: ["fault", "warning"],
+  silenced: ["fault", "warning"],
+};
+
+export function StateBar() {
+  const machine = useStatus((s) => s.machine);
+  const state = useStatus((s) => s.state) ?? "";
+  const power = useStatus((s) => s.power) ?? "";
+  const mode = useStatus((s) => s.mode);
+  const waiting = useStatus((s) => s.waiting);
+  const obstruction = useStatus((s) => s.obstruction);
+  const [look, icon] = LOOKS[state] ?? ["off", "power"];
+  return (
+    <header class="bar">
+      <div class="name" title={machine ?? ""}>
+        <span class="logo" aria-hidden="true" />
+        <b>{machine ?? "isocnc"}</b>
+      </div>
+      <div class={`state ${look}`} data-testid="state" data-state={state} role="status" aria-live="polite" aria-label={t("state")}>
+        <Icon name={icon} />
+        <b>{state ? word("state", state) : "–"}</b>
+        {power === "estop, chain open" && <span>{t("chain-open")}</span>}
+      </div>
+      <div class="mode" data-testid="mode" data-mode={mode ?? ""} title={t("mode")}>
+        {mode ? word("mode", mode) : ""}
+      </div>
+      <NextStep />
+      <div class="waiting" data-testid="waiting" aria-live="polite">
+        {waiting ? `${t("waits")}: ${word("wait", waiting.for) === waiting.for ? waiting.text : word("wait", waiting.for)}` : (obstruction ?? "")}
+      </div>
+      <ControlChip />
+      <Age />
+      <KeysChip />
+      <Display />
+    </header>
+  );
+}
+
+function Age() {
+  useEveryHalfSecond();
+  const connected = useStore((s) => s.connected);
+  const age = useStore((s) => s.age);
+  const ms = connection.age();
+  return (
+    <div class={`age ${connected && age === 0 ? "fresh" : "old"}`} data-testid="age" title={t("age")}>
+      <i aria-hidden="true" />
+      <span>{connected && age === 0 ? t("live") : `${fixed(ms / 1000, 0)} s`}</span>
+    </div>
+  );
+}
+
+function KeysChip() {
+  const on = useStore((s) => s.keysOn);
+  return (
+    <Button
+      id="keys"
+      icon="keys"
+      kind={`chip ${on ? "on" : ""}`}
+      pressed={on}
+      label={t("keys")}
+      title={t(on ? "keys-on" : "keys-off")}
+      onClick={() => {
+        keys.set(!on);
+        say("note", t(on ? "keys-off" : "keys-on"));
+      }}
+    />
+  );
+}
+
+function Display() {
+  return (
+    <>
+      <Button
+        icon="theme"
+        kind="chip icon-only"
+        id="theme"
+        title={t("theme")}
+        onClick={() => {
+          const next = chosenTheme() === "dark" ? "light" : "dark";
+          localStorage.setItem("theme", next);
+          document.documentElement.dataset.theme = next;
+        }}
+      >
+        <span class="hidden">{t("theme")}</span>
+      </Button>
+      <Button kind="chip" id="language" onClick={() => setLanguage(language === "en" ? "de" : "en")}>
+        <span lang={language === "en" ? "de" : "en"}>{language === "en" ? "DE" : "EN"}</span>
+        <span class="hidden">{t("language")}</span>
+      </Button>
+    </>
+  );
+}
+
+/** What was chosen here, else what the device wants. */
+export function chosenTheme(): string {
+  return localStorage.getItem("theme") ?? (matchMedia("(prefers-color-scheme: light)").matches ? "light" : "dark");
+}
+
+// ------------------------------------------------------------------------------------------------ control
+
+function ControlChip() {
+  const [open, setOpen] = useState(false);
+  const control = useStatus((s) => s.control);
+  const who = useStore(controlOf);
+  const role = useStore((s) => s.role);
+  const text = role === "watch" ? t("role-watch") : who === "mine" ? t("control-mine") : who === "free" ? t("control-free") : (control?.name ?? "");
+  return (
+    <>
+      <Button id="control" kind={`chip control ${who}`} icon="hand" title={t("control-dialogue")} onClick={() => setOpen(!open)}>
+        <span class="label">
+          {t("control")}: <b>{text}</b>
+        </span>
+      </Button>
+      {open && <ControlDialog onClose={() => setOpen(false)} />}
+    </>
+  );
+}
+
+function ControlDialog({ onClose }: { onClose: () => void }) {
+  const control = useStatus((s) => s.control);
+  const who = useStore(controlOf);
+  const [name, setName] = useState(clientName());
+  const take = async (force: boolean) => {
+    localStorage.setItem("name", name);
+    const taken = await order<{ client: number }>("control.take", { name, ...(force ? { force } : {}) });
+    if (!taken) return;
+    setStore({ client: taken.client });
+    onClose();
+  };
+  return (
+    <Dialog id="control-dialogue" title={t("control-dialogue")} onClose={onClose}>
+      <p>{t("control-explained")}</p>
+      {control?.taken && who !== "mine" && <p class="strong">{t("control-held", { name: control.name })}</p>}
+      <Field label={t("control-name")} value={name} onInput={setName} />
+      <footer>
+        {who === "mine" && <Button id="control-release" label={t("control-release")} onClick={() => void order("control.release").then(onClose)} />}
+        {who === "other" && <Button id="control-force" kind="warn" label={t("control-force", { name: control?.name ?? "" })} onClick={() => void take(true)} />}
+        {who !== "other" && <Button id="control-take" kind="go" label={t("control-take")} onClick={() => void take(false)} />}
+      </footer>
+    </Dialog>
+  );
+}
+
+/** Control that was taken is kept: who says nothing for 30 s loses it. */
+const RENEW_MS = 10_000;
+setInterval(() => {
+  const store = getStore();
+  if (store.connected && controlOf(store) === "mine" && document.visibilityState === "visible") {
+    ask("control.take", { name: clientName() }).catch(() => {});
+  }
+}, RENEW_MS);
+
+// ------------------------------------------------------------------------------------------------ banners
+
+export function Banners() {
+  const connected = useStore((s) => s.connected);
+  const status = useStore((s) => s.status !== null);
+  const age = useStore((s) => s.age);
+  const stalled = useStore((s) => s.stalled);
+  const reason = useStore((s) => s.reason);
+  useEveryHalfSecond();
+  const s = fixed(connection.age() / 1000, 0);
+  let text = "";
+  if (!connected) text = status ? t("no-connection", { s }) : t("connecting");
+  else if (age >= 1000) text = t("no-data", { s });
+  else if (stalled) text = t("stalled");
+  return (
+    <>
+      {text && (
+        <div class="banner" role="alert" data-testid="connection">
+          <Icon name="warning" />
+          <span>
+            {text} {reason && <small>{reason}</small>}
+          </span>
+        </div>
+      )}
+      <Alarm />
+    </>
+  );
+}
+
+/** The first cause that still stands, what else is known of it, and its cure. */
+function Alarm() {
+  const alarm = useStatus((s) => s.alarm);
+  const power = useStatus((s) => s.power);
+  const step = useStatus((s) => nextStep(s));
+  const entry = useStatus((s) => [...s.messages].reverse().find((one) => one.kind === "alarm" && !one.alarm?.acknowledged)) ?? null;
+  const estop = power?.startsWith("estop");
+  return (
+    <div class={alarm || estop ? "alarm shown" : "alarm"} data-testid="alarm" role="alert" aria-live="assertive">
+      {(alarm || estop) && (
+        <>
+          <Icon name="warning" />
+          <div>
+            <b>
+              {entry?.alarm?.code && <code>{entry.alarm.code}</code>} {alarm ?? t("state-estop")}
+            </b>
+            {entry?.alarm && <small>{about(entry)}</small>}
+          </div>
+          {(power === "alarm" || step?.method === "alarm.acknowledge") && (
+            <Button id="acknowledge" kind="warn" icon="check" label={t("acknowledge")} onClick={() => void order("alarm.acknowledge")} />
+          )}
+        </>
+      )}
+    </div>
+  );
+}
+
+export function about(entry: Entry): string {
+  const { alarm } = entry;
+  if (!alarm) return "";
+  const parts = [dateOrTime(entry.unix_s)];
+  if (alarm.line !== null && alarm.program !== null) parts.push(t("alarm-at", { line: alarm.line, program: alarm.program }));
+  parts.push(t("alarm-reaction", { reaction: alarm.reaction }));
+  if (alarm.acknowledged) parts.push(t("acknowledged-by", { by: alarm.acknowledged.by, time: timeOfDay(alarm.acknowledged.unix_s) }));
+  return parts.join(" · ");
+}
+
+function dateOrTime(unix_s: number): string {
+  return Date.now() / 1000 - unix_s < 12 * 3600 ? timeOfDay(unix_s) : dateAndTime(unix_s);
+}
+
+// ------------------------------------------------------------------------------------------------ orders
+
+export function Actions() {
+  const power = useStatus((s) => s.power) ?? "";
+  const dim = useStore((s) => Object.fromEntries(["program start", "hold", "resume", "stop", "reset"].map((what) => [what, refuses(s.status, what)])));
+  const on = power === "on" || power === "switching";
+  return (
+    <footer class="actions" role="group">
+      <Button id="power" icon="power" kind={on ? "tall lit" : "tall"} pressed={on} label={t(on ? "power-off" : "power-on")} onClick={() => void order(on ? "off" : "on")} />
+      <Button id="reset" icon="reset" kind={dim["reset"] ? "tall" : "tall warn"} dim={dim["reset"]} label={t("reset")} onClick={() => getStore().status && void reset(getStore().status!)} />
+      <Button id="start" icon="start" kind="tall go" dim={dim["program start"]} label={t("start")} onClick={() => void startProgram()} />
+      <Button id="resume" icon="resume" kind="tall go" dim={dim["resume"]} label={t("resume")} onClick={() => void resume()} />
+      <Button id="hold" icon="hold" kind="tall wait" dim={dim["hold"]} label={t("hold")} onClick={() => void order("hold")} />
+      <Button id="stop" icon="stop" kind="tall halt" label={t("stop")} onClick={() => void order("stop")} />
+    </footer>
+  );
+}
+
+/** Settings of the next start, as the page of programs has them. */
+export const startWith: { repeat: number; dry_run_feed_mm_min: number | null } = { repeat: 1, dry_run_feed_mm_min: null };
+
+export async function startProgram(from_line?: number, yes?: boolean): Promise<void> {
+  const { repeat, dry_run_feed_mm_min } = startWith;
+  await order("program.start", {
+    ...(repeat > 1 ? { repeat } : {}),
+    ...(dry_run_feed_mm_min ? { dry_run_feed_mm_min } : {}),
+    ...(from_line !== undefined ? { from_line } : {}),
+    ...(yes ? { yes } : {}),
+  });
+}
+
+async function resume(): Promise<void> {
+  const answer = await order<{ returns?: string[] }>("resume");
+  if (answer?.returns?.length) say("note", answer.returns.join(" · "));
+}
+
+// ------------------------------------------------------------------------------------------------ tools
+
+/** What the program waits for a person to do. Not closed by a key that moves the machine. */
+export function ToolDialogue() {
+  const waits = useStatus((s) => (s.waiting?.for === "tool-change" ? s.waiting.text : null));
+  const now = useStatus((s) => s.tool);
+  const [tool, setTool] = useState<{ length: number; diameter: number; remark: string; unit: string } | null>(null);
+  const wanted = Number(/tool (\d+)/.exec(waits ?? "")?.[1] ?? 0);
+  useEffect(() => {
+    setTool(null);
+    if (!waits || !wanted) return;
+    ask<{ unit: string; tools: { tool: number; length: number; diameter: number; remark: string }[] }>("tool.list").then(({ tools, unit }) => {
+      const found = tools.find((one) => one.tool === wanted);
+      if (found) setTool({ ...found, unit });
+    }, tellRefused);
+  }, [waits]);
+  if (!waits) return null;
+  return (
+    <Dialog id="tool-dialogue" title={t("tool-dialogue")}>
+      <p class="tool-number" aria-hidden="true">
+        T{wanted}
+      </p>
+      <p class="strong">{wanted ? t("tool-in", { tool: wanted }) : t("tool-out")}</p>
+      {tool && (
+        <p>
+          {t("tool-details", { length: `${fixed(tool.length, 3)} ${tool.unit}`, diameter: `${fixed(tool.diameter, 3)} ${tool.unit}` })}
+          {tool.remark && <br />}
+          {tool.remark}
+        </p>
+      )}
+      <p class="muted">{t("in-spindle", { tool: now ? `T${now}` : t("tool-none") })}</p>
+      <footer>
+        <Button id="tool-changed" kind="go tall" icon="check" label={t(wanted ? "tool-changed" : "tool-removed")} onClick={() => void order("tool.changed")} />
+      </footer>
+    </Dialog>
+  );
+}
+
+export function Toasts() {
+  const toasts = useStore((s) => s.toasts);
+  return (
+    <div class="toasts" role="log" aria-live="assertive">
+      {toasts.map((toast) => (
+        <div class={`toast ${toast.kind}`} key={toast.id} data-testid="toast">
+          <Icon name={toast.kind === "refused" ? "warning" : "check"} />
+          <span>{toast.text}</span>
+          <Button icon="close" kind="plain" label={t("close")} onClick={() => dismiss(toast.id)} />
+        </div>
+      ))}
+    </div>
+  );
+}
+
+function NextStep() {
+  const step = useStatus((s) => nextStep(s));
+  const idle = useStatus((s) => s.activity === "idle" || s.power === "alarm");
+  if (!step || !idle) return null;
+  return (
+    <div class="next">
+      <span>{t("next-step")}</span>
+      <Button id="next" kind="go" label={t(step.word as Key)} onClick={() => void order(step.method)} />
+    </div>
+  );
+}

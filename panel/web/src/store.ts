@@ -1,0 +1,234 @@
+/** What the panel knows, and how its parts hear of a change. */
+import { useEffect, useState } from "preact/hooks";
+import { Connection, Refused } from "./rpc";
+import { t } from "./i18n";
+import type { Control, Status } from "./types";
+
+/** What the connection may do: who looks, who runs the machine, who changes it. */
+export type Role = "watch" | "operate" | "set up";
+
+export interface Toast {
+  id: number;
+  kind: "refused" | "note";
+  text: string;
+}
+
+export interface Store {
+  status: Status | null;
+  connected: boolean;
+  /** Why there is no connection, in the words of the other end. */
+  reason: string;
+  /** Age of the data in ms, in steps. */
+  age: 0 | 1000 | 2000;
+  /** Cycles of the control stand still, although it answers. */
+  stalled: boolean;
+  methods: ReadonlySet<string>;
+  client: number | null;
+  role: Role;
+  toasts: Toast[];
+  /** Keys of the keyboard jog. */
+  keysOn: boolean;
+}
+
+let store: Store = {
+  status: null,
+  connected: false,
+  reason: "",
+  age: 0,
+  stalled: false,
+  methods: new Set(),
+  client: null,
+  role: "operate",
+  toasts: [],
+  keysOn: false,
+};
+const listeners = new Set<() => void>();
+
+export function getStore(): Store {
+  return store;
+}
+
+export function setStore(change: Partial<Store>): void {
+  store = { ...store, ...change };
+  for (const listener of [...listeners]) listener();
+}
+
+export function subscribe(listener: () => void): () => void {
+  listeners.add(listener);
+  return () => listeners.delete(listener);
+}
+
+const same = (a: unknown, b: unknown): boolean => a === b || JSON.stringify(a) === JSON.stringify(b);
+
+/** Draws a component again when what it takes of the store has changed. */
+export function useStore<T>(select: (store: Store) => T): T {
+  const [value, setValue] = useState(() => select(store));
+  useEffect(() => {
+    let last = value;
+    const update = () => {
+      const now = select(store);
+      if (!same(last, now)) {
+        last = now;
+        setValue(() => now);
+      }
+    };
+    update();
+    return subscribe(update);
+  }, []);
+  return value;
+}
+
+/** Of the status; null before the first one. */
+export function useStatus<T>(select: (status: Status) => T): T | null {
+  return useStore((s) => (s.status ? select(s.status) : null));
+}
+
+// ------------------------------------------------------------------------------------------------ connection
+
+/** The token of the address (`#token=...`): kept for this tab, and taken out of the address. */
+function takeToken(): string | null {
+  const found = /(?:^#|&)token=([^&]+)/.exec(location.hash);
+  if (found) {
+    sessionStorage.setItem("token", decodeURIComponent(found[1]!));
+    history.replaceState(null, "", location.pathname + location.search);
+  }
+  return sessionStorage.getItem("token");
+}
+
+export const token = takeToken();
+
+export function authorised(headers: Record<string, string> = {}): Record<string, string> {
+  return token ? { ...headers, Authorization: `Bearer ${token}` } : headers;
+}
+
+export let connection: Connection;
+
+export function connect(): void {
+  connection = new Connection(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/rpc`);
+  connection.onPhase = (phase, reason) => {
+    if (phase === "open") void greet();
+    else if (phase === "lost") setStore({ connected: false, reason });
+  };
+  connection.onNotification = (method, params) => {
+    if (method === "state") takeChange((params as { changed: Partial<Status> }).changed);
+    else for (const listener of notified.get(method) ?? []) listener(params);
+  };
+  setInterval(judgeAge, 100);
+}
+
+const notified = new Map<string, Set<(params: unknown) => void>>();
+
+/** Hears a notification; the answer ends that. */
+export function onNotification<T>(method: string, listener: (params: T) => void): () => void {
+  const heard = notified.get(method) ?? new Set();
+  notified.set(method, heard);
+  heard.add(listener as (params: unknown) => void);
+  return () => heard.delete(listener as (params: unknown) => void);
+}
+
+/** Says who this is, and asks for the whole state: after each connection anew. */
+async function greet(): Promise<void> {
+  try {
+    const methods = await connection.call<{ name: string; params: string[] }[]>("methods");
+    takesRequestId = new Set(methods.filter((m) => m.params.includes("request_id")).map((m) => m.name));
+    setStore({ methods: new Set(methods.map((m) => m.name)) });
+    if (store.methods.has("client.identify")) {
+      const who = await connection.call<{ client?: number; role?: Role }>("client.identify", {
+        name: clientName(),
+        kind: "panel",
+        ...(token ? { token } : {}),
+      });
+      setStore({ client: who.client ?? null, role: who.role ?? "operate" });
+    }
+    const answer = await connection.call<{ state: Status; client?: number }>("subscribe", { rate_hz: 20 });
+    if (answer.client !== undefined) setStore({ client: answer.client });
+    cyclesAt = performance.now();
+    setStore({ status: answer.state, connected: true, reason: "" });
+  } catch (error) {
+    setStore({ reason: (error as Error).message });
+  }
+}
+
+export function clientName(): string {
+  return localStorage.getItem("name") ?? t("panel");
+}
+
+let cyclesAt = performance.now();
+
+function takeChange(changed: Partial<Status>): void {
+  if (!store.status) return;
+  if (changed.cycles !== undefined) cyclesAt = performance.now();
+  setStore({ status: { ...store.status, ...changed } });
+}
+
+/** Cycles are told once a second. */
+const STALLED_MS = 2500;
+
+function judgeAge(): void {
+  const now = performance.now();
+  // A page that was not let run has not read what came meanwhile: no word about the cycle then.
+  if (now - judged > 500) cyclesAt = now;
+  judged = now;
+  const ms = connection.age();
+  const age = ms >= 2000 ? 2000 : ms >= 1000 ? 1000 : 0;
+  const stalled = store.connected && age === 0 && now - cyclesAt > STALLED_MS;
+  if (age !== store.age || stalled !== store.stalled) setStore({ age, stalled });
+}
+
+let judged = performance.now();
+
+// ------------------------------------------------------------------------------------------------ orders
+
+let takesRequestId = new Set<string>();
+
+/** A number of 128 random bits in the form of a UUID: crypto.randomUUID is for secure contexts only. */
+function uuid(): string {
+  const bytes = crypto.getRandomValues(new Uint8Array(16));
+  bytes[6] = (bytes[6]! & 0x0f) | 0x40;
+  bytes[8] = (bytes[8]! & 0x3f) | 0x80;
+  const hex = [...bytes].map((b) => b.toString(16).padStart(2, "0")).join("");
+  return [hex.slice(0, 8), hex.slice(8, 12), hex.slice(12, 16), hex.slice(16, 20), hex.slice(20)].join("-");
+}
+
+/** Asks; what is refused is thrown. */
+export function ask<T>(method: string, params: Record<string, unknown> = {}): Promise<T> {
+  const id = takesRequestId.has(method) ? { request_id: uuid() } : {};
+  return connection.call<T>(method, { ...params, ...id });
+}
+
+/** Orders; what is refused is told. The answer, or undefined. */
+export async function order<T = unknown>(method: string, params: Record<string, unknown> = {}): Promise<T | undefined> {
+  try {
+    return await ask<T>(method, params);
+  } catch (error) {
+    tellRefused(error);
+    return undefined;
+  }
+}
+
+export function tellRefused(error: unknown): void {
+  const { code, message, data } = error as Refused;
+  if (code === 0) say("refused", t("not-sent"));
+  else if (code === -32004) say("refused", t("other-has-control", { name: (data as { control?: Control } | undefined)?.control?.name ?? "" }) + " " + message);
+  else say("refused", message);
+}
+
+let toastId = 0;
+
+/** A line at the foot of the screen, for some seconds. */
+export function say(kind: Toast["kind"], text: string): void {
+  const id = ++toastId;
+  setStore({ toasts: [...store.toasts.filter((toast) => toast.text !== text).slice(-2), { id, kind, text }] });
+  setTimeout(() => dismiss(id), 8000);
+}
+
+export function dismiss(id: number): void {
+  setStore({ toasts: store.toasts.filter((toast) => toast.id !== id) });
+}
+
+/** Whether this client's orders are the ones that count, as far as is known. */
+export function controlOf(s: Store): "mine" | "other" | "free" {
+  const control = s.status?.control;
+  if (!control?.taken) return "free";
+  return control.client === s.client ? "mine" : "other";
+}
