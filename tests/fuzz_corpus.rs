@@ -6,6 +6,8 @@
 mod controlled_node;
 #[path = "../fuzz/src/device_files.rs"]
 mod device_files;
+#[path = "../fuzz/src/ethercat_wire.rs"]
+mod ethercat_wire;
 #[path = "../fuzz/src/frame.rs"]
 mod frame;
 #[path = "../fuzz/src/managing_node.rs"]
@@ -53,6 +55,11 @@ fn replay(target: &str, run: impl Fn(&[u8])) {
 #[test]
 fn frame() {
     replay("frame", frame::run);
+}
+
+#[test]
+fn ethercat_wire() {
+    replay("ethercat_wire", ethercat_wire::run);
 }
 
 #[test]
