@@ -1,6 +1,6 @@
 // Builds ../dist from src: a page, a style sheet, modules. The same sources give the same octets.
 import { build } from "esbuild";
-import { cpSync, mkdirSync, readFileSync, rmSync, writeFileSync } from "node:fs";
+import { cpSync, mkdirSync, readFileSync, readdirSync, rmSync, writeFileSync } from "node:fs";
 
 const out = process.argv[2] ?? "../dist";
 rmSync(out, { recursive: true, force: true });
@@ -21,6 +21,8 @@ await build({
 });
 cpSync("src/index.html", `${out}/index.html`);
 cpSync("src/icon.svg", `${out}/icon.svg`);
+const pictures = new URL("../../docs/pictures/", import.meta.url);
+for (const name of readdirSync(pictures)) if (/^probe-.*\.svg$/.test(name)) cpSync(new URL(name, pictures), `${out}/${name}`);
 
 // The licences of what is in there, as their packages have them.
 const lock = JSON.parse(readFileSync("package-lock.json", "utf8"));

@@ -2,7 +2,11 @@ import { render } from "preact";
 import { useState } from "preact/hooks";
 import { language, t } from "./i18n";
 import { listenToKeys } from "./keys";
+import { Bus } from "./pages/bus";
+import { Machine } from "./pages/machine";
 import { Operate } from "./pages/operate";
+import { Programs } from "./pages/programs";
+import { Setup } from "./pages/setup";
 import { PAGES, type Page, usePage } from "./route";
 import { Actions, Banners, chosenTheme, StateBar, Toasts, ToolDialogue } from "./shell";
 import { connect } from "./store";
@@ -10,6 +14,10 @@ import { Icon } from "./ui";
 
 const VIEWS: Partial<Record<Page, () => preact.JSX.Element>> = {
   operate: Operate,
+  setup: Setup,
+  programs: Programs,
+  bus: Bus,
+  machine: Machine,
 };
 
 function App() {

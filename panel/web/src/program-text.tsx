@@ -1,6 +1,7 @@
 /** The text of the program around the line that runs. Of long programs only what is shown is fetched. */
 import { useEffect, useRef, useState } from "preact/hooks";
 import { t } from "./i18n";
+import { ownText } from "./own-text";
 import { ask, getStore, useStatus, useStore } from "./store";
 import { Button } from "./ui";
 
@@ -42,10 +43,13 @@ export function ProgramText({ follow, onPick, picked }: { follow?: boolean; onPi
   const [rows, setRows] = useState(8);
   const [first, setFirst] = useState<number | null>(null);
   const [, setTold] = useState(0);
-  const known = useStore((s) => s.methods.has("program.text"));
+  const asks = useStore((s) => s.methods.has("program.text"));
+  const name = useStatus((s) => s.program?.name ?? "") ?? "";
   const key = useStatus((s) => (s.program ? JSON.stringify([s.program.name, s.program.lines, s.program.revision]) : "")) ?? "";
   const total = useStatus((s) => s.program?.lines ?? 0) ?? 0;
   const current = useStatus((s) => (s.program && s.mode === "auto" && s.activity !== "idle" ? s.line : 0)) ?? 0;
+  const own = asks ? null : ownText(name, total);
+  const known = asks || own !== null;
   useEffect(() => {
     const observer = new ResizeObserver(([entry]) => setRows(Math.max(3, Math.floor(entry!.contentRect.height / ROW_PX))));
     observer.observe(element.current!);
@@ -55,8 +59,8 @@ export function ProgramText({ follow, onPick, picked }: { follow?: boolean; onPi
   const limit = (line: number) => Math.max(1, Math.min(total - rows + 2, line));
   const top = first ?? limit(follow ? current - Math.floor(rows / 3) : 1);
   useEffect(() => {
-    if (known && key) fetchLines(key, top, () => setTold((n) => n + 1));
-  }, [known, key, top, rows]);
+    if (asks && key) fetchLines(key, top, () => setTold((n) => n + 1));
+  }, [asks, key, top, rows]);
   const scroll = (lines: number) => setFirst(limit(top + lines));
   const drag = useRef<number | null>(null);
   const shown = key && known && getStore().status ? Array.from({ length: Math.min(rows, total - top + 1) }, (_, i) => top + i) : [];
@@ -97,7 +101,7 @@ export function ProgramText({ follow, onPick, picked }: { follow?: boolean; onPi
             onClick={onPick && (() => onPick(line))}
           >
             <span>{line}</span>
-            <code>{text.key === key ? (text.lines.get(line) ?? "") : ""}</code>
+            <code>{own ? own[line - 1] : text.key === key ? text.lines.get(line) : ""}</code>
           </li>
         ))}
         {key && !known && (

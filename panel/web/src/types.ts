@@ -42,6 +42,7 @@ export interface Control {
 export interface Status {
   api: string;
   version: string;
+  pid: number;
   machine: string;
   file: string;
   state: string;

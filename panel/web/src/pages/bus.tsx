@@ -1,0 +1,233 @@
+/** The network: who is there, how each node is, why; objects by SDO; what the cycle has left of its time. */
+import { useEffect, useState } from "preact/hooks";
+import { fixed, t } from "../i18n";
+import { ask, connection, order, useStatus, useStore } from "../store";
+import { Button, Card, Choice, Field, Icon } from "../ui";
+
+interface Node {
+  id: number;
+  name: string;
+  profile: string;
+  mandatory?: boolean;
+  live: {
+    nmt_state: string;
+    operational: boolean;
+    stage: string;
+    why: string | null;
+    lost: number;
+    late: number;
+    lost_in_row_max: number;
+    polls: number;
+    response_max_us: number;
+    boots: number;
+    errors_total: number;
+    last_fault: string | null;
+  } | null;
+}
+
+interface Network {
+  interface: string;
+  cycle_us: number;
+  budget: { part: string; node: number | null; wire_us: number; worst_us: number }[];
+  live: { nmt_state: string; why: string | null; cycles: number; cycles_skipped: number; cycles_overrun: number; bad_frames: number; async_timeouts: number } | null;
+  nodes: Node[];
+}
+
+function useNetwork(): [Network | null, string] {
+  const [network, setNetwork] = useState<Network | null>(null);
+  const [error, setError] = useState("");
+  useEffect(() => {
+    const fetch = () =>
+      connection.call<Network>("bus.network").then(
+        (answer) => {
+          setNetwork(answer);
+          setError("");
+        },
+        (refused: Error) => setError(refused.message),
+      );
+    void fetch();
+    const timer = setInterval(fetch, 1000);
+    return () => clearInterval(timer);
+  }, []);
+  return [network, error];
+}
+
+function NodeCard({ node, chosen, onChoose }: { node: Node; chosen: boolean; onChoose: () => void }) {
+  const { live } = node;
+  return (
+    <li class={live?.operational ? "node good" : "node bad"}>
+      <button type="button" aria-pressed={chosen} data-testid={`node-${node.id}`} onClick={onChoose}>
+        <Icon name={live?.operational ? "check" : "warning"} />
+        <b>{node.name}</b>
+        <span class="muted">
+          {t("node")} {node.id} · {node.profile}
+        </span>
+        <strong>{live?.nmt_state ?? "–"}</strong>
+        {live?.why && <em>{live.why}</em>}
+        {live && (
+          <small>
+            {t("lost")} {live.lost} · {t("late")} {live.late} · {t("slowest")} {fixed(live.response_max_us, 1)} µs
+          </small>
+        )}
+      </button>
+    </li>
+  );
+}
+
+/** Octets of an object as numbers: the little end comes first. */
+function meaning(hex: string): string {
+  const octets = hex.match(/../g)?.map((two) => parseInt(two, 16)) ?? [];
+  if (octets.length === 0 || octets.length > 4) return hex;
+  const value = octets.reduceRight((sum, octet) => sum * 256 + octet, 0);
+  const signed = value >= 2 ** (8 * octets.length - 1) ? value - 2 ** (8 * octets.length) : value;
+  return `${value}${signed === value ? "" : ` (${signed})`} = 0x${value.toString(16).toUpperCase().padStart(2 * octets.length, "0")}`;
+}
+
+/** States of CiA 402 by the bits of the statusword 6041h that tell them. */
+const STATES: [number, number, string][] = [
+  [0x4f, 0x00, "NOT READY TO SWITCH ON"],
+  [0x4f, 0x40, "SWITCH ON DISABLED"],
+  [0x6f, 0x21, "READY TO SWITCH ON"],
+  [0x6f, 0x23, "SWITCHED ON"],
+  [0x6f, 0x27, "OPERATION ENABLED"],
+  [0x6f, 0x07, "QUICK STOP ACTIVE"],
+  [0x4f, 0x0f, "FAULT REACTION ACTIVE"],
+  [0x4f, 0x08, "FAULT"],
+];
+
+function Objects({ node }: { node: Node }) {
+  const [index, setIndex] = useState("6041");
+  const [sub, setSub] = useState("0");
+  const [value, setValue] = useState("");
+  const [read, setRead] = useState<string | null>(null);
+  const [drive, setDrive] = useState<string | null>(null);
+  const object = { node: node.id, index: parseInt(index, 16), sub: Number(sub) };
+  const sound = Number.isInteger(object.index) && object.index > 0 && object.index <= 0xffff && Number.isInteger(object.sub) && object.sub < 256;
+  useEffect(() => {
+    setRead(null);
+    setDrive(null);
+    if (node.profile !== "drive") return;
+    const word = (index: number) => ask<{ value: string }>("bus.sdo_read", { node: node.id, index, sub: 0 }).then(({ value }) => parseInt(value.match(/../g)!.reverse().join(""), 16));
+    word(0x6041).then(
+      (status) => setDrive(STATES.find(([mask, bits]) => (status & mask) === bits)?.[2] ?? ""),
+      () => setDrive(null),
+    );
+  }, [node.id, node.live?.operational]);
+  return (
+    <Card title={`${node.name}: ${t("objects")}`}>
+      {drive !== null && (
+        <ol class="states402" aria-label="CiA 402">
+          {STATES.map(([, , name]) => (
+            <li key={name} aria-current={name === drive ? "step" : undefined}>
+              {name}
+            </li>
+          ))}
+        </ol>
+      )}
+      <div class="row">
+        <Field id="sdo-index" label={`${t("index")} (hex)`} value={index} onInput={setIndex} />
+        <Field id="sdo-sub" label={t("sub-index")} value={sub} onInput={setSub} numeric />
+        <Button id="sdo-read" label={t("read")} disabled={!sound} onClick={() => void order<{ value: string }>("bus.sdo_read", object).then((answer) => answer && setRead(answer.value))} />
+      </div>
+      {read !== null && (
+        <p data-testid="sdo-value" class="strong">
+          {meaning(read)} <code>{read}</code>
+        </p>
+      )}
+      <div class="row">
+        <Field label={t("octets-hex")} value={value} onInput={setValue} />
+        <Button kind="warn" label={t("write")} disabled={!sound || !/^([0-9a-f]{2})+$/i.test(value)} onClick={() => void order("bus.sdo_write", { ...object, value })} />
+      </div>
+    </Card>
+  );
+}
+
+function Time({ network }: { network: Network }) {
+  const late = useStatus((s) => s.late_max_us) ?? 0;
+  const used = network.budget.reduce((sum, part) => sum + part.worst_us, 0);
+  return (
+    <Card title={t("time-budget", { us: network.cycle_us })}>
+      <ul class="budget">
+        {network.budget.map((part, i) => (
+          <li key={i}>
+            <span>{part.node === null ? part.part : (network.nodes.find((node) => node.id === part.node)?.name ?? part.part)}</span>
+            <span class="bar-track">
+              <i style={{ width: `${(100 * part.worst_us) / network.cycle_us}%` }} />
+            </span>
+            <span>{fixed(part.worst_us, 1)} µs</span>
+          </li>
+        ))}
+        <li class="strong">
+          <span>{t("sum")}</span>
+          <span />
+          <span>
+            {fixed(used, 1)} µs ({fixed((100 * used) / network.cycle_us, 0)} %)
+          </span>
+        </li>
+      </ul>
+      <dl class="facts">
+        <div>
+          <dt>{t("cycles")}</dt>
+          <dd>{network.live?.cycles ?? "–"}</dd>
+        </div>
+        <div>
+          <dt>{t("cycles-skipped")}</dt>
+          <dd>{network.live?.cycles_skipped ?? "–"}</dd>
+        </div>
+        <div>
+          <dt>{t("late-max")}</dt>
+          <dd>{fixed(late, 1)} µs</dd>
+        </div>
+        <div>
+          <dt>{t("bad-frames")}</dt>
+          <dd>{network.live?.bad_frames ?? "–"}</dd>
+        </div>
+      </dl>
+    </Card>
+  );
+}
+
+export function Bus() {
+  const [network, error] = useNetwork();
+  const [chosen, setChosen] = useState<number | null>(null);
+  const [part, setPart] = useState<"objects" | "time">("time");
+  const connected = useStore((s) => s.connected);
+  const node = network?.nodes.find((one) => one.id === chosen);
+  return (
+    <div class="page two" data-testid="bus">
+      <div class="column">
+        <Card title={network ? `${network.interface}: ${network.live?.nmt_state ?? ""}` : t("page-bus")}>
+          {error && connected && <p class="muted">{error}</p>}
+          {network?.live?.why && <p class="strong">{network.live.why}</p>}
+          <ul class="nodes">
+            {network?.nodes.map((one) => (
+              <NodeCard
+                key={one.id}
+                node={one}
+                chosen={one.id === chosen}
+                onChoose={() => {
+                  setChosen(one.id);
+                  setPart("objects");
+                }}
+              />
+            ))}
+          </ul>
+        </Card>
+      </div>
+      <div class="column">
+        {node && (
+          <Choice
+            label={t("page-bus")}
+            value={part}
+            options={[
+              { value: "objects", label: t("objects") },
+              { value: "time", label: t("time") },
+            ]}
+            onChange={setPart}
+          />
+        )}
+        {node && part === "objects" ? <Objects node={node} /> : network && <Time network={network} />}
+      </div>
+    </div>
+  );
+}

@@ -1,0 +1,263 @@
+/** Programs: sent, looked at, started with settings; parts, and what was run. */
+import { useEffect, useRef, useState } from "preact/hooks";
+import { dateAndTime, duration, fixed, parseNumber, t } from "../i18n";
+import { keepText } from "../own-text";
+import { PathView } from "../path/path-view";
+import { ProgramText } from "../program-text";
+import { startProgram, startWith } from "../shell";
+import { ask, authorised, order, say, tellRefused, useStatus, useStore } from "../store";
+import type { Entry } from "../types";
+import { Button, Card, Dialog, Field } from "../ui";
+
+interface Outlook {
+  program: string;
+  lines: number;
+  planned_time_s: number;
+  warning: string | null;
+}
+
+/** Sends a program in parts, and has it checked. */
+async function send(file: File, told: (share: number) => void): Promise<void> {
+  const octets = new Uint8Array(await file.arrayBuffer());
+  const text = new TextDecoder().decode(octets);
+  let outlook: Outlook;
+  if (crypto.subtle) {
+    const { upload, part_octets } = await ask<{ upload: number; part_octets: number }>("program.upload.begin", { name: file.name, octets: octets.length });
+    for (let at = 0; at < octets.length; at += part_octets) {
+      const part = octets.subarray(at, at + part_octets);
+      await ask("program.upload.append", { upload, at, value: hex(part) });
+      told((at + part.length) / octets.length);
+    }
+    await ask("program.upload.commit", { upload, sha256: hex(new Uint8Array(await crypto.subtle.digest("SHA-256", octets))) });
+    outlook = await ask<Outlook>("program.load", { upload });
+  } else {
+    // Outside of a secure context (http in a network) a browser computes no checksum.
+    outlook = await ask<Outlook>("program.load", { name: file.name, text });
+  }
+  keepText(outlook.program, text);
+  say("note", t("loaded", { name: outlook.program, time: duration(outlook.planned_time_s) }) + (outlook.warning ? ` ${outlook.warning}` : ""));
+}
+
+const hex = (octets: Uint8Array) => Array.from(octets, (octet) => octet.toString(16).padStart(2, "0")).join("");
+
+function Upload() {
+  const input = useRef<HTMLInputElement>(null);
+  const [share, setShare] = useState<number | null>(null);
+  const [over, setOver] = useState(false);
+  const take = async (files: FileList | null | undefined) => {
+    const file = files?.[0];
+    if (!file) return;
+    setShare(0);
+    await send(file, setShare).catch(tellRefused);
+    setShare(null);
+  };
+  return (
+    <div
+      class={over ? "drop over" : "drop"}
+      onDragOver={(event) => {
+        event.preventDefault();
+        setOver(true);
+      }}
+      onDragLeave={() => setOver(false)}
+      onDrop={(event) => {
+        event.preventDefault();
+        setOver(false);
+        void take(event.dataTransfer?.files);
+      }}
+    >
+      <input
+        ref={input}
+        type="file"
+        class="hidden"
+        data-testid="upload"
+        aria-label={t("upload")}
+        tabIndex={-1}
+        onChange={(event) => {
+          void take(event.currentTarget.files);
+          event.currentTarget.value = "";
+        }}
+      />
+      <Button id="upload-button" kind="go tall" icon="upload" label={share === null ? t("upload") : `${Math.round(100 * share)} %`} onClick={() => input.current?.click()} />
+      <p class="muted">{t("upload-drag")}</p>
+    </div>
+  );
+}
+
+interface StoredFile {
+  name: string;
+  octets: number;
+  modified_unix_s: number;
+}
+
+/** Programs that the control keeps, where its panel has a folder for them. */
+function Files() {
+  const [files, setFiles] = useState<StoredFile[] | null>(null);
+  const takes = useStore((s) => s.methods.has("program.text"));
+  useEffect(() => {
+    if (!takes) return;
+    fetch("files/", { headers: authorised() })
+      .then((answer) => (answer.ok ? answer.json() : { files: null }))
+      .then(({ files }) => setFiles(files), () => setFiles(null));
+  }, [takes]);
+  if (!files?.length) return null;
+  return (
+    <ul class="files" aria-label={t("files")}>
+      {files.map((file) => (
+        <li key={file.name}>
+          <button type="button" class="button line" onClick={() => void order("program.load", { file: file.name })}>
+            <b>{file.name}</b>
+            <small>
+              {fixed(file.octets / 1000, 1)} kB · {dateAndTime(file.modified_unix_s)}
+            </small>
+          </button>
+        </li>
+      ))}
+    </ul>
+  );
+}
+
+function StartSettings({ picked }: { picked: number | null }) {
+  const [repeat, setRepeat] = useState(String(startWith.repeat));
+  const [dry, setDry] = useState(startWith.dry_run_feed_mm_min === null ? "" : String(startWith.dry_run_feed_mm_min));
+  const [means, setMeans] = useState<string | null>(null);
+  const program = useStatus((s) => s.program);
+  const fromLine = async () => {
+    try {
+      await ask("program.start", { from_line: picked });
+    } catch (error) {
+      setMeans((error as Error).message);
+    }
+  };
+  if (!program) return null;
+  return (
+    <Card title={t("start-settings")}>
+      <div class="row">
+        <Field
+          numeric
+          label={t("repeat")}
+          value={repeat}
+          onInput={(text) => {
+            setRepeat(text);
+            const n = parseNumber(text);
+            startWith.repeat = Number.isInteger(n) && n > 0 ? n : 1;
+          }}
+        />
+        <Field
+          numeric
+          label={t("dry-run-feed")}
+          value={dry}
+          onInput={(text) => {
+            setDry(text);
+            const feed = parseNumber(text);
+            startWith.dry_run_feed_mm_min = feed > 0 ? feed : null;
+          }}
+        />
+        <Button id="from-line" icon="start" dim={picked === null} label={picked === null ? t("pick-line") : t("from-line", { line: picked })} onClick={() => picked !== null && void fromLine()} />
+      </div>
+      {means !== null && picked !== null && (
+        <Dialog id="from-line-dialogue" title={t("from-line", { line: picked })} onClose={() => setMeans(null)}>
+          <ul class="means">
+            {means.split("\n").map((line, i) => (
+              <li key={i}>{line}</li>
+            ))}
+          </ul>
+          <footer>
+            <Button id="from-line-yes" kind="go tall" icon="start" label={t("start")} onClick={() => void startProgram(picked, true).then(() => setMeans(null))} />
+          </footer>
+        </Dialog>
+      )}
+    </Card>
+  );
+}
+
+function Parts() {
+  const parts = useStatus((s) => s.parts);
+  const [target, setTarget] = useState("");
+  if (!parts) return null;
+  const wanted = parseNumber(target);
+  return (
+    <Card title={t("parts")}>
+      <div class="row">
+        <p class="count">
+          <b>{parts.count}</b>
+          {parts.target ? ` ${t("of")} ${parts.target}` : ""}
+        </p>
+        <Button label={t("parts-zero")} onClick={() => void order("parts.set", { count: 0 })} />
+        <Field numeric label={t("parts-target")} value={target} onInput={setTarget} />
+        <Button label={t("set")} disabled={!Number.isInteger(wanted)} onClick={() => void order("parts.set", { target: wanted })} />
+      </div>
+    </Card>
+  );
+}
+
+function Reports() {
+  const [runs, setRuns] = useState<Entry[]>([]);
+  const [report, setReport] = useState<Record<string, unknown> | null>(null);
+  const last = useStatus((s) => JSON.stringify([s.activity, s.last_program]));
+  useEffect(() => {
+    void ask<{ entries: Entry[] }>("journal.since", { seq: 0 }).then(({ entries }) => setRuns(entries.filter((entry) => entry.program?.result).slice(-12).reverse()), tellRefused);
+  }, [last]);
+  if (!runs.length) return null;
+  return (
+    <Card title={t("reports")}>
+      <ul class="files">
+        {runs.map((entry) => (
+          <li key={entry.seq}>
+            <button
+              type="button"
+              class="button line"
+              disabled={entry.program!.report === null}
+              onClick={() => void order<Record<string, unknown>>("program.report", { number: entry.program!.report }).then((answer) => answer && setReport(answer))}
+            >
+              <b>{entry.program!.name}</b>
+              <small>
+                {dateAndTime(entry.unix_s)} · {entry.program!.result} · {duration(entry.program!.took_s ?? 0)}
+              </small>
+            </button>
+          </li>
+        ))}
+      </ul>
+      {report && (
+        <Dialog title={String(report["program"])} onClose={() => setReport(null)}>
+          <dl class="facts">
+            {Object.entries(report)
+              .filter(([, value]) => typeof value === "string" || typeof value === "number")
+              .map(([name, value]) => (
+                <div key={name}>
+                  <dt>{name.replaceAll("_", " ")}</dt>
+                  <dd>{typeof value === "number" ? String(Math.round(value * 1e4) / 1e4) : String(value)}</dd>
+                </div>
+              ))}
+          </dl>
+        </Dialog>
+      )}
+    </Card>
+  );
+}
+
+export function Programs() {
+  const program = useStatus((s) => s.program);
+  const [picked, setPicked] = useState<number | null>(null);
+  useEffect(() => setPicked(null), [program?.name]);
+  return (
+    <div class="page programs">
+      <div class="column">
+        <Card title={t("page-programs")}>
+          <Upload />
+          <Files />
+        </Card>
+        <Card kind="program" id="program" label={t("program")} title={program?.name ?? t("no-program")} tools={program && <span class="muted">{t("lines", { n: program.lines })} · {duration(program.planned_time_s)}</span>}>
+          <ProgramText onPick={setPicked} picked={picked ?? undefined} />
+        </Card>
+      </div>
+      <div class="column">
+        <Card kind="path-card">
+          <PathView />
+        </Card>
+        <StartSettings picked={picked} />
+        <Parts />
+        <Reports />
+      </div>
+    </div>
+  );
+}

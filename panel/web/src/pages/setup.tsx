@@ -1,0 +1,494 @@
+/** Jogging, MDI, zero points, tools, probing, spindle and coolant by hand. */
+import { useEffect, useState } from "preact/hooks";
+import { type Key, fixed, parseNumber, t } from "../i18n";
+import { press, release, step } from "../jog";
+import { SPEEDS_PERCENT, STEPS_MM, jogSettings } from "../jog-settings";
+import { refuses } from "../orders";
+import { useSmall } from "../hooks";
+import { ask, order, say, tellRefused, useStatus } from "../store";
+import { LETTERS, type Status } from "../types";
+import { Button, Card, Choice, Dialog, Field } from "../ui";
+import { Dro } from "./operate";
+
+// ------------------------------------------------------------------------------------------------ jog
+
+/** Directions of a button, and where it is in the cross. */
+const CROSS: [string, [string, 1 | -1][]][] = [
+  ["↖", [["X", -1], ["Y", 1]]],
+  ["Y+", [["Y", 1]]],
+  ["↗", [["X", 1], ["Y", 1]]],
+  ["Z+", [["Z", 1]]],
+  ["X−", [["X", -1]]],
+  ["", []],
+  ["X+", [["X", 1]]],
+  ["", []],
+  ["↙", [["X", -1], ["Y", -1]]],
+  ["Y−", [["Y", -1]]],
+  ["↘", [["X", 1], ["Y", -1]]],
+  ["Z−", [["Z", -1]]],
+];
+
+function JogButton({ label, moves, fast }: { label: string; moves: [string, 1 | -1][]; fast?: boolean }) {
+  const axes = useStatus((s) => s.axes.map((axis) => axis.axis)) ?? [];
+  const dim = useStatus((s) => refuses(s, "jog")) ?? true;
+  if (!moves.length || !moves.every(([axis]) => axes.includes(axis))) return <span aria-hidden="true" />;
+  const name = moves.map(([axis, sign]) => `${axis.toLowerCase()}-${sign > 0 ? "plus" : "minus"}`).join("-");
+  const begin = () => {
+    const speeds = moves.map(([axis, sign]) => ({ what: jogSettings.what(axis), velocity_mm_s: sign * jogSettings.speed(axis, fast ?? false) }));
+    if (jogSettings.step_mm === 0) press(speeds);
+    else for (const { what, velocity_mm_s } of speeds) step(what, Math.sign(velocity_mm_s) * jogSettings.step_mm, Math.abs(velocity_mm_s));
+  };
+  const end = () => release();
+  return (
+    <button
+      type="button"
+      class={`button jog${dim ? " dim" : ""}`}
+      data-testid={`jog-${name}`}
+      aria-label={`${t("jog")} ${moves.map(([axis, sign]) => `${axis}${sign > 0 ? "+" : "−"}`).join(" ")}`}
+      onPointerDown={(event) => {
+        if (event.button !== 0) return;
+        event.currentTarget.setPointerCapture(event.pointerId);
+        begin();
+      }}
+      onPointerUp={end}
+      onPointerCancel={end}
+      onLostPointerCapture={end}
+      onContextMenu={(event) => event.preventDefault()}
+      onBlur={end}
+      onKeyDown={(event) => {
+        if (event.key !== " " && event.key !== "Enter") return;
+        event.preventDefault();
+        event.stopPropagation();
+        if (!event.repeat) begin();
+      }}
+      onKeyUp={end}
+    >
+      {label}
+    </button>
+  );
+}
+
+function Jog() {
+  const [, setChanged] = useState(0);
+  const small = useSmall();
+  const rest = useStatus((s) => s.axes.filter((axis) => !"XYZ".includes(axis.axis)).map((axis) => axis.axis)) ?? [];
+  const place = useStatus((s) => s.axes.map((axis) => `${axis.axis} ${fixed(workOf(s, axis.axis), 3)}`).join("   "));
+  const change = (values: Partial<typeof jogSettings>) => {
+    release();
+    Object.assign(jogSettings, values);
+    setChanged((n) => n + 1);
+  };
+  return (
+    <Card kind="jog-card" label={t("jog")}>
+      {small && <p class="place">{place}</p>}
+      <div class="cross">
+        {CROSS.map(([label, moves], i) => (
+          <JogButton key={i} label={label} moves={moves} />
+        ))}
+      </div>
+      {rest.map((axis) => (
+        <div class="rotary" key={axis}>
+          <JogButton label={`${axis}−`} moves={[[axis, -1]]} />
+          <JogButton label={`${axis}+`} moves={[[axis, 1]]} />
+        </div>
+      ))}
+      <Choice
+        label={t("step")}
+        value={jogSettings.step_mm}
+        options={STEPS_MM.map((value) => ({ value, label: value ? String(value) : t("hold-to-move"), id: `step-${value}` }))}
+        onChange={(step_mm) => change({ step_mm })}
+      />
+      <Choice
+        label={t("jog-speed")}
+        value={jogSettings.percent}
+        options={SPEEDS_PERCENT.map((value) => ({ value, label: `${value} %` }))}
+        onChange={(percent) => change({ percent })}
+      />
+    </Card>
+  );
+}
+
+function workOf(s: Status, letter: string): number {
+  const i = LETTERS.indexOf(letter);
+  return (s.position_mm[i] ?? 0) - (s.work_offset_mm[i] ?? 0);
+}
+
+// ------------------------------------------------------------------------------------------------ parts
+
+function Home() {
+  const joints = useStatus((s) => s.axes.flatMap((axis) => axis.joints.map((joint) => ({ joint, axis: axis.axis, homed: s.homed.includes(joint) })))) ?? [];
+  const dim = useStatus((s) => refuses(s, "home")) ?? true;
+  return (
+    <Card title={t("homing")}>
+      <div class="row">
+        <Button id="home-all" kind="go tall" icon="home" dim={dim} label={t("home-all")} onClick={() => void order("home")} />
+        {joints.map(({ joint, axis, homed }) => (
+          <Button key={joint} id={`home-${joint}`} icon={homed ? "check" : "home"} dim={dim} label={`${axis} (${joint})`} onClick={() => void order("home", { joints: [joint] })} />
+        ))}
+      </div>
+    </Card>
+  );
+}
+
+function Mdi() {
+  const [line, setLine] = useState("");
+  const [history, setHistory] = useState<string[]>([]);
+  const waiting = useStatus((s) => s.mdi) ?? [];
+  const codes = useStatus((s) => s.codes) ?? [];
+  const fetch = () => ask<{ lines: string[] }>("mdi.history").then(({ lines }) => setHistory(lines.slice(-30).reverse()), tellRefused);
+  useEffect(() => void fetch(), []);
+  const send = async () => {
+    if (!line.trim()) return;
+    if ((await order("mdi", { line })) === undefined) return;
+    setLine("");
+    void fetch();
+  };
+  return (
+    <Card title="MDI" kind="mdi">
+      <div class="row wide">
+        <Field id="mdi" label={t("mdi-line")} value={line} onInput={setLine} onEnter={() => void send()} />
+        <Button id="mdi-send" kind="go" icon="start" label={t("run")} onClick={() => void send()} />
+      </div>
+      {waiting.length > 0 && (
+        <p class="muted">
+          {t("queue")}: {waiting.join(" · ")}
+        </p>
+      )}
+      <p class="codes">
+        {codes.map((code) => (
+          <code key={code}>{code}</code>
+        ))}
+      </p>
+      <ul class="history" aria-label={t("history")}>
+        {history.map((one, i) => (
+          <li key={i}>
+            <button type="button" class="button small line" onClick={() => setLine(one)}>
+              <code>{one}</code>
+            </button>
+          </li>
+        ))}
+      </ul>
+    </Card>
+  );
+}
+
+interface Systems {
+  unit: string;
+  g92: Record<string, number>;
+  g92_active: boolean;
+  systems: { system: string; active: boolean; origin: Record<string, number>; rotation_degrees: number }[];
+}
+
+function useOffsets(): [Systems | null, () => void] {
+  const [systems, setSystems] = useState<Systems | null>(null);
+  const key = useStatus((s) => JSON.stringify([s.work_offset_mm, s.work_rotation_degrees]));
+  const fetch = () => void ask<Systems>("offset.list").then(setSystems, tellRefused);
+  useEffect(fetch, [key]);
+  return [systems, fetch];
+}
+
+function TouchOff() {
+  const axes = useStatus((s) => s.axes) ?? [];
+  const dim = useStatus((s) => refuses(s, "touch-off")) ?? true;
+  const [values, setValues] = useState<Record<string, string>>({});
+  const [systems, fetch] = useOffsets();
+  const active = systems?.systems.find((one) => one.active);
+  const plain = active && active.rotation_degrees === 0 && !systems!.g92_active;
+  const now = useStatus((s) => Object.fromEntries(s.axes.map((axis) => [axis.axis, workOf(s, axis.axis)]))) ?? {};
+  return (
+    <Card title={`${t("touch-off")} ${active?.system ?? ""}`}>
+      <p class="muted">{t("touch-off-explained")}</p>
+      <ul class="touch">
+        {axes.map(({ axis }) => {
+          const value = parseNumber(values[axis] ?? "0");
+          const shift = (now[axis] ?? 0) - value;
+          const origin = active?.origin[axis];
+          return (
+            <li key={axis}>
+              <Field numeric id={`touch-off-value-${axis.toLowerCase()}`} label={`${axis}, ${systems?.unit ?? ""}`} value={values[axis] ?? "0"} onInput={(text) => setValues({ ...values, [axis]: text })} />
+              <p class="preview">
+                {Number.isNaN(value) ? (
+                  t("no-number")
+                ) : (
+                  <>
+                    {axis}: {fixed(now[axis] ?? 0, 3)} → <b>{fixed(value, 3)}</b>
+                    {plain && origin !== undefined && (
+                      <small>
+                        {t("origin")}: {fixed(origin, 3)} → {fixed(origin + shift, 3)}
+                      </small>
+                    )}
+                  </>
+                )}
+              </p>
+              <Button
+                id={`touch-off-${axis.toLowerCase()}`}
+                label={t("set")}
+                kind="go"
+                dim={dim}
+                disabled={Number.isNaN(value)}
+                onClick={() =>
+                  void order<{ warning?: string }>("touch_off", { axis, value }).then((answer) => {
+                    if (answer?.warning) say("note", answer.warning);
+                    fetch();
+                  })
+                }
+              />
+            </li>
+          );
+        })}
+      </ul>
+    </Card>
+  );
+}
+
+/** Where a number is changed: which, and what it is now. */
+interface Edited {
+  title: string;
+  value: string;
+  set: (value: number) => Promise<unknown>;
+}
+
+function Edit({ edited, onClose }: { edited: Edited; onClose: () => void }) {
+  const [text, setText] = useState(edited.value);
+  const value = parseNumber(text);
+  const set = () => void edited.set(value).then((answer) => answer !== undefined && onClose());
+  return (
+    <Dialog title={edited.title} onClose={onClose}>
+      <Field numeric label={t("value")} value={text} onInput={setText} onEnter={set} id="edit-value" />
+      <footer>
+        <Button id="edit-set" kind="go" label={t("set")} disabled={Number.isNaN(value)} onClick={set} />
+      </footer>
+    </Dialog>
+  );
+}
+
+function Offsets() {
+  const [systems, fetch] = useOffsets();
+  const [edited, setEdited] = useState<Edited | null>(null);
+  const axes = useStatus((s) => s.axes.map((axis) => axis.axis)) ?? [];
+  const set = (params: Record<string, unknown>) => order("offset.set", params).then((answer) => (fetch(), answer));
+  return (
+    <Card title={`${t("offsets")}, ${systems?.unit ?? ""}`}>
+      <div class="scroll" tabIndex={0} role="group" aria-label={t("offsets")}>
+        <table class="grid">
+          <thead>
+            <tr>
+              <th scope="col">{t("system")}</th>
+              {axes.map((axis) => (
+                <th scope="col" key={axis}>
+                  {axis}
+                </th>
+              ))}
+              <th scope="col">{t("rotation")}</th>
+            </tr>
+          </thead>
+          <tbody>
+            {systems?.systems.map((one) => (
+              <tr key={one.system} class={one.active ? "active" : ""}>
+                <th scope="row">
+                  {one.system}
+                  {one.active && <small> {t("active")}</small>}
+                </th>
+                {axes.map((axis) => (
+                  <td key={axis}>
+                    <button
+                      type="button"
+                      onClick={() =>
+                        setEdited({ title: `${one.system} ${axis}`, value: fixed(one.origin[axis] ?? 0, 4), set: (value) => set({ system: one.system, axis, value }) })
+                      }
+                    >
+                      {fixed(one.origin[axis] ?? 0, 3)}
+                    </button>
+                  </td>
+                ))}
+                <td>
+                  <button
+                    type="button"
+                    onClick={() => setEdited({ title: `${one.system} ${t("rotation")}`, value: fixed(one.rotation_degrees, 4), set: (rotation_degrees) => set({ system: one.system, rotation_degrees }) })}
+                  >
+                    {fixed(one.rotation_degrees, 3)}°
+                  </button>
+                </td>
+              </tr>
+            ))}
+          </tbody>
+        </table>
+      </div>
+      {systems?.g92_active && <p class="tag">G92: {axes.map((axis) => `${axis} ${fixed(systems.g92[axis] ?? 0, 3)}`).join(", ")}</p>}
+      {edited && <Edit edited={edited} onClose={() => setEdited(null)} />}
+    </Card>
+  );
+}
+
+interface Tool {
+  tool: number;
+  pocket: number;
+  length: number;
+  diameter: number;
+  remark: string;
+}
+
+function Tools() {
+  const [tools, setTools] = useState<{ unit: string; in_spindle: number; tools: Tool[] } | null>(null);
+  const [number, setNumber] = useState("");
+  const [edited, setEdited] = useState<Edited | null>(null);
+  const now = useStatus((s) => s.tool) ?? 0;
+  const fetch = () => void ask<{ unit: string; in_spindle: number; tools: Tool[] }>("tool.list").then(setTools, tellRefused);
+  useEffect(fetch, [now]);
+  const set = (tool: number, what: "length" | "diameter") => (value: number) => order("tool.set", { tool, [what]: value }).then((answer) => (fetch(), answer));
+  const wanted = number === "" ? null : parseNumber(number);
+  const shown = tools?.tools.filter((one) => (wanted === null ? one.tool === now || one.length !== 0 || one.diameter !== 0 || tools.tools.length < 30 : one.tool === wanted)) ?? [];
+  return (
+    <Card title={`${t("tools")}, ${tools?.unit ?? ""}`}>
+      <div class="row wide">
+        <Field numeric label={t("tool-find")} value={number} onInput={setNumber} />
+        <p class="muted">{t("in-spindle", { tool: now ? `T${now}` : t("tool-none") })}</p>
+      </div>
+      <div class="scroll" tabIndex={0} role="group" aria-label={t("tools")}>
+        <table class="grid">
+          <thead>
+            <tr>
+              <th scope="col">T</th>
+              <th scope="col">{t("pocket")}</th>
+              <th scope="col">{t("length")}</th>
+              <th scope="col">{t("diameter")}</th>
+              <th scope="col">{t("remark")}</th>
+            </tr>
+          </thead>
+          <tbody>
+            {shown.map((one) => (
+              <tr key={one.tool} class={one.tool === now ? "active" : ""}>
+                <th scope="row">T{one.tool}</th>
+                <td>{one.pocket}</td>
+                {(["length", "diameter"] as const).map((what) => (
+                  <td key={what}>
+                    <button type="button" onClick={() => setEdited({ title: `T${one.tool} ${t(what)}`, value: fixed(one[what], 4), set: set(one.tool, what) })}>
+                      {fixed(one[what], 3)}
+                    </button>
+                  </td>
+                ))}
+                <td>{one.remark}</td>
+              </tr>
+            ))}
+          </tbody>
+        </table>
+      </div>
+      <p class="muted">{t("tool-g43")}</p>
+      {edited && <Edit edited={edited} onClose={() => setEdited(null)} />}
+    </Card>
+  );
+}
+
+/** Cycles of docs/probing.md and their arguments; `set` is the last of those that can set something. */
+const CYCLES: [string, string[]][] = [
+  ["surface", ["down", "set"]],
+  ["edge", ["x", "y", "set"]],
+  ["corner-outside", ["x", "y", "set"]],
+  ["corner-inside", ["x", "y", "set"]],
+  ["bore", ["diameter", "set"]],
+  ["boss", ["diameter", "depth", "set"]],
+  ["pocket", ["x", "y", "set"]],
+  ["block", ["x", "y", "depth", "set"]],
+  ["angle", ["x", "y", "along", "set"]],
+  ["calibrate", ["width", "set"]],
+  ["tool-length", ["set"]],
+  ["tool-check", ["most"]],
+];
+
+function Probing() {
+  const [cycle, setCycle] = useState<string | null>(null);
+  const chosen = CYCLES.find(([name]) => name === cycle);
+  return (
+    <Card title={t("probing")}>
+      <ul class="cycles">
+        {CYCLES.map(([name]) => (
+          <li key={name}>
+            <button type="button" class="button cycle" data-testid={`probe-${name}`} onClick={() => setCycle(name)}>
+              <img src={`probe-${name}.svg`} alt="" loading="lazy" />
+              <span>{t(`probe-${name}` as Key)}</span>
+            </button>
+          </li>
+        ))}
+      </ul>
+      {chosen && <ProbeForm key={chosen[0]} name={chosen[0]} args={chosen[1]} onClose={() => setCycle(null)} />}
+    </Card>
+  );
+}
+
+function ProbeForm({ name, args, onClose }: { name: string; args: string[]; onClose: () => void }) {
+  const [values, setValues] = useState<Record<string, string>>({});
+  const [sets, setSets] = useState<0 | 1>(0);
+  const numbers = args.map((arg) => (arg === "set" ? sets : parseNumber(values[arg] ?? "0")));
+  const line = `o<probe-${name}> call ${numbers.map((n) => `[${n}]`).join(" ")}`;
+  return (
+    <Dialog id="probe-form" title={t(`probe-${name}` as Key)} onClose={onClose}>
+      <img class="large" src={`probe-${name}.svg`} alt="" />
+      <div class="row">
+        {args.filter((arg) => arg !== "set").map((arg) => (
+          <Field key={arg} numeric label={t(`argument-${arg}` as Key)} value={values[arg] ?? "0"} onInput={(text) => setValues({ ...values, [arg]: text })} />
+        ))}
+      </div>
+      {args.includes("set") && (
+        <Choice label={t("set")} value={sets} options={[{ value: 0, label: t("only-measure") }, { value: 1, label: t("set-zero") }]} onChange={setSets} />
+      )}
+      <code>{line}</code>
+      <footer>
+        <Button id="probe-run" kind="go tall" icon="start" label={t("run")} disabled={numbers.some(Number.isNaN)} onClick={() => void order("mdi", { line }).then((answer) => answer !== undefined && onClose())} />
+      </footer>
+    </Dialog>
+  );
+}
+
+function Spindle() {
+  const [speed, setSpeed] = useState("1000");
+  const spindle = useStatus((s) => s.spindle);
+  const coolant = useStatus((s) => s.coolant);
+  const dim = useStatus((s) => refuses(s, "mdi")) ?? true;
+  const rpm = parseNumber(speed);
+  const mdi = (line: string) => () => void order("mdi", { line });
+  return (
+    <Card title={t("by-hand")}>
+      {spindle && (
+        <div class="row">
+          <Field numeric label={`${t("spindle")}, 1/min`} value={speed} onInput={setSpeed} />
+          <Button id="spindle-forward" dim={dim} label={`M3 ${t("forward")}`} disabled={Number.isNaN(rpm)} onClick={mdi(`M3 S${rpm}`)} />
+          <Button id="spindle-backward" dim={dim} label={`M4 ${t("backward")}`} disabled={Number.isNaN(rpm)} onClick={mdi(`M4 S${rpm}`)} />
+          <Button id="spindle-stop" dim={dim} label={`M5 ${t("stop")}`} onClick={mdi("M5")} />
+        </div>
+      )}
+      <div class="row">
+        <Button kind="toggle" pressed={coolant?.flood ?? false} dim={dim} label={`M8 ${t("flood")}`} onClick={mdi("M8")} />
+        <Button kind="toggle" pressed={coolant?.mist ?? false} dim={dim} label={`M7 ${t("mist")}`} onClick={mdi("M7")} />
+        <Button dim={dim} label={`M9 ${t("coolant-off")}`} onClick={mdi("M9")} />
+      </div>
+    </Card>
+  );
+}
+
+const PARTS = { "mdi-part": Mdi, "touch-off": TouchOff, offsets: Offsets, tools: Tools, probing: Probing } as const;
+
+export function Setup() {
+  const small = useSmall();
+  const [part, setPart] = useState<keyof typeof PARTS>("mdi-part");
+  const Part = PARTS[part];
+  return (
+    <div class="page setup">
+      <div class="column">
+        {!small && <Dro />}
+        <Jog />
+      </div>
+      <div class="column">
+        <Choice
+          label={t("page-setup")}
+          value={part}
+          options={(Object.keys(PARTS) as (keyof typeof PARTS)[]).map((value) => ({ value, label: t(value), id: `part-${value}` }))}
+          onChange={setPart}
+        />
+        {part === "mdi-part" && <Home />}
+        <Part />
+        {part === "mdi-part" && <Spindle />}
+      </div>
+    </div>
+  );
+}
+
