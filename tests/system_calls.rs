@@ -83,9 +83,9 @@ fn main() {
     std::fs::write(&program, PROGRAM).expect("our folder");
 
     let _simulated = Running::start(&["simulate", path(&machine), "--interface", "plk1"], true);
-    let out = folder.path().join("out");
-    let control = Running::start(&["run", path(&machine), path(&program), "--out", path(&out)], false);
-    wait_for_motion(&name);
+    // In stand-by: on a busy PC the machine may stop with an alarm meanwhile, and its threads go on all the same.
+    let control = Running::start(&["run", path(&machine)], false);
+    set_in_motion(&name, &program);
 
     let tid = thread(control.pid(), "rt-cycle").expect("the cycle thread");
     let Some(calls) = trace(tid, |calls| calls.iter().filter(|call| call.is_soc()).count() > CYCLES) else {
@@ -306,10 +306,18 @@ fn thread(process: u32, name: &str) -> Option<Pid> {
 }
 
 /// Waits until the program moves the machine.
-fn wait_for_motion(machine: &str) {
+/// Runs a program as soon as the machine stands by, and waits until it moves.
+fn set_in_motion(machine: &str, program: &Path) {
     let give_up = Instant::now() + PATIENCE;
     let running = (State::Running as u32).to_string();
+    let order = ["program", "run", path(program), "--no-wait", "--machine", machine];
+    let mut is_ordered = false;
     loop {
+        if !is_ordered {
+            let mut isocnc = Command::new(env!("CARGO_BIN_EXE_isocnc"));
+            let said = isocnc.args(order).output().expect("the binary runs");
+            is_ordered = said.status.success();
+        }
         let state = Attached::attach(machine).and_then(|pins| pins.get("motion.machine-state"));
         if state.is_ok_and(|pin| pin.value.to_string() == running) {
             return;

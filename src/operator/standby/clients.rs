@@ -95,6 +95,8 @@ pub(in crate::operator) struct Clients<'scope, 'env> {
     is_planning: bool,
     /// Who has changed what the machine remembers, and hears once that is on the disk.
     unsettled: Vec<(Ticket, Unsettled)>,
+    /// Orders that came before the cycle had taken the one in front of them.
+    early: VecDeque<(Ticket, Order)>,
     /// Ways of programs that are being drawn.
     drawn: Vec<(Cancel, ScopedJoinHandle<'scope, ()>)>,
     /// The last job has ended, and counts once what came of it is on the disk.
@@ -156,6 +158,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             switched_off: [0; 2],
             is_planning: false,
             unsettled: Vec::new(),
+            early: VecDeque::new(),
             drawn: Vec::new(),
             ended: None,
         }
@@ -196,7 +199,8 @@ impl<'scope, 'env> Clients<'scope, 'env> {
     }
 
     fn refuse_queue(&mut self, why: &str) {
-        for (ticket, _) in self.mdi.drain(..) {
+        let early = self.early.drain(..).map(|(ticket, _)| ticket);
+        for ticket in self.mdi.drain(..).map(|(ticket, _)| ticket).chain(early) {
             self.inbox.answer(ticket, Err(RpcError::new(code::REFUSED, why)));
         }
     }
@@ -225,7 +229,12 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         // Orders first: a stop reaches a program that would begin in this turn.
         let mut answers = Vec::new();
         self.follow_pins(operator, keeper);
-        while let Some((ticket, order)) = self.inbox.take() {
+        let mut early = std::mem::take(&mut self.early);
+        while let Some((ticket, order)) = early.pop_front().or_else(|| self.inbox.take()) {
+            if self.is_too_early(&order, operator) {
+                self.early.push_back((ticket, order));
+                continue;
+            }
             match order {
                 Order::Withdraw => {
                     self.withdraw(ticket);
@@ -533,6 +542,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
     /// A machine must not begin to move for somebody who has given up waiting for it.
     pub(super) fn withdraw(&mut self, ticket: Ticket) {
         self.mdi.retain(|(wanted, _)| *wanted != ticket);
+        self.early.retain(|(wanted, _)| *wanted != ticket);
         self.unsettled.retain(|(wanted, _)| *wanted != ticket);
         if let Some(checking) = &mut self.checking
             && checking.wanted == Some(ticket)
@@ -650,11 +660,21 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         }
     }
 
+    /// Whether nothing is under way but an order that the cycle has yet to take.
+    pub(super) fn is_settling(&self, operator: &Operator) -> bool {
+        let is_lost = operator.live().state == State::Silenced;
+        operator.step() == Step::StandBy && !self.is_planning && !operator.is_up_to_date() && !is_lost
+    }
+
+    /// Whether an order can be judged once the cycle has taken the one before it, within a cycle or two.
+    fn is_too_early(&self, order: &Order, operator: &Operator) -> bool {
+        self.is_settling(operator) && wish(order).is_some_and(|wish| self.may(wish, operator).is_err())
+    }
+
     pub(super) fn may(&self, wish: Wish, operator: &Operator) -> Result<(), String> {
         let mut condition = self.condition(operator);
         // Orders of a hand come faster than the cycle takes them; it looks itself whether each can be.
-        let is_settling = operator.step() == Step::StandBy && !self.is_planning && !operator.is_up_to_date();
-        if wish == Wish::Jog && is_settling {
+        if wish == Wish::Jog && self.is_settling(operator) {
             condition.activity = Activity::Jogging;
         }
         // That of a program that was wrong stops no drive.

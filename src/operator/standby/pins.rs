@@ -14,7 +14,10 @@ impl Clients<'_, '_> {
     pub(super) fn follow_pins(&mut self, operator: &mut Operator, keeper: &mut Keeper<'_, '_>) {
         let shared = operator.shared();
         let desk: &Desk = &shared.desk;
-        if let Some(on) = desk.take_block_delete() {
+        // One that comes right behind another order waits until the cycle has taken that.
+        if !self.is_settling(operator)
+            && let Some(on) = desk.take_block_delete()
+        {
             match self.may(Wish::BlockDelete, operator) {
                 Ok(()) => {
                     lock(self.tables).block_delete = on;

@@ -159,8 +159,12 @@ fn jogs_that_come_in_one_turn_are_all_taken() {
         // Whatever needs rest waits for what becomes of them.
         client.put(9, Order::Home(Vec::new())).unwrap();
         serve_clients(run, &mut clients);
+        assert_eq!(client.answer(), None, "the cycle has not taken them yet");
+        run.cycle(0).unwrap();
+        run.cycle(0).unwrap();
+        serve_clients(run, &mut clients);
         let (_, answer) = client.answer().expect("an answer at once");
-        assert!(answer.unwrap_err().message.contains("wait"));
+        assert!(answer.unwrap_err().message.contains("something is moved by hand"));
     });
 }
 
@@ -228,6 +232,50 @@ fn a_machine_of_inputs_and_outputs_stands_by_and_refuses_to_move() {
         Ok(())
     })
     .unwrap();
+}
+
+#[test]
+fn an_order_right_behind_another_waits_for_the_cycle_instead_of_being_refused() {
+    while_standing_by(|run, mut clients, client| {
+        let load = |name: &str| {
+            Order::Load(Source::Text {
+                name: name.into(),
+                text: PART.into(),
+            })
+        };
+        client.put(1, Order::OptionalStop(true)).unwrap();
+        client.put(2, Order::BlockDelete(true)).unwrap();
+        client.put(3, Order::BlockDelete(false)).unwrap();
+        client.put(4, load("forsaken")).unwrap();
+        serve_clients(run, &mut clients);
+        assert_eq!(client.answer(), Some((1, Ok(json!({})))));
+        serve_clients(run, &mut clients);
+        assert_eq!(client.answer(), None, "the cycle has not run yet");
+        assert!(client.withdraw(4));
+        // A stop waits for nothing, and what waits does not begin behind it.
+        client.put(5, Order::Stop).unwrap();
+        serve_clients(run, &mut clients);
+        for ticket in [2, 3] {
+            let (answered, answer) = client.answer().expect("an answer");
+            assert_eq!(
+                (answered, answer.unwrap_err().message.as_str()),
+                (ticket, "stopped before it began")
+            );
+        }
+        assert_eq!(client.answer(), Some((5, Ok(json!({})))));
+        run.run_until(500, |_| false).unwrap();
+        assert!(run.operator.live().optional_stop && !lock(clients.tables).block_delete);
+
+        client.put(6, Order::OptionalStop(false)).unwrap();
+        client.put(7, Order::BlockDelete(true)).unwrap();
+        serve_clients(run, &mut clients);
+        assert_eq!(client.answer(), Some((6, Ok(json!({})))));
+        run.cycle(0).unwrap();
+        run.cycle(0).unwrap();
+        serve_clients(run, &mut clients);
+        assert_eq!(client.answer(), Some((7, Ok(json!({})))));
+        assert!(!run.operator.live().optional_stop && lock(clients.tables).block_delete);
+    });
 }
 
 #[test]
