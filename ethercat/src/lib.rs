@@ -1,6 +1,6 @@
-//! EtherCAT: frames, registers, mailboxes.
+//! EtherCAT: frames, registers, mailboxes, simulated devices.
 //!
-//! In:  octets of Ethernet frames with EtherType 0x88A4. Out: what they say; and back.
+//! In:  octets of Ethernet frames with EtherType 0x88A4, the time. Out: what they say; what devices make of them.
 //!
 //! Protocol code does no I/O and never asks for the time. Without the feature `std` everything builds without `std` and
 //! without `alloc`.
@@ -25,4 +25,6 @@
 #[cfg(any(test, feature = "std"))]
 extern crate std;
 
+#[cfg(feature = "std")]
+pub mod sub;
 pub mod wire;

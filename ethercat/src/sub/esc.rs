@@ -1,0 +1,630 @@
+//! The bus chip of a simulated device: its memory, what accesses to it do, SyncManagers, FMMUs.
+
+use super::clock::{Clock, ClockConfig};
+use super::eeprom::Eeprom;
+use crate::wire::Command;
+use crate::wire::register::{self, DlStatus, Fmmu, SyncManager, feature, sync};
+use std::boxed::Box;
+use std::ops::Range;
+use std::vec::Vec;
+
+/// Octets of the memory: registers, and 8 KiB behind them.
+pub(super) const MEMORY_LEN: usize = 0x3000;
+/// FMMUs and SyncManagers that every simulated chip has.
+pub(super) const FMMUS: u8 = 8;
+pub(super) const SYNC_MANAGERS: u8 = 8;
+const ERROR_GROUPS: [Range<usize>; 4] = [0x300..0x308, 0x308..0x30C, 0x30C..0x30E, 0x310..0x314];
+/// Reset value of the watchdogs: 100 ms.
+const WATCHDOG_TICKS: u16 = 1000;
+
+/// What the firmware has to look at.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Events {
+    /// 0120h was written.
+    pub(super) al_control: bool,
+    /// An output SyncManager was written, one bit each.
+    pub(super) written: u8,
+    /// The registers of SyncManagers were changed, one bit each.
+    pub(super) changed: u8,
+    /// A mailbox was emptied.
+    pub(super) emptied: bool,
+    /// The main device asks for a mail once more.
+    pub(super) repeat: bool,
+}
+
+/// What a chip has and how it comes up.
+#[derive(Clone, Debug)]
+pub(super) struct Parts {
+    pub(super) eeprom: Eeprom,
+    pub(super) clock: Option<ClockConfig>,
+    /// Further bits of 0008h.
+    pub(super) features: u16,
+    /// Kinds of the ports, two bits each.
+    pub(super) ports: u8,
+}
+
+/// The chip.
+#[derive(Clone, Debug)]
+pub(super) struct Esc {
+    memory: Box<[u8; MEMORY_LEN]>,
+    pub(super) clock: Option<Clock>,
+    pub(super) eeprom: Eeprom,
+    pub(super) events: Events,
+    /// A mailbox access has begun and not come to its last octet, one bit for each SyncManager.
+    open: u8,
+    /// Last write to outputs that the watchdog watches.
+    fed_ns: Option<u64>,
+    /// What the closed ports show in place of a receive time.
+    pub(super) garbage: u32,
+}
+
+fn ranges_overlap(a: &Range<usize>, b: &Range<usize>) -> bool {
+    a.start < b.end && b.start < a.end
+}
+
+impl Esc {
+    pub(super) fn new(parts: Parts, now_ns: u64) -> Esc {
+        let mut esc = Esc {
+            memory: Box::new([0; MEMORY_LEN]),
+            clock: parts.clock.map(|config| Clock::new(config, now_ns)),
+            eeprom: parts.eeprom,
+            events: Events::default(),
+            open: 0,
+            fed_ns: None,
+            garbage: 0,
+        };
+        let wide = if esc.clock.as_ref().is_some_and(Clock::is_wide) {
+            feature::DC_64
+        } else {
+            0
+        };
+        let dc = if esc.clock.is_some() { feature::DC | 1 << 7 } else { 0 };
+        esc.set_u16(0x0000, 0x0011);
+        esc.memory[4..8].copy_from_slice(&[FMMUS, SYNC_MANAGERS, 8, parts.ports]);
+        esc.set_u16(register::FEATURES, parts.features | dc | wide | 0x0070);
+        esc.set_u16(register::AL_CONTROL, 1);
+        esc.set_u16(register::AL_STATUS, 1);
+        esc.set_u16(register::WATCHDOG_DIVIDER, 0x09C2);
+        esc.set_u16(register::WATCHDOG_PDI, WATCHDOG_TICKS);
+        esc.set_u16(register::WATCHDOG_DATA, WATCHDOG_TICKS);
+        esc.set_u16(register::WATCHDOG_STATUS, 1);
+        esc.set_u16(register::DC_SPEED_START, 0x1000);
+        esc.memory[usize::from(register::DC_FILTER)..][..2].copy_from_slice(&[4, 12]);
+        esc.load_eeprom();
+        esc
+    }
+
+    /// Takes what the chip itself takes from the EEPROM.
+    fn load_eeprom(&mut self) {
+        let [control, config] = self.eeprom.word(0).to_le_bytes();
+        self.memory[usize::from(register::PDI_CONTROL)] = control;
+        self.memory[usize::from(register::PDI_CONFIG)] = config;
+        self.set_u16(register::ALIAS, self.eeprom.word(4));
+        self.set_u16(register::DC_PULSE_LENGTH, self.eeprom.word(2));
+    }
+
+    pub(super) fn u16(&self, at: u16) -> u16 {
+        let at = usize::from(at);
+        u16::from_le_bytes([self.memory[at], self.memory[at + 1]])
+    }
+
+    pub(super) fn u32(&self, at: u16) -> u32 {
+        u32::from(self.u16(at)) | u32::from(self.u16(at + 2)) << 16
+    }
+
+    fn u64(&self, at: u16) -> u64 {
+        u64::from(self.u32(at)) | u64::from(self.u32(at + 4)) << 32
+    }
+
+    pub(super) fn octet(&self, at: u16) -> u8 {
+        self.memory[usize::from(at)]
+    }
+
+    pub(super) fn set_octet(&mut self, at: u16, value: u8) {
+        self.memory[usize::from(at)] = value;
+    }
+
+    pub(super) fn set_u16(&mut self, at: u16, value: u16) {
+        self.memory[usize::from(at)..][..2].copy_from_slice(&value.to_le_bytes());
+    }
+
+    fn set_u32(&mut self, at: u16, value: u32) {
+        self.memory[usize::from(at)..][..4].copy_from_slice(&value.to_le_bytes());
+    }
+
+    fn set_u64(&mut self, at: u16, value: u64) {
+        self.memory[usize::from(at)..][..8].copy_from_slice(&value.to_le_bytes());
+    }
+
+    /// Memory as the firmware sees it; what lies beyond the memory is cut off.
+    pub(super) fn area(&self, start: u16, length: u16) -> &[u8] {
+        let start = usize::from(start).min(MEMORY_LEN);
+        &self.memory[start..(start + usize::from(length)).min(MEMORY_LEN)]
+    }
+
+    pub(super) fn area_mut(&mut self, start: u16, length: u16) -> &mut [u8] {
+        let start = usize::from(start).min(MEMORY_LEN);
+        &mut self.memory[start..(start + usize::from(length)).min(MEMORY_LEN)]
+    }
+
+    pub(super) fn sync_manager(&self, number: u8) -> SyncManager {
+        let at = usize::from(register::sync_manager(number));
+        SyncManager::parse(&self.memory[at..at + SyncManager::LEN]).unwrap_or_default()
+    }
+
+    fn fmmu(&self, number: u8) -> Fmmu {
+        let at = usize::from(register::fmmu(number));
+        Fmmu::parse(&self.memory[at..at + Fmmu::LEN]).unwrap_or_default()
+    }
+
+    /// Switches a SyncManager off, or on again, from the side of the firmware.
+    pub(super) fn disable(&mut self, number: u8, off: bool) {
+        let at = register::sync_manager(number) + 7;
+        let octet = self.octet(at) & !1 | u8::from(off);
+        self.set_octet(at, octet);
+    }
+
+    pub(super) fn set_full(&mut self, number: u8, full: bool) {
+        let at = register::sync_manager(number) + 5;
+        let octet = self.octet(at) & !SyncManager::FULL | if full { SyncManager::FULL } else { 0 };
+        self.set_octet(at, octet);
+        let bit = 1 << (8 + number);
+        let requests = self.u16(register::EVENT_REQUEST) & !bit | if full { bit } else { 0 };
+        self.set_u16(register::EVENT_REQUEST, requests);
+    }
+
+    pub(super) fn is_full(&self, number: u8) -> bool {
+        self.sync_manager(number).status & SyncManager::FULL != 0
+    }
+
+    /// The firmware answers that it has sent the mail once more.
+    pub(super) fn acknowledge_repeat(&mut self, number: u8) {
+        let start = register::sync_manager(number);
+        let octet = self.octet(start + 7) & !2 | self.octet(start + 6) & 2;
+        self.set_octet(start + 7, octet);
+    }
+
+    /// The state of the device changes, as the main device sees it.
+    pub(super) fn set_al_status(&mut self, status: u16, code: u16) {
+        self.set_u16(register::AL_STATUS_CODE, code);
+        self.set_u16(register::AL_STATUS, status);
+        let requests = self.u16(register::EVENT_REQUEST) | 1 << 3;
+        self.set_u16(register::EVENT_REQUEST, requests);
+    }
+
+    pub(super) fn set_dl_status(&mut self, links: [bool; 4], firmware_runs: bool) {
+        let mut status = DlStatus::of_links(links).0;
+        let control = self.u32(register::DL_CONTROL);
+        for port in 0..4 {
+            if control >> (8 + 2 * port) & 3 == 3 {
+                status = status & !(2 << (8 + 2 * port)) | 1 << (8 + 2 * port);
+            }
+        }
+        if !firmware_runs {
+            status &= !(DlStatus::RUNS | DlStatus::WATCHDOG);
+        }
+        if self.u16(register::DL_STATUS) != status {
+            let requests = self.u16(register::EVENT_REQUEST) | 1 << 2;
+            self.set_u16(register::EVENT_REQUEST, requests);
+        }
+        self.set_u16(register::DL_STATUS, status);
+    }
+
+    /// Ports whose loop the main device has closed.
+    pub(super) fn is_port_closed(&self, port: usize) -> bool {
+        self.u32(register::DL_CONTROL) >> (8 + 2 * port) & 3 == 3
+    }
+
+    pub(super) fn count(&mut self, at: u16) {
+        let counter = self.octet(at).saturating_add(1);
+        self.set_octet(at, counter);
+    }
+
+    /// Event requests that are put into the frame.
+    pub(super) fn irq(&self) -> u16 {
+        self.u16(register::EVENT_REQUEST) & self.u16(register::EVENT_MASK)
+    }
+
+    /// The station address or the alias of the device.
+    pub(super) fn is_addressed(&self, station: u16) -> bool {
+        let uses_alias = self.u32(register::DL_CONTROL) >> 24 & 1 != 0;
+        self.u16(register::STATION) == station || uses_alias && self.u16(register::ALIAS) == station
+    }
+
+    /// Time after which outputs are missing, ns; `None`: nobody watches.
+    pub(super) fn watchdog_ns(&self) -> Option<u64> {
+        let tick_ns = (u64::from(self.u16(register::WATCHDOG_DIVIDER)) + 2) * 40;
+        let ticks = u64::from(self.u16(register::WATCHDOG_DATA));
+        (ticks > 0).then_some(ticks * tick_ns)
+    }
+
+    /// When the watchdog of the process data expires.
+    pub(super) fn watchdog_due_ns(&self) -> Option<u64> {
+        Some(self.fed_ns? + self.watchdog_ns()?)
+    }
+
+    /// Whether outputs have come within the time of the watchdog; always so where nobody watches.
+    pub(super) fn is_fed(&self) -> bool {
+        self.fed_ns.is_some() || self.watchdog_ns().is_none()
+    }
+
+    pub(super) fn starve(&mut self) {
+        self.fed_ns = None;
+    }
+
+    /// Time passes: the EEPROM, the watchdog. Whether the watchdog of the process data has expired.
+    pub(super) fn poll(&mut self, now_ns: u64) -> bool {
+        let at = usize::from(register::EEPROM_DATA);
+        if self.eeprom.poll(now_ns, &mut self.memory[at..at + 8]) {
+            self.load_eeprom();
+        }
+        let expired = self.watchdog_due_ns().is_some_and(|due_ns| due_ns <= now_ns);
+        if expired {
+            self.fed_ns = None;
+            self.set_u16(register::WATCHDOG_STATUS, 0);
+            self.count(register::WATCHDOG_COUNTER);
+        }
+        expired
+    }
+
+    /// When something happens by itself.
+    pub(super) fn next_ns(&self) -> Option<u64> {
+        [self.eeprom.next_ns(), self.watchdog_due_ns()]
+            .into_iter()
+            .flatten()
+            .min()
+    }
+
+    /// Whether some octet of the range is there.
+    fn exists(&self, range: &Range<usize>) -> bool {
+        let fmmus = usize::from(register::FMMU);
+        let managers = usize::from(register::SYNC_MANAGER);
+        let missing = [
+            fmmus + 16 * usize::from(FMMUS)..0x0700,
+            managers + 8 * usize::from(SYNC_MANAGERS)..0x0900,
+            MEMORY_LEN..usize::MAX,
+        ];
+        let no_clock = self.clock.is_none().then_some(0x0900..0x0A00);
+        let is_missing = |missing: &Range<usize>| missing.start <= range.start && range.end <= missing.end;
+        !missing.iter().chain(no_clock.iter()).any(is_missing)
+    }
+
+    /// Whether the bits of an octet of the registers can be written.
+    fn is_writable(&self, at: usize) -> bool {
+        match at {
+            0x0010..0x0012 | 0x0100..0x0104 | 0x0120..0x0122 | 0x0200..0x0202 | 0x0204..0x0208 => true,
+            0x0400..0x0402 | 0x0410..0x0412 | 0x0420..0x0422 => true,
+            0x0500 | 0x0504..0x0510 => true,
+            0x0600..0x0680 => true,
+            0x0800..0x0840 => !matches!(at & 7, 5 | 7),
+            0x0920..0x092C | 0x0930..0x0932 | 0x0934..0x0936 => self.clock.is_some(),
+            0x0980..0x0982 | 0x0990..0x0998 | 0x09A0..0x09A8 => self.clock.is_some(),
+            0x0F00.. => true,
+            _ => false,
+        }
+    }
+
+    /// SyncManagers that are on and whose memory the range touches.
+    fn touched(&self, range: &Range<usize>) -> impl Iterator<Item = (u8, SyncManager, Range<usize>)> {
+        let range = range.clone();
+        (0..SYNC_MANAGERS).filter_map(move |number| {
+            let manager = self.sync_manager(number);
+            let start = usize::from(manager.start);
+            let area = start..start + usize::from(manager.length);
+            (manager.is_active() && ranges_overlap(&area, &range)).then_some((number, manager, area))
+        })
+    }
+
+    /// Whether the SyncManagers let an access pass.
+    fn is_allowed(&self, range: &Range<usize>, write: bool) -> bool {
+        if range.end <= usize::from(register::MEMORY) && range.start < usize::from(register::SYNC_MANAGER) {
+            return true;
+        }
+        self.touched(range).all(|(number, manager, area)| {
+            if manager.pdi & 1 != 0 || manager.is_written() != write {
+                return false;
+            }
+            if !manager.is_mailbox() {
+                return true;
+            }
+            let begun = range.start <= area.start || self.open >> number & 1 != 0;
+            let full = manager.status & SyncManager::FULL != 0;
+            begun && full != write
+        })
+    }
+
+    /// What the access does to the SyncManagers that it touches.
+    fn finish_access(&mut self, now_ns: u64, range: &Range<usize>, write: bool) {
+        for number in 0..SYNC_MANAGERS {
+            let manager = self.sync_manager(number);
+            let start = usize::from(manager.start);
+            let area = start..start + usize::from(manager.length);
+            if !manager.is_active() || !ranges_overlap(&area, range) {
+                continue;
+            }
+            let bit = 1 << number;
+            if manager.is_mailbox() {
+                self.open |= bit;
+                if range.end >= area.end {
+                    self.open &= !bit;
+                    self.set_full(number, write);
+                    self.events.written |= if write { bit } else { 0 };
+                    self.events.emptied |= !write;
+                }
+            } else if write {
+                self.events.written |= bit;
+                if manager.control & SyncManager::TRIGGER != 0 {
+                    self.fed_ns = Some(now_ns);
+                    self.set_u16(register::WATCHDOG_STATUS, 1);
+                }
+            }
+        }
+    }
+
+    /// Puts what is computed into the registers before they are read.
+    fn refresh(&mut self, now_ns: u64, range: &Range<usize>) {
+        let touches = |at: u16, length: usize| ranges_overlap(&(usize::from(at)..usize::from(at) + length), range);
+        if touches(register::EEPROM_CONTROL, 2) {
+            let status = self.eeprom.status();
+            self.set_u16(register::EEPROM_CONTROL, status);
+        }
+        let Some(clock) = &self.clock else { return };
+        let (system, difference, next) = (clock.system_ns(now_ns), clock.difference_ns(), clock.next_sync_ns());
+        let cut = |time: u64| if clock.is_wide() { time } else { time & 0xFFFF_FFFF };
+        let (system, next) = (cut(system), next.map(cut));
+        if touches(register::DC_SYSTEM_TIME, 8) {
+            self.set_u64(register::DC_SYSTEM_TIME, system);
+        }
+        if touches(register::DC_DIFFERENCE, 4) {
+            self.set_u32(register::DC_DIFFERENCE, register::difference_register(difference));
+        }
+        if touches(register::DC_SYNC0_START, 8)
+            && let Some(next) = next
+        {
+            self.set_u64(register::DC_SYNC0_START, next);
+        }
+    }
+
+    /// Reads for the main device; whether the device acts.
+    fn read(&mut self, now_ns: u64, start: usize, out: &mut [u8], or: bool) -> bool {
+        let range = start..start + out.len();
+        if out.is_empty() || !self.exists(&range) || !self.is_allowed(&range, false) {
+            return false;
+        }
+        self.refresh(now_ns, &range);
+        for (at, octet) in range.clone().zip(out) {
+            let value = self.memory.get(at).copied().unwrap_or(0);
+            *octet = if or { *octet | value } else { value };
+        }
+        self.finish_access(now_ns, &range, false);
+        let mut seen = 0;
+        for (at, bit) in [(register::DL_STATUS, 1 << 2), (register::AL_STATUS, 1 << 3)] {
+            if range.contains(&usize::from(at)) {
+                seen |= bit;
+            }
+        }
+        let requests = self.u16(register::EVENT_REQUEST) & !seen;
+        self.set_u16(register::EVENT_REQUEST, requests);
+        true
+    }
+
+    /// Writes for the main device; whether the device acts.
+    fn write(&mut self, now_ns: u64, start: usize, data: &[u8], times: &[Option<u64>; 4]) -> bool {
+        let range = start..start + data.len();
+        if data.is_empty() || !self.exists(&range) || !self.is_allowed(&range, true) {
+            return false;
+        }
+        let managers = usize::from(register::SYNC_MANAGER);
+        for (at, octet) in range.clone().zip(data) {
+            if at < MEMORY_LEN && self.is_writable(at) {
+                if (managers..managers + 8 * usize::from(SYNC_MANAGERS)).contains(&at) && self.memory[at] != *octet {
+                    self.manager_changes(at - managers, *octet);
+                }
+                self.memory[at] = *octet;
+            }
+        }
+        self.finish_access(now_ns, &range, true);
+        self.side_effects(now_ns, &range, data, times);
+        true
+    }
+
+    /// An octet of a SyncManager's registers gets another value.
+    fn manager_changes(&mut self, at: usize, value: u8) {
+        let number = (at / 8) as u8;
+        let bit = 1 << number;
+        if at % 8 == 6 {
+            let old = self.octet(register::sync_manager(number) + 6);
+            self.events.repeat |= (old ^ value) & 2 != 0;
+            if (old ^ value) & 1 == 0 {
+                return;
+            }
+            // Switched on or off: an empty mailbox.
+            self.open &= !bit;
+            self.set_full(number, false);
+        }
+        self.events.changed |= bit;
+    }
+
+    fn side_effects(&mut self, now_ns: u64, range: &Range<usize>, data: &[u8], times: &[Option<u64>; 4]) {
+        let touches = |at: u16, length: usize| ranges_overlap(&(usize::from(at)..usize::from(at) + length), range);
+        self.events.al_control |= touches(register::AL_CONTROL, 1);
+        for group in ERROR_GROUPS {
+            if ranges_overlap(&group, range) {
+                self.memory[group].fill(0);
+            }
+        }
+        if touches(register::WATCHDOG_COUNTER, 2) {
+            self.set_u16(register::WATCHDOG_COUNTER, 0);
+        }
+        if touches(register::EEPROM_OWNER, 1) {
+            let owner = self.octet(register::EEPROM_OWNER) & 1;
+            self.set_octet(register::EEPROM_TAKEN, owner);
+        }
+        let is_ours = self.octet(register::EEPROM_OWNER) & 1 == 0;
+        let at = usize::from(register::EEPROM_CONTROL);
+        if is_ours && range.start <= at && at + 2 <= range.end {
+            let from = at - range.start;
+            let control = u16::from_le_bytes([data[from], data[from + 1]]);
+            let address = self.u32(register::EEPROM_ADDRESS);
+            self.eeprom.command(now_ns, control, address);
+        }
+        self.clock_effects(now_ns, range, data, times);
+    }
+
+    fn clock_effects(&mut self, now_ns: u64, range: &Range<usize>, data: &[u8], times: &[Option<u64>; 4]) {
+        let touches = |at: u16, length: usize| ranges_overlap(&(usize::from(at)..usize::from(at) + length), range);
+        let limit = self.u16(register::DC_SPEED_START);
+        let (offset, delay) = (self.u64(register::DC_OFFSET), self.u32(register::DC_DELAY));
+        let activation = self.octet(register::DC_SYNC_ACTIVATION);
+        let (start, cycle) = (self.u64(register::DC_SYNC0_START), self.u32(register::DC_SYNC0_CYCLE));
+        let garbage = self.garbage;
+        let Some(clock) = &mut self.clock else { return };
+        clock.delay_ns = delay;
+        clock.offset_ns = offset;
+        let at = usize::from(register::DC_SYSTEM_TIME);
+        if range.start <= at && at + 4 <= range.end {
+            let from = at - range.start;
+            let octets = (data.len() - from).min(8);
+            // A drift of at most 0930h ns for each write, by the fact sheet.
+            clock.follow(now_ns, &data[from..from + octets], limit);
+        }
+        if touches(register::DC_SPEED_START, 2) {
+            clock.reset_loop();
+        }
+        let pulses = sync::CYCLIC | sync::SYNC0;
+        let on = activation & pulses == pulses;
+        if touches(register::DC_SYNC_ACTIVATION, 1)
+            || on && activation & sync::AUTO_START != 0 && touches(register::DC_SYNC0_START, 8)
+        {
+            if on {
+                clock.start_sync(now_ns, start, cycle);
+            } else {
+                clock.stop_sync();
+            }
+        }
+        if touches(register::DC_RECEIVE_TIMES, 1) {
+            let local: Vec<u32> = times
+                .iter()
+                .map(|time| time.map_or(garbage, |at_ns| clock.local_ns(at_ns) as u32))
+                .collect();
+            let unit = clock.local_ns(now_ns);
+            let unit = if clock.is_wide() { unit } else { unit & 0xFFFF_FFFF };
+            for (port, time) in local.into_iter().enumerate() {
+                self.set_u32(register::DC_RECEIVE_TIMES + 4 * port as u16, time);
+            }
+            self.set_u64(register::DC_UNIT_TIME, unit);
+        }
+    }
+
+    /// One datagram with an offset in the memory; what the working counter gains. `now_ns`: when it passes the processing unit;
+    /// `times`: when it passes the ports.
+    pub(super) fn access(
+        &mut self,
+        now_ns: u64,
+        command: Command,
+        start: u16,
+        data: &mut [u8],
+        times: &[Option<u64>; 4],
+    ) -> u16 {
+        let start = usize::from(start);
+        let broadcast = matches!(command, Command::Brd | Command::Brw);
+        if !(command.reads() && command.writes()) {
+            let acts = if command.reads() {
+                self.read(now_ns, start, data, broadcast)
+            } else {
+                self.write(now_ns, start, data, times)
+            };
+            return u16::from(acts);
+        }
+        let before = data.to_vec();
+        let read = self.read(now_ns, start, data, broadcast);
+        let written = self.write(now_ns, start, &before, times);
+        u16::from(read) + 2 * u16::from(written)
+    }
+
+    /// A datagram of the reference time that others than the addressed device write.
+    pub(super) fn multiple_write(&mut self, now_ns: u64, start: u16, data: &[u8], times: &[Option<u64>; 4]) -> u16 {
+        u16::from(self.write(now_ns, usize::from(start), data, times))
+    }
+
+    /// One logical datagram; what the working counter gains.
+    pub(super) fn logical(&mut self, now_ns: u64, command: Command, logical: u32, data: &mut [u8]) -> u16 {
+        let before = data.to_vec();
+        let frame = u64::from(logical)..u64::from(logical) + before.len() as u64;
+        let (mut read, mut written) = (false, false);
+        // What is read is what was there before anything was written.
+        for write in [false, true] {
+            if if write { !command.writes() } else { !command.reads() } {
+                continue;
+            }
+            for number in 0..FMMUS {
+                let fmmu = self.fmmu(number);
+                let kind = if write { Fmmu::WRITE } else { Fmmu::READ };
+                if !fmmu.active || fmmu.kind & kind == 0 {
+                    continue;
+                }
+                let Some(part) = Part::of(&fmmu, &frame) else { continue };
+                let range = part.octets();
+                if !self.exists(&range) || range.end > MEMORY_LEN || !self.is_allowed(&range, write) {
+                    continue;
+                }
+                if write {
+                    part.each(|in_frame, in_memory| {
+                        copy_bit(&before, in_frame, &mut self.memory[..], in_memory);
+                    });
+                    written = true;
+                } else {
+                    self.refresh(now_ns, &range);
+                    part.each(|in_frame, in_memory| copy_bit(&self.memory[..], in_memory, data, in_frame));
+                    read = true;
+                }
+                self.finish_access(now_ns, &range, write);
+            }
+        }
+        let write_counts = if command.reads() { 2 } else { 1 };
+        u16::from(read) + write_counts * u16::from(written)
+    }
+}
+
+/// The bits of an FMMU that lie in a frame.
+struct Part {
+    /// First bit in the data of the datagram.
+    frame: usize,
+    /// First bit in the memory.
+    memory: usize,
+    bits: usize,
+}
+
+impl Part {
+    fn of(fmmu: &Fmmu, frame: &Range<u64>) -> Option<Part> {
+        let first = 8 * u64::from(fmmu.logical) + u64::from(fmmu.first_bit);
+        let last_octet = u64::from(fmmu.logical) + u64::from(fmmu.length.checked_sub(1)?);
+        let end = 8 * last_octet + u64::from(fmmu.last_bit) + 1;
+        let (start, stop) = (first.max(8 * frame.start), end.min(8 * frame.end));
+        if start >= stop {
+            return None;
+        }
+        Some(Part {
+            frame: (start - 8 * frame.start) as usize,
+            memory: 8 * usize::from(fmmu.physical) + usize::from(fmmu.physical_bit) + (start - first) as usize,
+            bits: (stop - start) as usize,
+        })
+    }
+
+    /// The octets of the memory that it touches.
+    fn octets(&self) -> Range<usize> {
+        self.memory / 8..(self.memory + self.bits).div_ceil(8)
+    }
+
+    fn each(&self, mut act: impl FnMut(usize, usize)) {
+        for bit in 0..self.bits {
+            act(self.frame + bit, self.memory + bit);
+        }
+    }
+}
+
+fn copy_bit(from: &[u8], from_bit: usize, to: &mut [u8], to_bit: usize) {
+    let value = from[from_bit / 8] >> (from_bit % 8) & 1;
+    let octet = &mut to[to_bit / 8];
+    *octet = *octet & !(1 << (to_bit % 8)) | value << (to_bit % 8);
+}
