@@ -1,4 +1,4 @@
-//! EtherCAT: frames, registers, mailboxes, simulated devices.
+//! EtherCAT: frames, registers, mailboxes, simulated devices, the beginning of a main device.
 //!
 //! In:  octets of Ethernet frames with EtherType 0x88A4, the time. Out: what they say; what devices make of them.
 //!
@@ -21,10 +21,12 @@
 //! ```
 #![no_std]
 #![warn(clippy::missing_errors_doc)]
+#![allow(special_module_name, reason = "`main` is the folder of the main device")]
 
 #[cfg(any(test, feature = "std"))]
 extern crate std;
 
+pub mod main;
 #[cfg(feature = "std")]
 pub mod sub;
 pub mod wire;
