@@ -150,7 +150,7 @@ pub(super) fn round_as(
             most = 0.5 * d;
             continue;
         };
-        let off = deviation(&blend, a, d, b, d);
+        let off = deviation(&blend, a, b, d);
         if off <= tolerance {
             best = Some(rounded(d, blend));
             within = Some([d, off / d]);
@@ -190,32 +190,39 @@ fn try_size(a: &Piece, b: &Piece, d: f64, (p1, p2): (f64, f64)) -> Option<Piece>
     Piece::blend(&from, &to, a.group())
 }
 
+/// Steps in which each half of a corner of this size is compared with its leg: so many a radian by which the more bent of the legs
+/// turns on the way, and at least for one. Between two places that are too far apart a curve about a small arc leaves the tolerance.
+fn steps(a_radian: f64, legs: [&Piece; 2], size: f64) -> usize {
+    /// Bounds the work: only of arcs far smaller than the tolerance a blend takes so many radians.
+    const TURN_MAX: f64 = 100.0;
+    let [a, b] = legs;
+    let ends = [(a, a.length() - size), (a, a.length()), (b, 0.0), (b, size)];
+    let bend = |(leg, s): (&Piece, f64)| distance(&leg.jet(s).d2, &[0.0; AXES]);
+    let turn = size * ends.map(bend).into_iter().fold(0.0, f64::max);
+    (a_radian * turn.clamp(1.0, TURN_MAX)).ceil() as usize
+}
+
 /// Greatest distance between a blend and the legs that it replaces, both ways, a little on the safe side: the first half
-/// is compared with the first leg, the second with the second.
-fn deviation(blend: &Piece, a: &Piece, before: f64, b: &Piece, after: f64) -> f64 {
-    const STEPS: usize = 12;
+/// is compared with the first leg, the second with the second. It takes `size` of both.
+fn deviation(blend: &Piece, a: &Piece, b: &Piece, size: f64) -> f64 {
     let vertex = b.position(0.0).0;
     let length = blend.length();
     let Shape::Blend(curve) = blend.shape() else {
         return f64::INFINITY;
     };
+    let half = steps(6.0, [a, b], size);
     let (mut off, mut missed) = (0.0f64, f64::INFINITY);
-    for k in 1..STEPS {
-        let x = k as f64 / STEPS as f64;
+    for k in 1..2 * half {
+        let x = k as f64 / (2 * half) as f64;
         let q = curve.position_at(x);
-        let near = if 2 * k <= STEPS {
-            nearest(
-                a,
-                &q,
-                a.length() - before,
-                a.length(),
-                a.length() - 0.5 * length * (1.0 - 2.0 * x),
-            )
+        let near = if k <= half {
+            let end = a.length();
+            nearest(a, &q, end - size, end, end - 0.5 * length * (1.0 - 2.0 * x))
         } else {
-            nearest(b, &q, 0.0, after, 0.5 * length * (2.0 * x - 1.0))
+            nearest(b, &q, 0.0, size, 0.5 * length * (2.0 * x - 1.0))
         };
         off = off.max(near.0);
-        if 2 * k + 3 > STEPS && 2 * k < STEPS + 3 {
+        if 3 * k.abs_diff(half) < half {
             missed = missed.min(distance(&q, &vertex));
         }
     }
@@ -224,7 +231,7 @@ fn deviation(blend: &Piece, a: &Piece, before: f64, b: &Piece, after: f64) -> f6
 
 /// The same of two blends that meet about at the corner, each of which is near its leg only.
 fn deviation_of_halves(halves: &[Piece; 2], legs: [&Piece; 2], size: f64) -> f64 {
-    const STEPS: usize = 24;
+    let steps = steps(24.0, legs, size);
     let vertex = legs[1].position(0.0).0;
     let mut off = distance(&halves[1].position(0.0).0, &vertex);
     for (side, (half, leg)) in halves.iter().zip(legs).enumerate() {
@@ -236,8 +243,8 @@ fn deviation_of_halves(halves: &[Piece; 2], legs: [&Piece; 2], size: f64) -> f64
         } else {
             (0.0, size)
         };
-        for k in 0..=STEPS {
-            let x = k as f64 / STEPS as f64;
+        for k in 0..=steps {
+            let x = k as f64 / steps as f64;
             off = off.max(nearest(leg, &curve.position_at(x), from, to, from + x * size).0);
         }
     }

@@ -215,6 +215,72 @@ fn stays_inside(steps: &[Step], tolerance: f64, room: &[[f64; 2]; 4]) {
     }
 }
 
+/// Arcs of about the tolerance, of which a rounded corner takes several radians.
+#[test]
+fn a_corner_of_tiny_arcs_stays_within_the_tolerance_between_the_places_where_it_is_measured() {
+    type Arc = (Plane, f64, f64, f64, i32, f64, f64);
+    let programs: [(f64, [Arc; 2]); 2] = [
+        (
+            0.05,
+            [
+                (
+                    Plane::Yz,
+                    0.07613880426217498,
+                    1.5164754514287946,
+                    3.2662684406234255,
+                    2,
+                    0.0,
+                    0.0,
+                ),
+                (
+                    Plane::Yz,
+                    0.507220990518616,
+                    0.86754254020375,
+                    1.8991745889427007,
+                    -2,
+                    -0.6497475694243436,
+                    -0.0018993608768797026,
+                ),
+            ],
+        ),
+        (
+            0.1561562027037163,
+            [
+                (
+                    Plane::Zx,
+                    0.2573988267437507,
+                    3.2228243229603164,
+                    3.424627677766162,
+                    2,
+                    0.0,
+                    0.0,
+                ),
+                (
+                    Plane::Xy,
+                    0.6967542381630153,
+                    4.653162400888209,
+                    3.2883033290024475,
+                    1,
+                    0.0,
+                    0.0,
+                ),
+            ],
+        ),
+    ];
+    for (tolerance, arcs) in programs {
+        let steps = arcs.map(|(plane, radius, from, sweep, turns, rise, spiral)| Step::Arc {
+            plane,
+            radius,
+            from,
+            sweep,
+            turns,
+            rise,
+            spiral,
+        });
+        stays_inside(&steps, tolerance, &[[1.0; 2]; 4]);
+    }
+}
+
 /// How much farther away than the path the limits are, in parts of twice the tolerance.
 fn room() -> impl Strategy<Value = [[f64; 2]; 4]> {
     prop::array::uniform4(prop::array::uniform2(prop_oneof![Just(0.0), 0.0f64..1.0]))
