@@ -62,7 +62,7 @@ impl<'a> Node<'a> {
         matches!(
             self.stage,
             BootStage::Configuring { .. }
-                | BootStage::ClosingSdo
+                | BootStage::ClosingSdo { .. }
                 | BootStage::ResettingConfiguration { .. }
                 | BootStage::Reidentifying { .. }
         )
@@ -250,8 +250,11 @@ impl<'a> Node<'a> {
                     self.configure(now_ns, network, events);
                 }
             }
-            BootStage::ClosingSdo => {
-                if !self.sdo.wants_to_transmit(now_ns) {
+            BootStage::ClosingSdo { was_current } => {
+                if self.sdo.wants_to_transmit(now_ns) {
+                } else if was_current {
+                    self.enable(now_ns, network);
+                } else {
                     self.order_reset_configuration(0);
                 }
             }

@@ -61,14 +61,15 @@ impl<'a> Node<'a> {
         identity.or(software.map(|expected| Fault::WrongSoftware { expected, got }))
     }
 
-    /// Gets ready to write the concise DCF; `false`: there is nothing to write.
+    /// Gets ready to write the concise DCF, as far as the node does not hold it, and to read what is expected; `false`: there is neither.
     pub(super) fn begin_configuration(&mut self, ident: &IdentResponse, network: &Network) -> bool {
+        let is_current = self.configuration_is_current(ident, network);
         // Checked when the managing node was made; an empty one has nothing to read.
-        self.writes = CdcReader::new(self.config.configuration).ok();
+        self.writes = CdcReader::new(self.config.configuration).ok().filter(|_| !is_current);
         self.asked = 0;
         // The connection of the last boot is void, also for the application.
         self.sdo = Client::new(timing(network));
-        !self.configuration_is_current(ident, network)
+        !is_current || !self.config.expected.is_empty()
     }
 
     /// Nothing to write: the configuration is empty, or bit 11 of 0x1F80 is set and the node reports the stamp it shall have.
@@ -136,7 +137,7 @@ impl<'a> Node<'a> {
                 self.statistics.objects_written += 1;
             }
             written += u32::from(self.asked == 0);
-        } else if written == 0 {
+        } else if written == 0 && self.writes.is_some() {
             events.push(MnEvent::Configuring { node });
         }
         self.sdo.set_timing(timing(network));
@@ -153,7 +154,8 @@ impl<'a> Node<'a> {
                 }
                 None => {
                     self.sdo.close();
-                    self.stage = BootStage::ClosingSdo;
+                    let was_current = self.writes.is_none();
+                    self.stage = BootStage::ClosingSdo { was_current };
                     return;
                 }
             },

@@ -404,7 +404,7 @@ impl<'a> Node<'a> {
             BootStage::Searching { .. } | BootStage::Refused { .. } | BootStage::Reidentifying { .. } => return,
             BootStage::Held
             | BootStage::Configuring { .. }
-            | BootStage::ClosingSdo
+            | BootStage::ClosingSdo { .. }
             | BootStage::ResettingConfiguration { .. }
             | BootStage::WaitingPreOperational2 { .. } => (NmtState::PreOperational2, got == NmtState::PreOperational2),
             // Ordered again until it happens.

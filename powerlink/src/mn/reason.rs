@@ -18,7 +18,7 @@ impl Node<'_> {
             BootStage::Searching { .. } | BootStage::Refused { .. } => NmtState::NotActive,
             BootStage::Held
             | BootStage::Configuring { .. }
-            | BootStage::ClosingSdo
+            | BootStage::ClosingSdo { .. }
             | BootStage::ResettingConfiguration { .. }
             | BootStage::Reidentifying { .. }
             | BootStage::WaitingPreOperational2 { .. }
@@ -102,7 +102,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             | BootStage::BackInPreOperational2 { .. }
             | BootStage::Stopped { .. }
             | BootStage::Configuring { .. }
-            | BootStage::ClosingSdo
+            | BootStage::ClosingSdo { .. }
             | BootStage::ResettingConfiguration { .. }
             | BootStage::Reidentifying { .. }
             | BootStage::WaitingPreOperational2 { .. }

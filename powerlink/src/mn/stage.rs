@@ -31,8 +31,11 @@ pub enum BootStage {
         /// Sub-index of that object.
         sub: u8,
     },
-    /// Everything is written; the SDO connection is being closed.
-    ClosingSdo,
+    /// Everything is written and read; the SDO connection is being closed.
+    ClosingSdo {
+        /// It held its configuration already: nothing was written that a reset would put into use.
+        was_current: bool,
+    },
     /// ResetConfiguration, which puts the configuration into use, waits for a slot.
     ResettingConfiguration {
         /// ResetConfigurations sent so far.
@@ -103,7 +106,8 @@ impl fmt::Display for BootStage {
                 "being configured: {written} objects written, now {}",
                 Address { index, sub }
             ),
-            BootStage::ClosingSdo | BootStage::ResettingConfiguration { .. } => {
+            BootStage::ClosingSdo { was_current: true } => f.write_str("found as it was configured before"),
+            BootStage::ClosingSdo { .. } | BootStage::ResettingConfiguration { .. } => {
                 f.write_str("configured, about to be reset by ResetConfiguration")
             }
             BootStage::Reidentifying { .. } => f.write_str("restarting after ResetConfiguration"),

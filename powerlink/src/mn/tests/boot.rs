@@ -144,6 +144,42 @@ fn a_configuration_that_is_there_is_not_written_again() {
 }
 
 #[test]
+fn a_node_that_holds_its_configuration_is_read_all_the_same() {
+    let octets = stamped_configuration();
+    for (value, comes_up) in [((CYCLE_NS / US) as u32, true), (7, false)] {
+        // Not written, as 1006 of a node that holds its configuration is not.
+        let expected = [obd::Expected {
+            index: 0x1006,
+            sub: 0,
+            mask: u32::MAX,
+            value,
+        }];
+        let nodes = [NodeConfig {
+            expected: &expected,
+            ..node_config(1, &octets)
+        }];
+        let mut net = Net::new(&nodes);
+        let stored = [
+            (0x1020, 1, 20_000),
+            (0x1020, 2, 0x2211),
+            (0x1006, 0, (CYCLE_NS / US) as u32),
+        ];
+        for (index, sub, value) in stored {
+            let dictionary = net.drives.get_mut(&1).unwrap().dictionary_mut();
+            let handle = dictionary.find(index, sub).unwrap();
+            dictionary.set_default(handle, &value.to_le_bytes()).unwrap();
+        }
+        net.until(600, |net| match comes_up {
+            true => net.mn.nodes[0].as_ref().unwrap().is_configured(),
+            false => net.mn.node_state(0) == NodeState::Faulted,
+        });
+        assert_eq!(net.mn.statistics(0).objects_written, 0);
+        let is_reset = net.commands().contains(&(1, NmtCommand::ResetConfiguration));
+        assert!(!is_reset, "nothing was written that it would put into use");
+    }
+}
+
+#[test]
 fn a_node_without_configuration_is_not_written_to() {
     let nodes = [NodeConfig {
         preq_bytes: 0,
