@@ -228,3 +228,167 @@ fn what_a_drive_cannot_is_refused_with_what_it_can() {
         .to_string();
     assert!(errors.contains("did you mean \"maxon-epos4\"?"), "{errors}");
 }
+
+const DOUBLE: &str = include_str!("../configs/double2-demo.toml");
+/// Moves every axis of both nodes.
+const DOUBLE_PART: &str = "G21 G90 G54 G64\nG1 X30 Y10 Z5 A45 F6000\nG2 X30 Y30 J10\nG1 X0 Y0 Z0 A90\nM2\n";
+
+#[test]
+fn two_nodes_with_two_axes_each_boot_home_and_cut() {
+    let text = DOUBLE.replace(
+        "reactions = { quick_stop",
+        "homing_is_left = 1\nreactions = { quick_stop",
+    );
+    assert!(config::parse(&text, Path::new("m.toml")).is_err(), "the file is read");
+    let config = config::parse(DOUBLE, Path::new("m.toml")).unwrap_or_else(|errors| panic!("{errors}"));
+    let mapped = |list: &[config::Mapped]| list.iter().map(ToString::to_string).collect::<Vec<_>>();
+    assert_eq!(
+        mapped(&config.bus.nodes[0].outputs),
+        [
+            "0x6040/16",
+            "0x6060/8",
+            "0x60FE:1/32",
+            "0x607A/32",
+            "0x6840/16",
+            "0x6860/8",
+            "0x68FE:1/32",
+            "0x687A/32"
+        ]
+    );
+    let plans = isocnc::bus::plan(&config);
+    let value = |node: usize, index: u16, sub: u8| {
+        let mut writes = plans[node]
+            .writes
+            .iter()
+            .filter(|it| (it.index, it.sub) == (index, sub));
+        let value = writes.next().map(|write| write.value.clone());
+        assert_eq!(writes.count(), 0, "0x{index:04X}:{sub} once");
+        value
+    };
+    for index in [0x60C2, 0x68C2] {
+        assert_eq!(value(0, index, 1), Some(vec![1]));
+    }
+    assert_eq!(
+        (value(1, 0x6098, 0), value(1, 0x6898, 0)),
+        (Some(vec![23]), Some(vec![37]))
+    );
+    assert_eq!(
+        (value(1, 0x605A, 0), value(1, 0x685A, 0)),
+        (Some(vec![2, 0]), Some(vec![6, 0]))
+    );
+    assert_eq!(
+        (value(1, 0x6067, 0), value(1, 0x6867, 0)),
+        (None, Some(vec![50, 0, 0, 0]))
+    );
+    let places = rehearse(&config, DOUBLE_PART.as_bytes(), NetConfig::clean(3), |run| {
+        let outcome = run.run(CYCLES_MAX).expect("an end");
+        assert_eq!(outcome, Outcome::Completed, "{}", journal(run));
+        let net = run.net();
+        Ok([0, 1, 2, 3].map(|joint| net.machine().joint_position_mm(joint).expect("a joint")))
+    });
+    let wanted = [20.0, 20.0, -60.0, 90.0];
+    for (place, wanted) in places.expect("a run").into_iter().zip(wanted) {
+        assert!((place - wanted).abs() < 0.01, "{place} where {wanted} is wanted");
+    }
+}
+
+#[test]
+fn a_fault_of_one_axis_stops_those_of_all_nodes_and_is_named() {
+    for (axis, joint, name) in [
+        (0, 0, "axis X (joint 0, axis 0 of xy-drive)"),
+        (1, 1, "axis Y (joint 1, axis 1 of xy-drive)"),
+    ] {
+        let fault = format!("\n[[sim.fault]]\nnode = 1\ndrive_axis = {axis}\nkind = \"overcurrent\"\nafter_s = 12.0\n");
+        let config = config::parse(&format!("{DOUBLE}{fault}"), Path::new("m.toml"));
+        let config = config.unwrap_or_else(|errors| panic!("{errors}"));
+        let part = DOUBLE_PART.replace("M2", "G1 X150 Y100 F600\nM2");
+        let (stands, text) = rehearse(&config, part.as_bytes(), NetConfig::clean(3), |run| {
+            let outcome = run.run(CYCLES_MAX).expect("an end");
+            assert_ne!(outcome, Outcome::Completed, "{}", journal(run));
+            let net = run.net();
+            let ids = [(1_u8, 0_u8), (1, 1), (2, 0), (2, 1)];
+            let states = ids.map(|id| net.machine().drive_state(id).expect("a drive"));
+            assert!(!states.contains(&cia402::State::OperationEnabled), "{states:?}");
+            let places = [0, 1].map(|joint| net.machine().joint_position_mm(joint).expect("a joint"));
+            Ok((places, journal(run)))
+        })
+        .expect("a run");
+        assert!(text.contains(name) && text.contains("2310"), "joint {joint}:\n{text}");
+        assert!(text.contains("machine faulted"), "{text}");
+        // Both axes of the move stand on its way, from 20 and 20 to 170 and 120: the one whose drive is good, too.
+        let share = [(stands[0] - 20.0) / 150.0, (stands[1] - 20.0) / 100.0];
+        assert!(
+            share.iter().all(|share| (0.02..0.9).contains(share)),
+            "{stands:?}\n{text}"
+        );
+    }
+}
+
+#[test]
+fn the_drive_of_the_spindle_says_how_it_stops_and_hears_a_set_point_as_often_as_it_is_polled() {
+    let text = DOUBLE
+        .replace("kind = \"memory\"", "kind = \"memory\"\nmultiplex_cycles = 4")
+        .replace(
+            "[[joint]]\nnode = 1                        #",
+            "[[bus.node]]\nid = 3\nprofile = \"cia402\"\nmultiplex = 1\n\n[[joint]]\nnode = 1 #",
+        );
+    let spindle = "\n[spindle.drive]\nnode = 3\ndrive_axis = 1\nmode = \"csv\"\nunits_per_rpm = [10000, 60]\nramp_rpm_s = 1000.0\n\
+                   reactions = { quick_stop = 6, shutdown = 1 }\n";
+    let config = config::parse(&format!("{text}{spindle}"), Path::new("m.toml"));
+    let config = config.unwrap_or_else(|errors| panic!("{errors}"));
+    let plans = isocnc::bus::plan(&config);
+    let value = |node: usize, index: u16, sub: u8| {
+        let mut writes = plans[node].writes.iter();
+        let write = writes.find(|it| (it.index, it.sub) == (index, sub));
+        write.map(|write| write.value.clone())
+    };
+    let of_spindle =
+        [(0x68C2, 1), (0x68C2, 2), (0x685A, 0), (0x685B, 0), (0x60C2, 1)].map(|(index, sub)| value(2, index, sub));
+    let wanted: [Option<&[u8]>; 5] = [Some(&[4]), Some(&[0xFD]), Some(&[6, 0]), Some(&[1, 0]), None];
+    assert_eq!(of_spindle.each_ref().map(Option::as_deref), wanted);
+    assert_eq!(value(0, 0x60C2, 1), Some(vec![1]), "a joint is polled in each cycle");
+}
+
+#[test]
+fn a_profile_says_how_many_axes_a_device_has_and_holds_for_each() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let parse = |profile: &str, text: &str| {
+        std::fs::write(folder.path().join("own.toml"), format!("{HEAD}{profile}")).expect("written");
+        let text = text.replacen("profile = \"cia402\"", "profile = \"cia402\"\ndrive = \"own.toml\"", 1);
+        config::parse(&text, &folder.path().join("m.toml")).map_err(|errors| errors.to_string())
+    };
+    let refused = parse("", DOUBLE).unwrap_err();
+    assert!(
+        refused.contains("joint[1].drive_axis = 1: must be left out: own.toml has one axis"),
+        "{refused}"
+    );
+    let third = DOUBLE.replacen("drive_axis = 1", "drive_axis = 2", 1);
+    let refused = parse("axes = 2", &third).unwrap_err();
+    assert!(
+        refused.contains("joint[1].drive_axis = 2: must be below 2, the axes of own.toml"),
+        "{refused}"
+    );
+    let twice = DOUBLE.replacen("drive_axis = 1", "drive_axis = 0", 1);
+    let refused = parse("axes = 2", &twice).unwrap_err();
+    assert!(
+        refused.contains("joint[1].drive_axis = 0: is the drive of a joint above"),
+        "{refused}"
+    );
+
+    let profile = "axes = 2\nmodes = [\"hm\", \"csp\"]\nwithout = [\"0x607C\"]\n\
+                   [digital_inputs]\nhome = 20\n[sto]\nobject = \"0x60FD\"\nbit = 24\n\
+                   [[sdo]]\nobject = \"0x6067\"\nvalue = 20\nbits = 32\n[[sdo]]\nobject = \"0x2110:3\"\nvalue = 7\nbits = 16\n";
+    let config = parse(profile, DOUBLE).unwrap_or_else(|errors| panic!("{errors}"));
+    assert_eq!(config.joints[1].sto.map(|sto| sto.object), Some((0x68FD, 0)));
+    let plan = &isocnc::bus::plan(&config)[0];
+    let written = |index: u16| plan.writes.iter().filter(|write| write.index == index).count();
+    assert_eq!([0x6067, 0x6867, 0x2110, 0x607C, 0x687C].map(written), [1, 1, 1, 0, 0]);
+    let expected: Vec<u16> = plan.expected.iter().map(|it| it.index).collect();
+    assert_eq!(expected, [0x6502, 0x6D02, 0x60C2, 0x60C2, 0x68C2, 0x68C2]);
+    rehearse(&config, DOUBLE_PART.as_bytes(), NetConfig::clean(3), |run| {
+        let outcome = run.run(CYCLES_MAX).expect("an end");
+        assert_eq!(outcome, Outcome::Completed, "{}", journal(run));
+        Ok(())
+    })
+    .expect("a run");
+}

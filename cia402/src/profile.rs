@@ -22,6 +22,14 @@ pub const fn axis_of(index: u16) -> (u8, u16) {
     }
 }
 
+/// The object of an axis that stands for `index` of the first axis; objects outside of 6000 to 67FF are of the whole device.
+pub const fn object_of(axis: u8, index: u16) -> u16 {
+    match index {
+        AXES_BEGIN..0x6800 if axis < AXES_MAX => index + AXIS_STEP * axis as u16,
+        _ => index,
+    }
+}
+
 /// State of the drive's power state machine, as the statusword (6041) shows it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum State {

@@ -187,14 +187,11 @@ impl Summary<'_> {
         write!(
             text,
             "{:<12} {} to {} {unit}, {} {unit}/s, {} {unit}/s2, {} {unit}/s3, {}",
-            match joint.analog {
-                Some(analog) => &self.0.bus.nodes[analog.node].name,
-                None => self
-                    .0
-                    .bus
-                    .nodes
-                    .get(joint.node)
-                    .map_or("step pulses", |node| &node.name),
+            match (joint.analog, self.0.bus.nodes.get(joint.node)) {
+                (Some(analog), _) => self.0.bus.nodes[analog.node].name.clone(),
+                (None, Some(node)) if self.0.shares_node(joint) => format!("{} axis {}", node.name, joint.drive_axis),
+                (None, Some(node)) => node.name.clone(),
+                (None, None) => "step pulses".to_owned(),
             },
             joint.travel_mm[0],
             joint.travel_mm[1],
@@ -244,6 +241,7 @@ fn to_json(config: &Config, plans: &[NodePlan]) -> Json {
     let joints = config.joints.iter().enumerate().map(|(number, joint)| {
         json!({
             "node": config.bus.nodes.get(joint.node).map(|node| node.id),
+            "drive_axis": joint.drive_axis,
             "axes": axes_of(config, number).0,
             "travel_mm": joint.travel_mm,
             "velocity_mm_s": joint.limits.velocity_mm_s,

@@ -6,7 +6,9 @@
 use super::document::{Bound, Section};
 use super::types::{DeviceDescription, DriveProfile, Mapped, Node};
 pub use cia402::Mode as DriveMode;
+use cia402::profile::AXES_MAX;
 use cia402::profile::mode::{HOMING, Offered, supported_bit};
+use cia402::profile::object_of;
 use obd::device::Value;
 use toml::de::DeTable;
 
@@ -72,18 +74,36 @@ impl Reactions {
     }
 }
 
-/// `[joint.reactions]`; what is left out is as `usual`.
-pub(super) fn reactions(
+/// `reactions` of a joint or of the drive of the spindle; what is left out is as the profile of the drive has it.
+pub(super) fn reactions(section: &mut Section<'_, '_>, axis: u8, node: Option<&Node>) -> Option<Reactions> {
+    let known = node.and_then(|node| node.drive.as_ref());
+    let usual = known.map_or(Reactions::default(), |known| known.reactions);
+    match section.optional_section("reactions") {
+        None if section.has("reactions") => None,
+        None => Some(usual),
+        Some(mut table) => {
+            let device = node.and_then(|node| node.device.as_ref());
+            let reactions = reactions_of(&mut table, axis, device, &usual);
+            table.done();
+            reactions
+        }
+    }
+}
+
+/// The table `reactions`; what is left out is as `usual`.
+pub(super) fn reactions_of(
     table: &mut Section<'_, '_>,
+    axis: u8,
     device: Option<&DeviceDescription>,
     usual: &Reactions,
 ) -> Option<Reactions> {
-    let quick_stop = reaction(table, "quick_stop", 0x605A, device);
-    let shutdown = reaction(table, "shutdown", 0x605B, device);
-    let disable = reaction(table, "disable", 0x605C, device);
-    let halt = reaction(table, "halt", 0x605D, device);
-    let fault = reaction(table, "fault", 0x605E, device);
-    let connection_lost = reaction(table, "connection_lost", 0x6007, device);
+    let mut reaction = |key, index| reaction(table, key, object_of(axis, index), device);
+    let quick_stop = reaction("quick_stop", 0x605A);
+    let shutdown = reaction("shutdown", 0x605B);
+    let disable = reaction("disable", 0x605C);
+    let halt = reaction("halt", 0x605D);
+    let fault = reaction("fault", 0x605E);
+    let connection_lost = reaction("connection_lost", 0x6007);
     Some(Reactions {
         quick_stop: quick_stop?.or(usual.quick_stop),
         shutdown: shutdown?.or(usual.shutdown),
@@ -128,44 +148,53 @@ fn reaction(
     Some(Some(value as i16))
 }
 
+/// `drive_axis`: which axis of its node a drive is; judged by the profile, and by the device file where the mapping is.
+pub(super) fn drive_axis(section: &mut Section<'_, '_>, node: Option<&Node>) -> Option<u8> {
+    let axis = section.integer("drive_axis", 0..=i64::from(AXES_MAX) - 1, 0)? as u8;
+    let known = node.and_then(|node| node.drive.as_ref());
+    if let Some(known) = known.filter(|known| axis >= known.axes) {
+        let rule = match known.axes {
+            1 => format!("must be left out: {} has one axis", known.name),
+            axes => format!("must be below {axes}, the axes of {}, counted from 0", known.name),
+        };
+        section.wrong("drive_axis", rule);
+    }
+    Some(axis)
+}
+
 /// Feed-forward of torque; the drive must get 60B2.
-pub(super) fn torque_per_mm_s2(section: &mut Section<'_, '_>, node: Option<&Node>) -> Option<Option<f64>> {
+pub(super) fn torque_per_mm_s2(section: &mut Section<'_, '_>, axis: u8, node: Option<&Node>) -> Option<Option<f64>> {
     /// Ten times the rated torque for 1 mm/s².
     const MOST: f64 = 10_000.0;
     let Some(item) = section.optional("torque_per_mm_s2") else {
         return Some(None);
     };
     let value = item.number(&section.key("torque_per_mm_s2"), Bound::Positive(MOST))?;
-    if node.is_some_and(|node| {
-        node.outputs
-            .iter()
-            .all(|object| (object.index, object.sub) != (0x60B2, 0))
-    }) {
-        section.wrong(
-            "torque_per_mm_s2",
-            "\"0x60B2/16\" must be among the outputs of its node",
-        );
+    let offset = (object_of(axis, 0x60B2), 0);
+    if node.is_some_and(|node| node.outputs.iter().all(|object| (object.index, object.sub) != offset)) {
+        let rule = format!("\"0x{:04X}/16\" must be among the outputs of its node", offset.0);
+        section.wrong("torque_per_mm_s2", rule);
         return None;
     }
     Some(Some(value))
 }
 
-/// Objects of a touch probe: function, status, and the positions of its rising and its falling edge.
-pub fn touch_probe_objects(number: u8) -> [u16; 4] {
+/// Objects of a touch probe of an axis: function, status, and the positions of its rising and its falling edge.
+pub fn touch_probe_objects(axis: u8, number: u8) -> [u16; 4] {
     let [rising, falling] = if number == 1 {
         [0x60BA, 0x60BB]
     } else {
         [0x60BC, 0x60BD]
     };
-    [0x60B8, 0x60B9, rising, falling]
+    [0x60B8, 0x60B9, rising, falling].map(|index| object_of(axis, index))
 }
 
 /// The touch probe of the drive at which the machine's probe is wired; its objects must be mapped.
-pub(super) fn touch_probe(section: &mut Section<'_, '_>, node: Option<&Node>) -> Option<Option<u8>> {
+pub(super) fn touch_probe(section: &mut Section<'_, '_>, axis: u8, node: Option<&Node>) -> Option<Option<u8>> {
     let Some(number) = section.optional_integer("touch_probe", 1..=2)? else {
         return Some(None);
     };
-    let [function, inputs @ ..] = touch_probe_objects(number as u8);
+    let [function, inputs @ ..] = touch_probe_objects(axis, number as u8);
     let Some(node) = node else {
         return Some(Some(number as u8));
     };
@@ -179,7 +208,7 @@ pub(super) fn touch_probe(section: &mut Section<'_, '_>, node: Option<&Node>) ->
         complete = false;
     }
     for index in inputs.into_iter().filter(|index| !has(&node.inputs, *index)) {
-        let bits = if index == 0x60B9 { 16 } else { 32 };
+        let bits = if index == inputs[0] { 16 } else { 32 };
         let rule = format!("\"0x{index:04X}/{bits}\" must be among the inputs of its node");
         section.wrong("touch_probe", rule);
         complete = false;
@@ -203,6 +232,8 @@ const MODES: [(&str, DriveMode); 4] = [
 pub(super) struct DriveUse {
     /// Id of its node.
     pub(super) node: i64,
+    /// Which axis of that it is.
+    pub(super) axis: u8,
     /// `None`: the usual one of the drive.
     pub(super) mode: Option<DriveMode>,
     /// It turns the spindle, and its position is nothing to the control.
@@ -221,6 +252,9 @@ pub(super) fn uses(document: &DeTable<'_>) -> Vec<DriveUse> {
         let mode = word.and_then(|word| words.iter().find(|(name, _)| *name == word));
         Some(DriveUse {
             node: number("node")?,
+            axis: number("drive_axis")
+                .and_then(|axis| u8::try_from(axis).ok())
+                .unwrap_or(0),
             mode: mode.map(|(_, mode)| *mode),
             is_spindle,
         })
@@ -246,17 +280,25 @@ pub(super) fn mode(section: &mut Section<'_, '_>, drive: Option<&DriveProfile>) 
 }
 
 /// Whether the drive has the modes in which it is to be run, as far as its profile or its device file says (6502).
-pub(super) fn modes_are_offered(section: &mut Section<'_, '_>, node: &Node, mode: DriveMode, homes: bool) {
-    let tells_mode = node.outputs.iter().any(|object| object.index == 0x6060);
+pub(super) fn modes_are_offered(
+    section: &mut Section<'_, '_>,
+    (node, axis): (&Node, u8),
+    mode: DriveMode,
+    homes: bool,
+) {
+    let mode_object = object_of(axis, 0x6060);
+    let tells_mode = node.outputs.iter().any(|object| object.index == mode_object);
     if homes && node.drive.is_some() && !tells_mode {
-        let rule = "must be by = \"control\": \"0x6060/8\" is not among the outputs of its node, and the drive could not be changed to \
-                    homing";
+        let rule = format!(
+            "must be by = \"control\": \"0x{mode_object:04X}/8\" is not among the outputs of its node, and the drive could not be \
+             changed to homing"
+        );
         section.wrong("homing", rule);
     }
     let of_profile = node.drive.as_ref().and_then(|drive| Some((drive.modes?, &drive.name)));
     let of_file = || {
         let device = node.device.as_ref()?;
-        let object = device.object(0x6502, 0)?;
+        let object = device.object(object_of(axis, 0x6502), 0)?;
         let value = object.actual.as_ref().or(object.default.as_ref())?.integer()?;
         Some((u32::try_from(value).ok()?, &device.file))
     };

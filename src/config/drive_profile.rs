@@ -12,6 +12,7 @@ use super::joints;
 use super::mapping::parse_object;
 use super::types::{ConfigurationWrite, Identity, Mapped, Profile, Sto};
 use cia402::profile::mode::{self, Offered, supported_bit};
+use cia402::profile::{AXES_MAX, axis_of};
 use files::read::TEXT_MAX;
 use std::path::{Path, PathBuf};
 use toml::de::DeTable;
@@ -46,6 +47,8 @@ pub struct DriveProfile {
     pub name: String,
     /// What it is, and what is known of it, in words.
     pub description: String,
+    /// Axes of one device; default 1.
+    pub axes: u8,
     /// What it must say it is; `None`: not known.
     pub identity: Identity,
     /// Its device file.
@@ -101,7 +104,7 @@ pub struct MappingLimits {
     pub objects_max: Option<u16>,
     /// Most octets.
     pub octets_max: Option<u16>,
-    /// All objects that it takes.
+    /// All objects that it takes; those of the first axis stand for those of all.
     pub objects: Option<Vec<(u16, u8)>>,
 }
 
@@ -109,7 +112,7 @@ impl MappingLimits {
     /// Whether an object may be mapped, as far as that is known.
     pub fn takes(&self, object: &Mapped) -> bool {
         let objects = self.objects.as_deref();
-        objects.is_none_or(|objects| objects.contains(&(object.index, object.sub)))
+        objects.is_none_or(|objects| objects.contains(&(axis_of(object.index).1, object.sub)))
     }
 }
 
@@ -233,6 +236,7 @@ fn read(mut root: Section<'_, '_>, name: &str, beside: Option<&Path>) -> Option<
             file.map(|file| Some(folder.join(file)))
         }
     };
+    let axes = root.integer("axes", 1..=i64::from(AXES_MAX), 1);
     let increments_per_turn = root.optional_integer("increments_per_turn", 1..=i64::from(u32::MAX));
     let modes = modes(&mut root);
     let homing_methods = homing_methods(&mut root);
@@ -257,7 +261,7 @@ fn read(mut root: Section<'_, '_>, name: &str, beside: Option<&Path>) -> Option<
     let outputs = root.section("outputs").and_then(mapping_limits);
     let inputs = root.section("inputs").and_then(mapping_limits);
     let reactions = root.section("reactions").and_then(|mut table| {
-        let reactions = drive::reactions(&mut table, None, &Reactions::default());
+        let reactions = drive::reactions_of(&mut table, 0, None, &Reactions::default());
         table.done();
         reactions
     });
@@ -266,6 +270,7 @@ fn read(mut root: Section<'_, '_>, name: &str, beside: Option<&Path>) -> Option<
     Some(DriveProfile {
         name: name.to_owned(),
         description: description?,
+        axes: axes? as u8,
         identity: identity?,
         device_file: device_file?,
         increments_per_turn: increments_per_turn?.map(|count| count as u32),

@@ -12,6 +12,7 @@ use super::types::{
     AxisMap, DriveProfile, HomeSwitch, Homing, HomingBy, HomingByControl, HomingIndex, Joint, Net, Node, StopLimits,
     touch_probe_objects,
 };
+use cia402::profile::object_of;
 use motion::canon::Axis;
 use motion::kinematics::Transform;
 
@@ -409,7 +410,7 @@ pub(super) fn fit(
                 }
                 continue;
             };
-            wired(section, number, control, nodes.get(joints[number].node), nets);
+            wired(section, (number, &joints[number]), control, nodes, nets);
             if let Some(index) = control.index {
                 latched(section, &joints[number], index, nodes.get(joints[number].node));
             }
@@ -470,7 +471,7 @@ fn latched(section: &mut Section<'_, '_>, joint: &Joint, index: HomingIndex, nod
         );
         section.wrong("index_distance_mm", rule);
     }
-    let [function, status, rising, _] = touch_probe_objects(number);
+    let [function, status, rising, _] = touch_probe_objects(joint.drive_axis, number);
     for (payload, name, object, bits) in [
         (&node.outputs, "outputs", function, 16),
         (&node.inputs, "inputs", status, 16),
@@ -484,10 +485,16 @@ fn latched(section: &mut Section<'_, '_>, joint: &Joint, index: HomingIndex, nod
 }
 
 /// Whether somebody tells of the switch: nothing would stop a joint that searches for one that is not wired.
-fn wired(section: &Section<'_, '_>, joint: usize, control: &HomingByControl, node: Option<&Node>, nets: &[Net]) {
+fn wired(
+    section: &Section<'_, '_>,
+    (number, joint): (usize, &Joint),
+    control: &HomingByControl,
+    nodes: &[Node],
+    nets: &[Net],
+) {
     match control.switch {
         HomeSwitch::Pin => {
-            let pin = format!("joint.{joint}.home-sw-in");
+            let pin = format!("joint.{number}.home-sw-in");
             if !nets.iter().any(|net| net.targets.contains(&pin)) {
                 section.wrong(
                     "switch",
@@ -496,16 +503,20 @@ fn wired(section: &Section<'_, '_>, joint: usize, control: &HomingByControl, nod
             }
         }
         HomeSwitch::Drive => {
-            let Some(node) = node else {
+            let Some(node) = nodes.get(joint.node) else {
                 section.wrong(
                     "switch",
                     "must be \"pin\": there is no drive on the bus that could tell",
                 );
                 return;
             };
-            if node.inputs.iter().all(|object| object.index != DIGITAL_INPUTS) {
+            let wanted = object_of(joint.drive_axis, DIGITAL_INPUTS);
+            if node.inputs.iter().all(|object| object.index != wanted) {
                 let name = &node.name;
-                section.wrong("switch", format!("\"0x60FD/32\" must be among the inputs of {name}"));
+                section.wrong(
+                    "switch",
+                    format!("\"0x{wanted:04X}/32\" must be among the inputs of {name}"),
+                );
             }
         }
     }

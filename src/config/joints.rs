@@ -11,6 +11,7 @@ use super::steps;
 use super::types::{
     AxisMap, DriveProfile, HomingBy, InputBits, Joint, JointLimits, Mapped, Node, Profile, Sto, StopLimits,
 };
+use cia402::profile::object_of;
 use motion::canon::{Axis, Position};
 use std::path::Path;
 
@@ -34,8 +35,8 @@ pub(super) struct Surroundings<'c> {
 /// What the joints above have taken.
 #[derive(Default)]
 pub(super) struct Taken {
-    /// Ids of nodes.
-    nodes: Vec<i64>,
+    /// Ids of nodes, and axes of them.
+    drives: Vec<(i64, u8)>,
     /// Joints whose drives are in this process.
     local: usize,
     /// Pins; `None`: there is no port, or it has errors of its own.
@@ -52,8 +53,9 @@ enum Output {
 
 /// Notes keys that are about a drive on the bus where there is none.
 fn refuse_keys_of_drives(section: &mut Section<'_, '_>, output: Output) {
-    const OF_DRIVES: [&str; 7] = [
+    const OF_DRIVES: [&str; 8] = [
         "node",
+        "drive_axis",
         "velocity_ratio",
         "torque_per_mm_s2",
         "reactions",
@@ -88,7 +90,7 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
     let output = section.word("output", &OUTPUTS, Output::Drive)?;
     let with_steps = output == Output::Step;
     let node = match output {
-        Output::Drive => node(section, around, &mut taken.nodes),
+        Output::Drive => node(section, around),
         Output::Step | Output::Analog => {
             taken.local += 1;
             refuse_keys_of_drives(section, output);
@@ -96,6 +98,14 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
         }
     };
     let of_node = node.zip(around.nodes).map(|(node, nodes)| &nodes[node]);
+    let drive_axis = match output {
+        Output::Drive => drive::drive_axis(section, of_node),
+        Output::Step | Output::Analog => Some(0),
+    };
+    if let (Output::Drive, Some(axis)) = (output, drive_axis) {
+        not_taken(section, axis, &mut taken.drives);
+    }
+    let axis = drive_axis.unwrap_or(0);
     let known = of_node.and_then(|node| node.drive.as_ref());
     let mode = drive::mode(section, known);
     let counts_per_unit = counts_per_unit(section, known, output != Output::Drive || of_node.is_some());
@@ -153,29 +163,22 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
     };
     let unhomed_jog_mm_s = unhomed_jog(section, velocity_mm_s);
     let inputs = (node.zip(around.nodes)).map(|(node, nodes)| nodes[node].inputs.as_slice());
-    let limits_by_drive = limit_switches(section, inputs);
-    let torque_per_mm_s2 = drive::torque_per_mm_s2(section, node.zip(around.nodes).map(|(node, nodes)| &nodes[node]));
-    let touch_probe = drive::touch_probe(section, node.zip(around.nodes).map(|(node, nodes)| &nodes[node]));
-    let reactions = match section.optional_section("reactions") {
-        None if section.has("reactions") => None,
-        None => Some(known.map_or(drive::Reactions::default(), |known| known.reactions)),
-        Some(mut table) => {
-            let device = node
-                .zip(around.nodes)
-                .and_then(|(node, nodes)| nodes[node].device.as_ref());
-            let usual = known.map_or(drive::Reactions::default(), |known| known.reactions);
-            let reactions = drive::reactions(&mut table, device, &usual);
-            table.done();
-            reactions
-        }
-    };
+    let limits_by_drive = limit_switches(section, axis, inputs);
+    let torque_per_mm_s2 = drive::torque_per_mm_s2(section, axis, of_node);
+    let touch_probe = drive::touch_probe(section, axis, of_node);
+    let reactions = drive::reactions(section, axis, of_node);
     let sto = match section.optional_section("sto") {
         None if section.has("sto") => None,
         // Where the object of the profile is among the inputs.
-        None => Some(known.and_then(|known| known.sto).filter(|sto| {
-            let sends = |inputs: &[Mapped]| inputs.iter().any(|it| (it.index, it.sub) == sto.object);
-            inputs.is_some_and(sends)
-        })),
+        None => Some(
+            known
+                .and_then(|known| known.sto)
+                .map(|sto| sto.of_axis(axis))
+                .filter(|sto| {
+                    let sends = |inputs: &[Mapped]| inputs.iter().any(|it| (it.index, it.sub) == sto.object);
+                    inputs.is_some_and(sends)
+                }),
+        ),
         Some(mut table) => {
             let sto = sto(&mut table, inputs);
             table.done();
@@ -211,11 +214,9 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
         }
         (true, None) => None,
     };
-    if let (Some(node), Some(mode), Some(homing)) =
-        (node.zip(around.nodes).map(|(node, nodes)| &nodes[node]), mode, &homing)
-    {
+    if let (Some(node), Some(mode), Some(homing)) = (of_node, mode, &homing) {
         let by_drive = matches!(homing.by, HomingBy::Drive { .. });
-        drive::modes_are_offered(section, node, mode, by_drive);
+        drive::modes_are_offered(section, (node, axis), mode, by_drive);
     }
     if let (Some(counts), Some(travel)) = (counts_per_unit, travel_mm) {
         let counts_per_mm = ratio(counts);
@@ -251,12 +252,7 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
     let pid = position_loop::keys(section, mode, velocity_mm_s);
     if let (Some(Some((gains, _))), Some(mode)) = (&pid, mode) {
         let goes_on_alone = reactions.as_ref().is_some_and(|it| it.connection_lost == Some(0));
-        position_loop::suits(
-            section,
-            mode,
-            goes_on_alone,
-            node.zip(around.nodes).map(|(node, nodes)| &nodes[node]),
-        );
+        position_loop::suits(section, mode, goes_on_alone, of_node, axis);
         let reach = counts_per_unit.zip(velocity_ratio);
         let reach = reach.map(|(counts, units)| ratio(counts) * ratio(units) * gains.output_max);
         if mode == cia402::Mode::Csv && reach.is_some_and(|reach| reach > f64::from(i32::MAX)) {
@@ -279,6 +275,7 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
             Output::Drive => node?,
             Output::Step | Output::Analog => around.nodes?.len() + taken.local - 1,
         },
+        drive_axis: drive_axis?,
         step: step?,
         analog: analog?,
         mode: mode?,
@@ -298,15 +295,16 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
         touch_probe: touch_probe?,
         limits_by_drive: limits_by_drive?,
         input_bits: known.map_or(InputBits::default(), |known| known.input_bits),
-        home_count: of_node.map_or(0, home_count),
+        home_count: of_node.map_or(0, |node| home_count(node, axis)),
         sto: sto?,
         squaring_offset_mm: squaring_offset_mm?,
     })
 }
 
 /// What the drive counts at its home point: 0, unless something is written into its home offset (607C).
-fn home_count(node: &Node) -> i64 {
-    let written = node.writes.iter().find(|write| (write.index, write.sub) == (0x607C, 0));
+fn home_count(node: &Node, axis: u8) -> i64 {
+    let offset = (object_of(axis, 0x607C), 0);
+    let written = node.writes.iter().find(|write| (write.index, write.sub) == offset);
     let offset = written.and_then(|write| <[u8; 4]>::try_from(write.value.as_slice()).ok());
     let offset = offset.map_or(0, i32::from_le_bytes);
     match &node.drive {
@@ -370,10 +368,12 @@ fn unhomed_jog(section: &mut Section<'_, '_>, velocity_mm_s: Option<f64>) -> Opt
 }
 
 /// Who tells of the limit switches: the drive only where it sends 60FDh. `inputs`: what it sends, `None` where that is not known.
-fn limit_switches(section: &mut Section<'_, '_>, inputs: Option<&[Mapped]>) -> Option<bool> {
+fn limit_switches(section: &mut Section<'_, '_>, axis: u8, inputs: Option<&[Mapped]>) -> Option<bool> {
     let by_drive = section.word("limit_switches", &[("pin", false), ("drive", true)], false)?;
-    if by_drive && inputs.is_some_and(|inputs| inputs.iter().all(|object| object.index != 0x60FD)) {
-        section.wrong("limit_switches", "\"0x60FD/32\" must be among the inputs of its node");
+    let wanted = object_of(axis, 0x60FD);
+    if by_drive && inputs.is_some_and(|inputs| inputs.iter().all(|object| object.index != wanted)) {
+        let rule = format!("\"0x{wanted:04X}/32\" must be among the inputs of its node");
+        section.wrong("limit_switches", rule);
     }
     Some(by_drive)
 }
@@ -431,12 +431,30 @@ pub(super) fn ratio(counts_per_unit: [u32; 2]) -> f64 {
     f64::from(counts_per_unit[0]) / f64::from(counts_per_unit[1])
 }
 
-fn node(section: &mut Section<'_, '_>, around: &Surroundings<'_>, taken: &mut Vec<i64>) -> Option<usize> {
-    let id = section.integer("node", 1..=239, None)?;
-    if taken.contains(&id) {
-        section.wrong("node", "is the drive of a joint above");
+/// Notes an axis of a node that a joint above has.
+fn not_taken(section: &mut Section<'_, '_>, axis: u8, taken: &mut Vec<(i64, u8)>) {
+    let id = section
+        .optional("node")
+        .and_then(|item| item.value.get_ref().as_integer());
+    let Some(id) = id.and_then(|id| i64::from_str_radix(id.as_str(), id.radix()).ok()) else {
+        return;
+    };
+    if taken.contains(&(id, axis)) {
+        let key = if section.has("drive_axis") {
+            "drive_axis"
+        } else {
+            "node"
+        };
+        section.wrong(
+            key,
+            "is the drive of a joint above; of a node with several axes drive_axis says which",
+        );
     }
-    taken.push(id);
+    taken.push((id, axis));
+}
+
+fn node(section: &mut Section<'_, '_>, around: &Surroundings<'_>) -> Option<usize> {
+    let id = section.integer("node", 1..=239, None)?;
     let nodes = around.nodes?;
     let drives = || {
         nodes

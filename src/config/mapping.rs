@@ -6,7 +6,7 @@
 use super::document::{Item, Section};
 use super::drive::mode_word;
 use super::types::{DeviceDescription, DriveMode, DriveProfile, Mapped, MappingLimits, Profile, targets};
-use cia402::profile::axis_of;
+use cia402::profile::{axis_of, object_of};
 use obd::mapping::Direction;
 
 /// Most octets of process data in one PReq or PRes.
@@ -28,6 +28,8 @@ pub(super) struct Target<'a> {
 /// One axis of a drive.
 #[derive(Clone, Copy)]
 pub(super) struct AxisUse {
+    /// Its number at its node.
+    pub(super) axis: u8,
     pub(super) mode: DriveMode,
     /// It turns the spindle, and its position is nothing to the control.
     pub(super) is_spindle: bool,
@@ -36,6 +38,7 @@ pub(super) struct AxisUse {
 impl AxisUse {
     /// Of a drive that nothing uses yet.
     pub(super) const BENCH: AxisUse = AxisUse {
+        axis: 0,
         mode: DriveMode::Csp,
         is_spindle: false,
     };
@@ -160,7 +163,10 @@ pub(super) fn payload(section: &mut Section<'_, '_>, payload: Payload, target: T
     let drives = target.axes.iter().filter(|_| target.profile == Some(Profile::Cia402));
     for axis in drives {
         let targets = payload.required_of_drives(axis)[1];
-        let own = |object: &&Mapped| targets.contains(&(object.index, object.sub));
+        let own = |object: &&Mapped| {
+            let (of, index) = axis_of(object.index);
+            of == axis.axis && targets.contains(&(index, object.sub))
+        };
         let held: Vec<&Mapped> = objects.iter().filter(own).collect();
         if let [one, other, ..] = held[..] {
             // Only one of them would follow the motion; a drive that takes the other one would jump.
@@ -188,19 +194,23 @@ pub(super) fn payload(section: &mut Section<'_, '_>, payload: Payload, target: T
 
 /// What an axis of a drive is not run without and `objects` do not hold.
 fn missing(payload: Payload, axis: &AxisUse, objects: &[Mapped]) -> Vec<Mapped> {
-    let holds = |wanted: &(u16, u8)| objects.iter().any(|object| (object.index, object.sub) == *wanted);
+    let holds = |(index, sub): &(u16, u8)| {
+        let wanted = (object_of(axis.axis, *index), *sub);
+        objects.iter().any(|object| (object.index, object.sub) == wanted)
+    };
     payload
         .required_of_drives(axis)
         .into_iter()
         .filter(|row| !row.iter().any(holds))
         .filter_map(|row| row.first().copied())
-        .map(|(index, sub)| usual(index, sub))
+        .map(|(index, sub)| usual(axis.axis, index, sub))
         .collect()
 }
 
-/// An object of the drive profile with its usual length.
-fn usual(index: u16, sub: u8) -> Mapped {
+/// An object of the drive profile, given as that of the first axis, with its usual length.
+fn usual(axis: u8, index: u16, sub: u8) -> Mapped {
     let bits = length_of(index, sub).unwrap_or(32);
+    let index = object_of(axis, index);
     Mapped { index, sub, bits }
 }
 
@@ -397,6 +407,6 @@ fn default_of_axis(payload: Payload, axis: &AxisUse) -> Vec<(Mapped, bool)> {
     let needed = payload.required_of_drives(axis).map(|row| row[0]);
     let objects = objects.iter();
     objects
-        .map(|(index, sub)| (usual(*index, *sub), needed.contains(&(*index, *sub))))
+        .map(|(index, sub)| (usual(axis.axis, *index, *sub), needed.contains(&(*index, *sub))))
         .collect()
 }

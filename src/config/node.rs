@@ -10,7 +10,8 @@ use super::document::{Item, Section};
 use super::drive::DriveUse;
 use super::drive_profile;
 use super::mapping::{self, AxisUse, Payload, Target};
-use super::types::{Cross, DeviceDescription, DriveMode, Exchange, Mapped, Node, Profile, Stamp};
+use super::types::{ConfigurationWrite, Cross, DeviceDescription, DriveMode, Exchange, Mapped, Node, Profile, Stamp};
+use cia402::profile::object_of;
 use obd::mapping::Direction;
 use std::path::Path;
 
@@ -81,10 +82,12 @@ pub(super) fn node<'d, 'l>(
     let uses = network.uses.iter().filter(|it| Some(it.node) == id.map(i64::from));
     let mut axes: Vec<AxisUse> = uses
         .map(|it| AxisUse {
+            axis: it.axis,
             mode: it.mode.or_else(|| Some(known?.usual_mode())).unwrap_or(DriveMode::Csp),
             is_spindle: it.is_spindle,
         })
         .collect();
+    axes.sort_by_key(|axis| axis.axis);
     if axes.is_empty() {
         axes.push(AxisUse::BENCH);
     }
@@ -110,7 +113,8 @@ pub(super) fn node<'d, 'l>(
     let pres_timeout_us = pres_timeout(section, network.cycle_us, file, inputs.as_deref());
     let software = stamp(section);
     let pdo_version = section.integer("pdo_version", 0..=255, 0);
-    let writes = device::writes(section, file, known.map_or(&[], |known| &known.writes));
+    let usual = known.map_or(Vec::new(), |known| of_axes(&known.writes, &axes));
+    let writes = device::writes(section, file, &usual);
     let cross = pending_cross(section);
     let payloads = inputs.as_deref().zip(outputs.as_deref());
     let channels = channels::channels(section, profile, file, payloads);
@@ -133,6 +137,18 @@ pub(super) fn node<'d, 'l>(
         channels: channels?,
     };
     Some((node, cross?))
+}
+
+/// Writes of a profile for the axes in use: one for each where the object is of an axis, one where it is of the whole device.
+fn of_axes(writes: &[ConfigurationWrite], axes: &[AxisUse]) -> Vec<ConfigurationWrite> {
+    let of_axes = axes.iter().enumerate().flat_map(|(at, axis)| {
+        let of_axis = move |write: &&ConfigurationWrite| at == 0 || object_of(axis.axis, write.index) != write.index;
+        writes.iter().filter(of_axis).map(|write| ConfigurationWrite {
+            index: object_of(axis.axis, write.index),
+            ..write.clone()
+        })
+    });
+    of_axes.collect()
 }
 
 fn name(section: &mut Section<'_, '_>, id: Option<u8>) -> Option<String> {

@@ -6,6 +6,7 @@
 use super::document::{Bound, Section};
 use super::drive::mode_word;
 use super::types::{DriveMode, Exchange, Mapped, Node};
+use cia402::profile::object_of;
 use motion::rt::PidGains;
 
 /// Greatest gain of any kind.
@@ -124,7 +125,13 @@ fn gains(table: &mut Section<'_, '_>, mode: Option<DriveMode>, velocity_mm_s: Op
 }
 
 /// Notes what of a joint and its node does not suit a loop of the control.
-pub(super) fn suits(section: &mut Section<'_, '_>, mode: DriveMode, goes_on_alone: bool, node: Option<&Node>) {
+pub(super) fn suits(
+    section: &mut Section<'_, '_>,
+    mode: DriveMode,
+    goes_on_alone: bool,
+    node: Option<&Node>,
+    axis: u8,
+) {
     if goes_on_alone {
         let rule = "must not have connection_lost = 0: the drive has no position to hold, and would run on with its last set-point";
         section.wrong("reactions", rule);
@@ -142,6 +149,7 @@ pub(super) fn suits(section: &mut Section<'_, '_>, mode: DriveMode, goes_on_alon
     }
     let lacks = |payload: &[Mapped], index: u16| payload.iter().all(|object| object.index != index);
     for (payload, name, object) in [(&node.outputs, "outputs", 0x6060), (&node.inputs, "inputs", 0x6061)] {
+        let object = object_of(axis, object);
         if lacks(payload, object) {
             let word = mode_word(mode);
             section.wrong(

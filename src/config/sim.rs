@@ -6,6 +6,7 @@ use super::mapping::parse_object;
 use super::types::{
     HomingBy, Joint, Mapped, Node, Profile, Sim, SimBody, SimJoint, SimOutline, SimProbe, SimSignal, SimSurface,
 };
+use cia402::profile::AXES_MAX;
 use motion::canon::Axis;
 
 /// `[[sim.fault]]`: something that goes wrong with a simulated drive.
@@ -13,6 +14,8 @@ use motion::canon::Axis;
 pub struct SimFault {
     /// Index into [`Bus::nodes`](super::Bus::nodes).
     pub node: usize,
+    /// Axis of the drive at its node; default 0.
+    pub drive_axis: u8,
     pub kind: SimFaultKind,
     /// So long after its operation was first enabled, s; default 1. Without meaning for kinds that are so from the start.
     pub after_s: f64,
@@ -155,6 +158,7 @@ fn fault(mut section: Section<'_, '_>, nodes: Option<&[Node]>) -> Option<SimFaul
     /// An hour.
     const AFTER_MAX_S: f64 = 3600.0;
     let id = section.integer("node", 1..=239, None);
+    let drive_axis = section.integer("drive_axis", 0..=i64::from(AXES_MAX) - 1, 0);
     let kind = section.word("kind", &FAULTS, None);
     let after_s = section.number("after_s", Bound::Within(0.0, AFTER_MAX_S), 1.0);
     if let Some(SimFaultKind::IndexMissing | SimFaultKind::SlowEnable) = kind
@@ -173,6 +177,7 @@ fn fault(mut section: Section<'_, '_>, nodes: Option<&[Node]>) -> Option<SimFaul
     section.done();
     Some(SimFault {
         node: node??,
+        drive_axis: drive_axis? as u8,
         kind: kind?,
         after_s: after_s?,
     })

@@ -4,7 +4,7 @@
 //! Out: a [`Spindle`] whose objects stand in the payloads of their nodes.
 
 use super::document::{Bound, Section};
-use super::drive::{DriveMode, SPINDLE_MODES, modes_are_offered};
+use super::drive::{self, DriveMode, Reactions, SPINDLE_MODES, modes_are_offered};
 use super::joints::{ratio, ratio_of_integers};
 use super::mapping::parse_object;
 use super::types::{Exchange, Joint, Mapped, Node, Profile};
@@ -50,12 +50,16 @@ pub struct SpindleDrive {
 pub struct SpindleAxis {
     /// Index into `Bus::nodes`.
     pub node: usize,
+    /// Axis of the drive at its node, from 0; default 0.
+    pub drive_axis: u8,
     /// VL, PV or CSV.
     pub mode: DriveMode,
     /// Target of the mode (6042, 60FF) per 1/min: numerator and denominator.
     pub units_per_rpm: [u32; 2],
     /// How fast its target may change, 1/min per second; `None`: it has a ramp of its own.
     pub ramp_rpm_s: Option<f64>,
+    /// How it stops.
+    pub reactions: Reactions,
 }
 
 /// `[spindle.encoder]`
@@ -195,13 +199,19 @@ fn axis(
     const RAMP_MAX_RPM_S: f64 = 1e9;
     let found = node(&mut section, nodes, |node| node.exchange != Exchange::AsyncOnly);
     let mode = section.word("mode", &SPINDLE_MODES, None);
+    let drive_axis = drive::drive_axis(&mut section, found.map(|(_, node)| node));
+    let number = drive_axis.unwrap_or(0);
+    let reactions = drive::reactions(&mut section, number, found.map(|(_, node)| node));
     if let Some((index, node)) = found {
         if node.profile != Profile::Cia402 {
             section.wrong("node", "must be a node of profile \"cia402\"");
-        } else if joints.iter().any(|joint| joint.node == index) {
+        } else if joints
+            .iter()
+            .any(|joint| (joint.node, joint.drive_axis) == (index, number))
+        {
             section.wrong("node", "is the drive of a joint");
         } else if let Some(mode) = mode {
-            modes_are_offered(&mut section, node, mode, false);
+            modes_are_offered(&mut section, (node, number), mode, false);
         }
     }
     let increments = found.and_then(|(_, node)| node.drive.as_ref()?.increments_per_turn);
@@ -251,9 +261,11 @@ fn axis(
     section.done();
     Some(SpindleAxis {
         node: found?.0,
+        drive_axis: drive_axis?,
         mode: mode?,
         units_per_rpm: units_per_rpm?,
         ramp_rpm_s: ramp_rpm_s?,
+        reactions: reactions?,
     })
 }
 

@@ -504,7 +504,7 @@ fn rules_of_joints() {
             "m.toml:25:1: joint[1].jerk_mm_s3: is missing: a number",
             "m.toml:25:1: joint[1].following_error_mm: is missing: a number",
             "m.toml:25:1: joint[1].homing: is missing: how the drive finds its reference point: { method = 35, ... }",
-            "m.toml:26:8: joint[1].node = 1: is the drive of a joint above",
+            "m.toml:26:8: joint[1].node = 1: is the drive of a joint above; of a node with several axes drive_axis says which",
             "m.toml:27:1: axis: joint 1 belongs to no axis",
         ]),
     ]);

@@ -10,6 +10,7 @@ pub use super::drive_profile::{DriveProfile, InputBits, MappingLimits};
 pub use super::sim::{SimFault, SimFaultKind};
 pub use super::spindle::{Spindle, SpindleAxis, SpindleCounter, SpindleDrive, SpindleEncoder};
 use super::steps::{StepOutput, Steps};
+use cia402::profile::object_of;
 pub use gcode::ToolChanger;
 use motion::canon::{Axis, LengthUnit, Position};
 use motion::kinematics::{Follows, JOINTS, Kinematics, Transform};
@@ -404,6 +405,8 @@ pub struct Joint {
     /// Index into [`Bus::nodes`] of the drive; behind them all, counted on, for one whose drive is in
     /// this process ([`Joint::is_local`]).
     pub node: usize,
+    /// Axis of the drive at its node, from 0: its objects lie so many times 800h behind those of the first one; default 0.
+    pub drive_axis: u8,
     /// Its step pulses; `None`: it has none.
     pub step: Option<StepOutput>,
     /// Its amplifier with an analog input; `None`: it has none.
@@ -584,6 +587,17 @@ pub struct Sto {
     pub active: bool,
 }
 
+impl Sto {
+    /// The same of an axis of a node, where the object is one of the drive profile.
+    pub(super) fn of_axis(self, axis: u8) -> Sto {
+        let (index, sub) = self.object;
+        Sto {
+            object: (object_of(axis, index), sub),
+            ..self
+        }
+    }
+}
+
 /// Stop categories of IEC 60204-1 that an emergency stop may have.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum StopCategory {
@@ -611,6 +625,24 @@ impl Config {
     pub fn without_joints(&self) -> String {
         let name = &self.name;
         format!("{name} has no joints: it exchanges inputs and outputs, and moves nothing")
+    }
+
+    /// Whether the node of the drive of a joint has other axes that are used.
+    pub fn shares_node(&self, joint: &Joint) -> bool {
+        let joints = self.joints.iter().map(|joint| (joint.node, joint.drive_axis));
+        let spindle = self.spindle.axis.map(|of| (of.node, of.drive_axis));
+        let other = |(node, axis)| node == joint.node && axis != joint.drive_axis;
+        joint.drive_axis > 0 || joints.chain(spindle).any(other)
+    }
+
+    /// The drive of a joint for people: its node, and which axis of that where it has several; `None`: it is in this process.
+    pub fn drive_name(&self, joint: &Joint) -> Option<String> {
+        let node = self.bus.nodes.get(joint.node)?;
+        let name = format!("{} (node {})", node.name, node.id);
+        Some(match self.shares_node(joint) {
+            true => format!("axis {} of {name}", joint.drive_axis),
+            false => name,
+        })
     }
 
     /// Sets of joints (bit n: joint n) in the order in which they home.
@@ -891,9 +923,9 @@ pub struct SimJoint {
 
 impl Sim {
     /// Whether something is wrong with the drive of a node from the start.
-    pub fn is_faulty(&self, node: NodeIndex, kind: SimFaultKind) -> bool {
+    pub fn is_faulty(&self, node: NodeIndex, axis: u8, kind: SimFaultKind) -> bool {
         let mut faults = self.faults.iter();
-        faults.any(|fault| (fault.node, fault.kind) == (node, kind))
+        faults.any(|fault| (fault.node, fault.drive_axis, fault.kind) == (node, axis, kind))
     }
 
     /// What is special about a joint, if something is.

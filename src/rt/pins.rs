@@ -288,7 +288,11 @@ struct DriveNumbers {
 
 impl DriveNumbers {
     fn new(config: &Config, plans: &[NodePlan]) -> DriveNumbers {
-        let mut of: Vec<_> = config.joints.iter().map(|joint| (joint.node, 0)).collect();
+        let mut of: Vec<_> = config
+            .joints
+            .iter()
+            .map(|joint| (joint.node, joint.drive_axis))
+            .collect();
         for (index, (node, plan)) in config.bus.nodes.iter().zip(plans).enumerate() {
             if node.profile != Profile::Cia402 {
                 continue;

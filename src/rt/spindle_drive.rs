@@ -11,6 +11,7 @@ use crate::bus::plan::NodePlan;
 use crate::bus::{InputImage, NodeIndex, NodeState, OutputImage};
 use crate::config::{Config, SpindleAxis};
 use cia402::axis::{Axis, AxisConfig, AxisFault, Feedback, Request, Setpoint, Status, Target};
+use cia402::profile::{axis_of, object_of};
 
 /// At this speed it counts as standing, 1/min.
 const STANDS_RPM: f64 = 5.0;
@@ -44,7 +45,7 @@ impl SpindleDrive {
     pub(super) fn new(config: &Config, plans: &[NodePlan]) -> Option<SpindleDrive> {
         let of = config.spindle.axis?;
         let plan = plans.get(of.node)?;
-        let find = |layout: &Layout, (index, sub)| layout.find(index, sub);
+        let find = |layout: &Layout, (index, sub)| layout.find(object_of(of.drive_axis, index), sub);
         let [above, below] = of.units_per_rpm.map(f64::from);
         let cycle_s = f64::from(config.cycle_us) * 1e-6;
         Some(SpindleDrive {
@@ -74,9 +75,10 @@ impl SpindleDrive {
     }
 
     /// Whether the control fills an object of its node.
-    pub(super) fn fills(of: &SpindleAxis, object: (u16, u8)) -> bool {
+    pub(super) fn fills(of: &SpindleAxis, (index, sub): (u16, u8)) -> bool {
         let own = [(0x6040, 0), (0x6060, 0), of.mode.target()];
-        own.contains(&object)
+        let (axis, index) = axis_of(index);
+        axis == of.drive_axis && own.contains(&(index, sub))
     }
 
     /// Takes what the drive sent. RT.

@@ -5,6 +5,7 @@
 
 use crate::config::{Mapped, Node};
 use cia402::device::{DRIVE_OBJECTS, DRIVE_OBJECTS_WITH_DEMAND, Quirks};
+use cia402::profile::{axis_of, object_of};
 use obd::{Access, DataType, EntryDef, PdoAccess};
 
 /// Room for objects of makers that the machine file names, each with a number of entries.
@@ -14,7 +15,7 @@ const MAKERS_BEGIN: u16 = 0x2000;
 
 /// Whether it takes its target in the position demand: a machine file that maps that as the target has drives that do.
 fn takes_target_in_demand(node: &Node) -> bool {
-    node.outputs.iter().any(|object| object.index == 0x6062)
+    node.outputs.iter().any(|object| axis_of(object.index).1 == 0x6062)
 }
 
 pub(super) fn quirks(node: &Node) -> Quirks {
@@ -40,13 +41,19 @@ pub(super) fn quirks(node: &Node) -> Quirks {
     quirks
 }
 
-/// The lines of its dictionary. Those that are made for it are kept as long as the process lives, once for each drive.
-pub(super) fn objects(node: &Node) -> &'static [EntryDef] {
+/// The lines of its dictionary, for so many axes. Those that are made for it are kept as long as the process lives, once for each drive.
+pub(super) fn objects(node: &Node, axes: u8) -> &'static [EntryDef] {
     let table = match takes_target_in_demand(node) {
         true => DRIVE_OBJECTS_WITH_DEMAND,
         false => DRIVE_OBJECTS,
     };
-    let mut lines = table.to_vec();
+    let of_axis = |axis| {
+        table.iter().map(move |line| EntryDef {
+            index: object_of(axis, line.index),
+            ..*line
+        })
+    };
+    let mut lines: Vec<EntryDef> = (0..axes).flat_map(of_axis).collect();
     if let Some(drive) = &node.drive {
         for line in &mut lines {
             let object = Mapped {
@@ -61,11 +68,11 @@ pub(super) fn objects(node: &Node) -> &'static [EntryDef] {
                 other => other,
             };
             // The device works with the value; nobody can write it.
-            if drive.without.contains(&(object.index, object.sub)) {
+            if drive.without.contains(&(axis_of(object.index).1, object.sub)) {
                 line.access = Access::ReadOnly;
                 line.pdo = PdoAccess::No;
             }
-            if let (0x6502, Some(modes)) = (line.index, drive.modes) {
+            if let (0x6502, Some(modes)) = (axis_of(line.index).1, drive.modes) {
                 *line = line.default(modes.into());
             }
         }

@@ -1,4 +1,4 @@
-//! A simulated servo drive: a POWERLINK controlled node, a CiA 402 device and a motor.
+//! A simulated servo drive: a POWERLINK controlled node, and for each of its axes a CiA 402 device and a motor.
 //!
 //! In:  frames of the managing node, the time. Out: the frame to answer with; the motor's motion.
 //!
@@ -13,18 +13,19 @@ use super::motor::{Motor, MotorConfig};
 use super::track::{Track, mm_to_counts};
 use crate::config::{
     Config, DriveMode, Homing, HomingBy, InputBits, Joint, JointLimits, Node, NodeIndex, Reactions, SimFaultKind,
-    SimJoint, SpindleAxis, Sto, StopLimits,
+    SpindleAxis, Sto, StopLimits,
 };
 use cia402::State;
 use cia402::device::{DEVICE_TYPE, DRIVE_OBJECTS, Delays, Demand, Device, Injected, check_write};
+use cia402::profile::{AXES_MAX, object_of};
 use obd::{AbortCode, Dictionary, EntryDef, Handle, Key};
 use powerlink::cn::objects::{COMMUNICATION_BYTES, COMMUNICATION_ENTRIES, COMMUNICATION_PROFILE};
 use powerlink::cn::{Cn, Events, QueueError};
 use powerlink::nmt::{NmtState, Reset};
 use powerlink::wire::FRAME_LEN_MAX;
 
-const ENTRIES: usize = COMMUNICATION_ENTRIES + obd::lines_of(DRIVE_OBJECTS) + MAKER_ENTRIES;
-const OCTETS: usize = COMMUNICATION_BYTES + obd::octets_of(DRIVE_OBJECTS) + 8 * MAKER_ENTRIES;
+const ENTRIES: usize = COMMUNICATION_ENTRIES + AXES_MAX as usize * obd::lines_of(DRIVE_OBJECTS) + MAKER_ENTRIES;
+const OCTETS: usize = COMMUNICATION_BYTES + AXES_MAX as usize * obd::octets_of(DRIVE_OBJECTS) + 8 * MAKER_ENTRIES;
 
 /// Periods without a SoC after which a drive goes on by its own clock.
 pub(super) const FREE_RUN_PERIODS: u64 = 5;
@@ -46,6 +47,7 @@ const BENCH: Joint = Joint {
     step: None,
     analog: None,
     node: 0,
+    drive_axis: 0,
     mode: DriveMode::Csp,
     counts_per_unit: [10_000, 1],
     velocity_ratio: [1, 1],
@@ -121,110 +123,102 @@ fn of_spindle(of: &SpindleAxis) -> Joint {
 #[derive(Clone, Debug)]
 struct Setup {
     node: Node,
-    joint: Joint,
-    /// Of a drive that turns the spindle: its highest speed, 1/min.
-    rpm_max: Option<f64>,
+    axes: Vec<AxisSetup>,
     objects: &'static [EntryDef],
     period_ns: u32,
+}
+
+/// The same of one axis.
+#[derive(Clone, Debug)]
+struct AxisSetup {
+    joint: Joint,
+    /// Of one that turns the spindle: its highest speed, 1/min.
+    rpm_max: Option<f64>,
     delays: Delays,
+}
+
+/// One axis: the power section of a drive, and its motor.
+#[derive(Debug)]
+struct Axis {
+    device: Device,
+    motor: Motor,
+    demand: Demand,
+    /// The object in which it shows its safety circuit, where that is not 60FD.
+    sto: Option<(Handle, Sto)>,
+    /// Error code that 1001h and the error history have been told of.
+    reported: u16,
 }
 
 #[derive(Debug)]
 pub(super) struct Drive {
     setup: Setup,
     cn: Cn<ENTRIES, OCTETS>,
-    device: Device,
-    motor: Motor,
-    demand: Demand,
+    axes: Vec<Axis>,
     powered: bool,
     error_register: Key<u8>,
-    /// The object in which it shows its safety circuit, where that is not 60FD.
-    sto: Option<(Handle, Sto)>,
-    /// Error code that 1001h and the error history have been told of.
-    reported: u16,
-    /// Bits of 1001h that stand for it.
+    /// Bits of 1001h that stand for the error codes of the axes.
     register_bits: u8,
     /// The last SoC, or the last period of the drive's own clock.
     period_start_ns: u64,
     /// The SoC came and its period has not been worked off.
     due: bool,
     free_running: bool,
-    /// A reset of the application waits until the motor has stopped.
+    /// A reset of the application waits until the motors have stopped.
     reset_due: bool,
 }
 
 impl Drive {
     pub(super) fn new(
         node: &Node,
-        joint: Option<&Joint>,
         (config, index): (&Config, NodeIndex),
-        special: Option<&SimJoint>,
         period_ns: u32,
         now_ns: u64,
     ) -> Result<Drive, SimError> {
-        let sim = &config.sim;
-        let spindle = config.spindle.axis.filter(|of| of.node == index);
-        let joint = match (joint, &spindle) {
-            (Some(joint), _) => joint.clone(),
-            (None, Some(of)) => of_spindle(of),
-            (None, None) => BENCH,
-        };
-        let track = match spindle {
-            Some(_) => Track::endless(joint.counts_per_unit[0].into()),
-            None => Track::for_joint(&joint, sim.start, special),
-        };
-        let motor = MotorConfig {
-            natural_frequency_rad_s: sim.natural_frequency_hz * std::f64::consts::TAU,
-            damping: sim.damping,
-            acceleration_max: MOTOR_RESERVE * mm_to_counts(&joint, joint.stop.acceleration_mm_s2),
-        };
-        let mut motor = Motor::new(motor, track);
-        motor.index_missing = sim.is_faulty(index, SimFaultKind::IndexMissing);
-        let mut delays = Delays::default();
-        if sim.is_faulty(index, SimFaultKind::SlowEnable) {
-            delays.0[ENABLE_OPERATION] = SLOW_NS;
-        }
+        let count = axes(config, index);
+        let (setups, motors) = (0..count).map(|axis| axis_setup(config, index, axis)).unzip();
         Drive::switch_on(
             Setup {
                 node: node.clone(),
-                joint,
-                rpm_max: spindle.map(|_| config.spindle.rpm_max),
-                objects: objects(node),
+                axes: setups,
+                objects: objects(node, count),
                 period_ns,
-                delays,
             },
-            motor,
+            motors,
             now_ns,
         )
     }
 
-    fn switch_on(setup: Setup, motor: Motor, now_ns: u64) -> Result<Drive, SimError> {
+    fn switch_on(setup: Setup, motors: Vec<Motor>, now_ns: u64) -> Result<Drive, SimError> {
         let node = &setup.node;
-        let quirks = quirks(node);
+        let failed = |error: AbortCode| SimError::new(node, error);
         let mut objects: Dictionary<ENTRIES, OCTETS> =
             Dictionary::new(&[COMMUNICATION_PROFILE, setup.objects]).map_err(|error| SimError::new(node, error))?;
-        commission(&mut objects, &setup.joint).map_err(|error| SimError::new(node, error))?;
-        if let Some(rpm_max) = setup.rpm_max {
-            commission_spindle(&mut objects, &setup.joint, rpm_max).map_err(|error| SimError::new(node, error))?;
-        }
-        let device =
-            Device::new(&objects, setup.period_ns, setup.delays).map_err(|error| SimError::new(node, error))?;
-        let device = device.with_quirks(quirks);
-        let error_register = objects.key(0x1001, 0).map_err(|error| SimError::new(node, error))?;
         let sto = node.drive.as_ref().and_then(|drive| drive.sto);
         let sto = sto.filter(|sto| sto.object != (0x60FD, 0));
-        let sto = sto.and_then(|sto| Some((objects.find(sto.object.0, sto.object.1).ok()?, sto)));
+        let mut axes = Vec::new();
+        for (number, (of, motor)) in (0..).zip(setup.axes.iter().zip(motors)) {
+            commission(&mut objects, number, &of.joint).map_err(failed)?;
+            if let Some(rpm_max) = of.rpm_max {
+                commission_spindle(&mut objects, number, &of.joint, rpm_max).map_err(failed)?;
+            }
+            let device = Device::of_axis(&objects, number, setup.period_ns, of.delays).map_err(failed)?;
+            let find = |sto: Sto| objects.find(object_of(number, sto.object.0), sto.object.1).ok();
+            axes.push(Axis {
+                device: device.with_quirks(quirks(node)),
+                motor,
+                demand: Demand::default(),
+                sto: sto.and_then(|sto| Some((find(sto)?, sto))),
+                reported: 0,
+            });
+        }
+        let error_register = objects.key(0x1001, 0).map_err(failed)?;
         let mut cn = super::node::build(node, DEVICE_TYPE, objects, now_ns)?;
         cn.set_write_check(check_write);
         Ok(Drive {
             cn,
-            device,
-            motor,
-            demand: Demand::default(),
+            axes,
             powered: true,
             error_register,
-            sto,
-            reported: 0,
             register_bits: 0,
             period_start_ns: now_ns,
             due: false,
@@ -311,73 +305,101 @@ impl Drive {
         }
     }
 
-    /// Ends one period of the motor and begins the next.
+    /// Ends one period of the motors and begins the next.
     fn step(&mut self) {
-        let sensors = self.motor.advance(&self.demand, f64::from(self.setup.period_ns) * 1e-9);
-        if !self.powered {
-            self.demand = Demand::default();
-            return;
-        }
+        let period_s = f64::from(self.setup.period_ns) * 1e-9;
         // How long the drive trusts its last set-point without a SoC is the business of its node: 1C14 and 1C0B.
         let led = self.cn.nmt_state() == NmtState::Operational && !self.reset_due;
-        self.demand = self.device.cycle(self.cn.dictionary_mut(), &sensors, led);
-        if let Some((handle, sto)) = self.sto {
-            let shown = self.device.injected.sto_open == sto.active;
-            let value = u64::from(shown) << sto.bit;
-            // As long as it is; only a value of another length could be refused.
-            let _ = self
-                .cn
-                .dictionary_mut()
-                .set_octets(handle, &value.to_le_bytes()[..handle.size()]);
+        let mut stopping = false;
+        let mut told = false;
+        for axis in &mut self.axes {
+            let sensors = axis.motor.advance(&axis.demand, period_s);
+            if !self.powered {
+                axis.demand = Demand::default();
+                continue;
+            }
+            axis.demand = axis.device.cycle(self.cn.dictionary_mut(), &sensors, led);
+            if let Some((handle, sto)) = axis.sto {
+                let shown = axis.device.injected.sto_open == sto.active;
+                let value = u64::from(shown) << sto.bit;
+                // As long as it is; only a value of another length could be refused.
+                let _ = self
+                    .cn
+                    .dictionary_mut()
+                    .set_octets(handle, &value.to_le_bytes()[..handle.size()]);
+            }
+            stopping |= matches!(axis.device.state(), State::QuickStopActive | State::FaultReactionActive);
         }
-        let stopping = matches!(self.device.state(), State::QuickStopActive | State::FaultReactionActive);
+        if !self.powered {
+            return;
+        }
         if self.reset_due && !stopping {
             self.reset_due = false;
-            self.device.reset();
-            self.demand = Demand::default();
-        }
-        let error_code = self.device.error_code();
-        if error_code != self.reported {
-            self.reported = error_code;
-            if error_code != 0 {
-                self.cn.report_error(PROFILE, error_code, [0; 8]);
+            for axis in &mut self.axes {
+                axis.device.reset();
+                axis.demand = Demand::default();
             }
+        }
+        for axis in &mut self.axes {
+            let error_code = axis.device.error_code();
+            if error_code != axis.reported {
+                axis.reported = error_code;
+                told = true;
+                if error_code != 0 {
+                    self.cn.report_error(PROFILE, error_code, [0; 8]);
+                }
+            }
+        }
+        if told {
+            let bits = self
+                .axes
+                .iter()
+                .fold(0, |bits, axis| bits | axis.device.error_register());
             let objects = self.cn.dictionary_mut();
             let others = objects.get(self.error_register) & !self.register_bits;
-            self.register_bits = self.device.error_register();
-            objects.set(self.error_register, others | self.register_bits);
+            self.register_bits = bits;
+            objects.set(self.error_register, others | bits);
         }
     }
 
     /// The machine's probe has changed after this share of the last period; a drive at which it is not wired does not know.
     pub(super) fn touch(&mut self, share: f64, closed: bool) {
-        if let Some(number) = self.setup.joint.touch_probe {
-            self.motor.touch(usize::from(number - 1), share, closed);
+        for (axis, of) in self.axes.iter_mut().zip(&self.setup.axes) {
+            if let Some(number) = of.joint.touch_probe {
+                axis.motor.touch(usize::from(number - 1), share, closed);
+            }
         }
     }
 
     pub(super) fn power_off(&mut self) {
         self.powered = false;
-        self.demand = Demand::default();
+        for axis in &mut self.axes {
+            axis.demand = Demand::default();
+        }
     }
 
     pub(super) fn power_on(&mut self, now_ns: u64) -> Result<(), SimError> {
-        let mut motor = self.motor.clone();
-        motor.power_on();
-        *self = Drive::switch_on(self.setup.clone(), motor, now_ns)?;
+        let motors = self.axes.iter().map(|axis| {
+            let mut motor = axis.motor.clone();
+            motor.power_on();
+            motor
+        });
+        *self = Drive::switch_on(self.setup.clone(), motors.collect(), now_ns)?;
         Ok(())
     }
 
-    pub(super) fn raise_fault(&mut self, code: u16) {
-        self.device.raise_fault(code);
+    pub(super) fn raise_fault(&mut self, axis: u8, code: u16) -> bool {
+        let axis = self.axes.get_mut(usize::from(axis));
+        axis.map(|axis| axis.device.raise_fault(code)).is_some()
     }
 
-    pub(super) fn jam(&mut self, jammed: bool) {
-        self.motor.jammed = jammed;
+    pub(super) fn jam(&mut self, axis: u8, jammed: bool) -> bool {
+        let axis = self.axes.get_mut(usize::from(axis));
+        axis.map(|axis| axis.motor.jammed = jammed).is_some()
     }
 
-    pub(super) fn injected(&mut self) -> &mut Injected {
-        &mut self.device.injected
+    pub(super) fn injected(&mut self, axis: u8) -> Option<&mut Injected> {
+        Some(&mut self.axes.get_mut(usize::from(axis))?.device.injected)
     }
 
     pub(super) fn nmt_state(&self) -> NmtState {
@@ -388,23 +410,74 @@ impl Drive {
         }
     }
 
-    pub(super) fn state(&self) -> State {
-        self.device.state()
+    pub(super) fn state(&self, axis: u8) -> Option<State> {
+        Some(self.axes.get(usize::from(axis))?.device.state())
     }
 
     /// Turns since power-on, of a drive that turns the spindle.
     pub(super) fn turns(&self) -> Option<f64> {
-        self.setup.rpm_max.map(|_| self.machine_position_mm())
+        let axis = self.setup.axes.iter().position(|of| of.rpm_max.is_some())?;
+        self.machine_position_mm(axis as u8)
     }
 
-    /// Where the load is, mm: what a rule on the machine would show.
-    pub(super) fn machine_position_mm(&self) -> f64 {
-        self.motor.machine_position() / mm_to_counts(&self.setup.joint, 1.0)
+    /// Where the load of an axis is, mm: what a rule on the machine would show.
+    pub(super) fn machine_position_mm(&self, axis: u8) -> Option<f64> {
+        let axis = usize::from(axis);
+        let (axis, of) = (self.axes.get(axis)?, &self.setup.axes[axis]);
+        Some(axis.motor.machine_position() / mm_to_counts(&of.joint, 1.0))
     }
 }
 
+/// Axes that a drive has: those of its profile, and all that are used.
+fn axes(config: &Config, index: NodeIndex) -> u8 {
+    let of_profile = config.bus.nodes[index].drive.as_ref().map_or(1, |drive| drive.axes);
+    let joints = config.joints.iter().filter(|joint| joint.node == index);
+    let spindle = config.spindle.axis.filter(|of| of.node == index);
+    let used = joints
+        .map(|joint| joint.drive_axis)
+        .chain(spindle.map(|of| of.drive_axis));
+    used.map(|axis| axis + 1).max().unwrap_or(1).max(of_profile)
+}
+
+/// What an axis of a drive is made of, and its motor.
+fn axis_setup(config: &Config, index: NodeIndex, axis: u8) -> (AxisSetup, Motor) {
+    let sim = &config.sim;
+    let here = |node: usize, drive_axis: u8| (node, drive_axis) == (index, axis);
+    let number = config
+        .joints
+        .iter()
+        .position(|joint| here(joint.node, joint.drive_axis));
+    let spindle = config.spindle.axis.filter(|of| here(of.node, of.drive_axis));
+    let joint = match (number, &spindle) {
+        (Some(number), _) => config.joints[number].clone(),
+        (None, Some(of)) => of_spindle(of),
+        (None, None) => BENCH,
+    };
+    let track = match spindle {
+        Some(_) => Track::endless(joint.counts_per_unit[0].into()),
+        None => Track::for_joint(&joint, sim.start, number.and_then(|number| sim.joint(number))),
+    };
+    let motor = MotorConfig {
+        natural_frequency_rad_s: sim.natural_frequency_hz * std::f64::consts::TAU,
+        damping: sim.damping,
+        acceleration_max: MOTOR_RESERVE * mm_to_counts(&joint, joint.stop.acceleration_mm_s2),
+    };
+    let mut motor = Motor::new(motor, track);
+    motor.index_missing = sim.is_faulty(index, axis, SimFaultKind::IndexMissing);
+    let mut delays = Delays::default();
+    if sim.is_faulty(index, axis, SimFaultKind::SlowEnable) {
+        delays.0[ENABLE_OPERATION] = SLOW_NS;
+    }
+    let setup = AxisSetup {
+        joint,
+        rpm_max: spindle.map(|_| config.spindle.rpm_max),
+        delays,
+    };
+    (setup, motor)
+}
+
 /// Sets the drive's parameters as whoever put the machine into service did; they outlive resets.
-fn commission(objects: &mut Dictionary<ENTRIES, OCTETS>, joint: &Joint) -> Result<(), AbortCode> {
+fn commission(objects: &mut Dictionary<ENTRIES, OCTETS>, axis: u8, joint: &Joint) -> Result<(), AbortCode> {
     let counts = |mm: f64| (mm_to_counts(joint, mm).round().clamp(1.0, f64::from(u32::MAX)) as u32).to_le_bytes();
     let homing = &joint.homing;
     let (method, acceleration_mm_s2) = match homing.by {
@@ -427,14 +500,19 @@ fn commission(objects: &mut Dictionary<ENTRIES, OCTETS>, joint: &Joint) -> Resul
         (0x609A, 0, &counts(acceleration_mm_s2)),
     ];
     for (index, sub, octets) in values {
-        let handle = objects.find(index, sub)?;
+        let handle = objects.find(object_of(axis, index), sub)?;
         objects.set_default(handle, octets)?;
     }
     Ok(())
 }
 
 /// The same of a drive that turns the spindle: encoder, highest speed, ramps of VL.
-fn commission_spindle(objects: &mut Dictionary<ENTRIES, OCTETS>, joint: &Joint, rpm_max: f64) -> Result<(), AbortCode> {
+fn commission_spindle(
+    objects: &mut Dictionary<ENTRIES, OCTETS>,
+    axis: u8,
+    joint: &Joint,
+    rpm_max: f64,
+) -> Result<(), AbortCode> {
     let ramp_rpm_s = (60.0 * SPINDLE_RAMP_TURNS_S2) as u32;
     let values = [
         (0x608F, 1, joint.counts_per_unit[0]),
@@ -443,7 +521,7 @@ fn commission_spindle(objects: &mut Dictionary<ENTRIES, OCTETS>, joint: &Joint, 
         (0x6049, 1, ramp_rpm_s),
     ];
     for (index, sub, value) in values {
-        let handle = objects.find(index, sub)?;
+        let handle = objects.find(object_of(axis, index), sub)?;
         objects.set_default(handle, &value.to_le_bytes())?;
     }
     Ok(())

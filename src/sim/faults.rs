@@ -14,6 +14,8 @@ const OVERCURRENT: u16 = 0x2310;
 pub(super) struct Scripted {
     /// Index of the node.
     pub(super) place: usize,
+    /// Axis of it.
+    pub(super) axis: u8,
     kind: SimFaultKind,
     after_ns: u64,
     /// When the operation of the drive was first enabled.
@@ -27,6 +29,7 @@ pub(super) struct Scripted {
 pub(super) fn script(config: &Config) -> Vec<Scripted> {
     let faults = config.sim.faults.iter().map(|fault| Scripted {
         place: fault.node,
+        axis: fault.drive_axis,
         kind: fault.kind,
         after_ns: (fault.after_s * 1e9) as u64,
         enabled_ns: None,
@@ -54,7 +57,8 @@ impl Scripted {
     }
 
     /// Does it to the drive of a node.
-    pub(super) fn strike(self, machine: &mut SimMachine, id: u8) {
+    pub(super) fn strike(self, machine: &mut SimMachine, node: u8) {
+        let id = (node, self.axis);
         match self.kind {
             SimFaultKind::Overcurrent => {
                 machine.raise_drive_fault(id, OVERCURRENT);
@@ -68,7 +72,7 @@ impl Scripted {
                 }
             }
             SimFaultKind::PowerOff => {
-                machine.power_off(id);
+                machine.power_off(node);
             }
             SimFaultKind::Sto => {
                 if let Some(injected) = machine.drive_injected(id) {

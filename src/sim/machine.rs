@@ -76,12 +76,33 @@ impl Place {
     }
 }
 
+/// A drive: its node id, and which of the axes of that node it is. A node id alone is its first axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DriveId {
+    pub node: u8,
+    /// From 0.
+    pub axis: u8,
+}
+
+impl From<u8> for DriveId {
+    fn from(node: u8) -> DriveId {
+        DriveId { node, axis: 0 }
+    }
+}
+
+impl From<(u8, u8)> for DriveId {
+    fn from((node, axis): (u8, u8)) -> DriveId {
+        DriveId { node, axis }
+    }
+}
+
 /// All nodes of a machine file.
 #[derive(Debug)]
 pub struct SimMachine {
     places: Vec<Place>,
-    /// Index into `places` of each joint's drive, or of the I/O node of its amplifier; of one with step pulses none of these.
-    joints: Vec<usize>,
+    /// Index into `places` of each joint's drive and the axis there, or of the I/O node of its amplifier; of one with step pulses none
+    /// of these.
+    joints: Vec<(usize, u8)>,
     /// `None`: there are none.
     sensors: Option<Sensors>,
     /// Where the loads were when the sensors looked last; `None`: they have not yet.
@@ -100,19 +121,7 @@ impl SimMachine {
         let mut places = Vec::new();
         for (index, node) in config.bus.nodes.iter().enumerate() {
             let device = match node.profile {
-                Profile::Cia402 => {
-                    let number = config.joints.iter().position(|joint| joint.node == index);
-                    let joint = number.map(|number| &config.joints[number]);
-                    let special = number.and_then(|number| config.sim.joint(number));
-                    Device::Drive(Box::new(Drive::new(
-                        node,
-                        joint,
-                        (config, index),
-                        special,
-                        period_ns,
-                        0,
-                    )?))
-                }
+                Profile::Cia402 => Device::Drive(Box::new(Drive::new(node, (config, index), period_ns, 0)?)),
                 Profile::Io => {
                     let signals = config.sim.signals.iter().filter(|signal| signal.node == index);
                     let signals: Vec<_> = signals.copied().collect();
@@ -129,7 +138,10 @@ impl SimMachine {
                 pres_to_drop: 0,
             });
         }
-        let place = |joint: &Joint| joint.analog.map_or(joint.node, |analog| analog.node);
+        let place = |joint: &Joint| {
+            let place = joint.analog.map_or(joint.node, |analog| analog.node);
+            (place, joint.drive_axis)
+        };
         let joints = config.joints.iter().map(place).collect();
         Ok(SimMachine {
             places,
@@ -185,7 +197,7 @@ impl SimMachine {
         for index in 0..self.faults.len() {
             let mut fault = self.faults[index];
             let id = self.places[fault.place].id;
-            if fault.is_due(self.now_ns, self.drive_state(id)) {
+            if fault.is_due(self.now_ns, self.drive_state((id, fault.axis))) {
                 fault.strike(self, id);
             }
             self.faults[index] = fault;
@@ -202,8 +214,8 @@ impl SimMachine {
         }
         let before_mm = self.loads_mm.replace(loads_mm).unwrap_or(loads_mm);
         if let Some((share, closed)) = sensors.touch(&before_mm[..count], &loads_mm[..count]) {
-            for &place in &self.joints {
-                if let Some(Device::Drive(drive)) = self.places.get_mut(place).map(|place| &mut place.device) {
+            for place in &mut self.places {
+                if let Device::Drive(drive) = &mut place.device {
                     drive.touch(share, closed);
                 }
             }
@@ -283,18 +295,22 @@ impl SimMachine {
     }
 
     /// A fault inside a drive; see [`cia402::error_text`] for codes.
-    pub fn raise_drive_fault(&mut self, node_id: u8, error_code: u16) -> bool {
-        self.drive(node_id).map(|drive| drive.raise_fault(error_code)).is_some()
+    pub fn raise_drive_fault(&mut self, id: impl Into<DriveId>, error_code: u16) -> bool {
+        let id = id.into();
+        self.drive(id.node)
+            .is_some_and(|drive| drive.raise_fault(id.axis, error_code))
     }
 
     /// Warning bit, remote bit and refusals of a drive.
-    pub fn drive_injected(&mut self, node_id: u8) -> Option<&mut cia402::device::Injected> {
-        self.drive(node_id).map(Drive::injected)
+    pub fn drive_injected(&mut self, id: impl Into<DriveId>) -> Option<&mut cia402::device::Injected> {
+        let id = id.into();
+        self.drive(id.node)?.injected(id.axis)
     }
 
-    /// Jams what the drive of a node moves, or lets it go.
-    pub fn jam(&mut self, node_id: u8, jammed: bool) -> bool {
-        self.drive(node_id).map(|drive| drive.jam(jammed)).is_some()
+    /// Jams what a drive moves, or lets it go.
+    pub fn jam(&mut self, id: impl Into<DriveId>, jammed: bool) -> bool {
+        let id = id.into();
+        self.drive(id.node).is_some_and(|drive| drive.jam(id.axis, jammed))
     }
 
     /// Loses the next PRes of a node.
@@ -404,12 +420,13 @@ impl SimMachine {
     }
 
     /// State of a drive's power section.
-    pub fn drive_state(&self, node_id: u8) -> Option<State> {
+    pub fn drive_state(&self, id: impl Into<DriveId>) -> Option<State> {
+        let id = id.into();
         self.places
             .iter()
-            .filter(|place| place.id == node_id)
+            .filter(|place| place.id == id.node)
             .find_map(|place| match &place.device {
-                Device::Drive(drive) => Some(drive.state()),
+                Device::Drive(drive) => drive.state(id.axis),
                 Device::Io(_) => None,
             })
     }
@@ -417,9 +434,9 @@ impl SimMachine {
     /// Where the load of a joint is, machine coordinates in mm (degrees): what a rule on the machine would show, whatever
     /// the drive and the control believe.
     pub fn joint_position_mm(&self, joint: usize) -> Option<f64> {
-        let place = self.places.get(*self.joints.get(joint)?)?;
-        match &place.device {
-            Device::Drive(drive) => Some(drive.machine_position_mm()),
+        let &(place, axis) = self.joints.get(joint)?;
+        match &self.places.get(place)?.device {
+            Device::Drive(drive) => drive.machine_position_mm(axis),
             Device::Io(io) => io.load_mm(joint),
         }
     }

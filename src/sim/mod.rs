@@ -20,7 +20,7 @@ pub mod stepper;
 mod track;
 mod virtual_net;
 
-pub use machine::SimMachine;
+pub use machine::{DriveId, SimMachine};
 pub use node::node_mac;
 pub use run::{Served, serve};
 pub use virtual_net::{Disturbance, NetConfig, VirtualNet};

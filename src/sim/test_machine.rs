@@ -49,6 +49,7 @@ pub(super) fn test_config() -> Config {
         step: None,
         analog: None,
         node,
+        drive_axis: 0,
         mode: DriveMode::Csp,
         counts_per_unit: [10_000, 1],
         velocity_ratio: [1, 1],

@@ -173,8 +173,21 @@ impl Device {
         period_ns: u32,
         delays: Delays,
     ) -> Result<Device, AbortCode> {
+        Device::of_axis(objects, 0, period_ns, delays)
+    }
+
+    /// An axis of a device that has several: its objects lie 800h times its number behind [`DRIVE_OBJECTS`].
+    ///
+    /// # Errors
+    /// As [`Device::new`].
+    pub fn of_axis<const ENTRIES: usize, const BYTES: usize>(
+        objects: &Dictionary<ENTRIES, BYTES>,
+        axis: u8,
+        period_ns: u32,
+        delays: Delays,
+    ) -> Result<Device, AbortCode> {
         Ok(Device {
-            keys: Keys::find(objects)?,
+            keys: Keys::find(objects, axis)?,
             period_ns,
             power: Power::new(delays),
             delays,

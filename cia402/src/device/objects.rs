@@ -4,7 +4,7 @@
 //! Out: the lines, the keys under which the device finds its values, and the values that it refuses beyond plain ranges.
 
 use super::homing;
-use crate::profile::mode;
+use crate::profile::{axis_of, mode, object_of};
 use obd::{AbortCode, DataType, Dictionary, EntryDef, Key};
 
 /// 6502: all modes that have a meaning here.
@@ -203,7 +203,10 @@ pub fn check_write<const ENTRIES: usize, const BYTES: usize>(
     sub: u8,
     value: &[u8],
 ) -> Result<(), AbortCode> {
-    let supported = objects.key(0x6502, 0).map_or(SUPPORTED_MODES, |key| objects.get(key));
+    let (axis, index) = axis_of(index);
+    let supported = objects
+        .key(object_of(axis, 0x6502), 0)
+        .map_or(SUPPORTED_MODES, |key| objects.get(key));
     let allowed = match (index, sub, value) {
         (0x6060, 0, &[code]) => code as i8 == mode::NONE || supported & mode::supported_bit(code as i8) != 0,
         (0x6098, 0, &[method]) => homing::Method::from_number(method as i8).is_some(),
@@ -226,8 +229,9 @@ macro_rules! keys {
         impl Keys {
             pub(super) fn find<const ENTRIES: usize, const BYTES: usize>(
                 objects: &Dictionary<ENTRIES, BYTES>,
+                axis: u8,
             ) -> Result<Keys, AbortCode> {
-                Ok(Keys { $($name: objects.key($index, $sub)?,)* })
+                Ok(Keys { $($name: objects.key(object_of(axis, $index), $sub)?,)* })
             }
         }
     };

@@ -3,6 +3,7 @@
 //! In:  what a frame or a node reports. Out: text that a person understands without the standard in hand, with the number
 //! where it is needed to look further.
 
+use cia402::profile::axis_of;
 use obd::DataType;
 use obd::mapping::MappingEntry;
 use powerlink::error_code::ErrorCode;
@@ -137,9 +138,15 @@ pub fn error_name(code: u16) -> &'static str {
     ErrorCode::find(code).map_or("", |known| known.text)
 }
 
-/// Name of an object of the device profiles that drives and I/O have; empty for all others.
-pub fn profile_object_name(index: u16) -> &'static str {
-    named(&PROFILE_OBJECTS, index)
+/// Name of an object of the device profiles that drives and I/O have, with the axis of a device that has several; empty for all
+/// others.
+pub fn profile_object_name(index: u16) -> String {
+    let (axis, of_first) = axis_of(index);
+    match (named(&PROFILE_OBJECTS, of_first), axis) {
+        ("", _) => String::new(),
+        (name, 0) => name.to_owned(),
+        (name, axis) => format!("{name} of axis {axis}"),
+    }
 }
 
 /// Type of an object of the communication profile that its length does not tell.
@@ -243,6 +250,9 @@ mod tests {
         assert!(OBJECTS.is_sorted_by(|a, b| a.0 < b.0));
         assert_eq!(object_name(0x1A05), "TPDO mapping");
         assert_eq!(object_name(0x2000), "");
+        assert_eq!(profile_object_name(0x6041), "statusword");
+        assert_eq!(profile_object_name(0x6841), "statusword of axis 1");
+        assert_eq!(profile_object_name(0x2041), "");
         assert_eq!(error_name(0x8243), "too many answers to polls were missed");
     }
 

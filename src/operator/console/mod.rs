@@ -117,8 +117,8 @@ pub struct Operator {
     node_names: Vec<String>,
     modules: Modules,
     joint_names: Vec<String>,
-    /// Node of the drive of each joint.
-    joint_nodes: Vec<usize>,
+    /// Drives of the joints on the bus.
+    joint_drives: Vec<Option<String>>,
     nodes_up: usize,
     operational_s: Option<f64>,
     journal: Vec<Entry>,
@@ -183,7 +183,7 @@ impl Operator {
                 .map(|node| format!("{} (node {})", node.name, node.id))
                 .collect(),
             joint_names: joint_names(config),
-            joint_nodes: config.joints.iter().map(|joint| joint.node).collect(),
+            joint_drives: config.joints.iter().map(|joint| config.drive_name(joint)).collect(),
             nodes_up: 0,
             operational_s: None,
             journal: Vec::new(),
@@ -781,14 +781,19 @@ impl Operator {
 }
 
 fn joint_names(config: &Config) -> Vec<String> {
-    (0..config.joints.len())
-        .map(
-            |joint| match config.axes.iter().find(|map| map.joints.contains(&joint)) {
-                Some(map) => format!("axis {} (joint {joint})", map.axis.letter()),
-                None => format!("joint {joint}"),
-            },
-        )
-        .collect()
+    let joints = config.joints.iter().enumerate();
+    let name = |(number, joint): (usize, &crate::config::Joint)| {
+        // Which of several drives of a node it is, does not go without saying.
+        let node = config.bus.nodes.get(joint.node).filter(|_| config.shares_node(joint));
+        let drive = node.map_or(String::new(), |node| {
+            format!(", axis {} of {}", joint.drive_axis, node.name)
+        });
+        match config.axes.iter().find(|map| map.joints.contains(&number)) {
+            Some(map) => format!("axis {} (joint {number}{drive})", map.axis.letter()),
+            None => format!("joint {number}{drive}"),
+        }
+    };
+    joints.map(name).collect()
 }
 
 #[cfg(test)]

@@ -104,8 +104,9 @@ impl Operator {
     fn fault_record(&mut self, fault: &Fault, first: bool) -> AlarmRecord {
         let mut record = self.alarm_record(fault.code(), fault.reaction(), first);
         record.joint = fault.joint();
-        let node = fault.node().or_else(|| Some(*self.joint_nodes.get(fault.joint()?)?));
-        record.node = node.and_then(|node| self.node_names.get(node)).cloned();
+        let of_joint = || fault.joint().and_then(|joint| self.joint_drives.get(joint)?.clone());
+        let of_node = fault.node().and_then(|node| self.node_names.get(node)).cloned();
+        record.node = of_node.or_else(of_joint);
         record
     }
 

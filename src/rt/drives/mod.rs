@@ -21,13 +21,18 @@ use crate::config::{
     touch_probe_objects,
 };
 use cia402::axis::{Axis, AxisConfig, Feedback, HomingState, Request, Setpoint, Status, Target};
+use cia402::profile::{axis_of, object_of};
 use motion::canon::Position;
 use motion::kinematics::Kinematics;
 use motion::rt::{JointCompensation, Pid, PidGains, Sample};
 
 /// Whether the control fills an object of the drive of a joint itself; others have pins.
-pub fn is_filled(joint: &Joint, object: (u16, u8)) -> bool {
-    match object {
+pub fn is_filled(joint: &Joint, (index, sub): (u16, u8)) -> bool {
+    let (axis, index) = axis_of(index);
+    if axis != joint.drive_axis {
+        return false;
+    }
+    match (index, sub) {
         (0x6040 | 0x6060, 0) => true,
         (0x60B8, 0) => joint.touch_probe.is_some() || index_of(joint).is_some(),
         (0x60B1, 0) => joint.mode.is_position(),
@@ -69,8 +74,8 @@ impl Touch {
     /// On, continuously, zero marks in place of the input, which rise where they are.
     const ZERO_MARKS: u64 = 0b0001_0111;
 
-    fn new(number: u8, outputs: &Layout, inputs: &Layout) -> Option<Touch> {
-        let [function, status, rising, falling] = touch_probe_objects(number);
+    fn new(axis: u8, number: u8, outputs: &Layout, inputs: &Layout) -> Option<Touch> {
+        let [function, status, rising, falling] = touch_probe_objects(axis, number);
         Some(Touch {
             fields: [
                 outputs.find(function, 0)?,
@@ -88,8 +93,8 @@ impl Touch {
     }
 
     /// The same for zero marks, which have no falling edge.
-    fn of_zero_marks(number: u8, outputs: &Layout, inputs: &Layout) -> Option<Touch> {
-        let [function, status, rising, _] = touch_probe_objects(number);
+    fn of_zero_marks(axis: u8, number: u8, outputs: &Layout, inputs: &Layout) -> Option<Touch> {
+        let [function, status, rising, _] = touch_probe_objects(axis, number);
         let rising = inputs.find(rising, 0)?;
         Some(Touch {
             fields: [outputs.find(function, 0)?, inputs.find(status, 0)?, rising, rising],
@@ -162,26 +167,26 @@ struct Fields {
 impl Fields {
     /// `None` if an object without which no drive can be run is not mapped.
     fn new(joint: &Joint, outputs: &Layout, inputs: &Layout) -> Option<Fields> {
-        let mode = joint.mode;
-        let find = |index| {
-            let object = (index, 0);
-            is_filled(joint, object).then(|| outputs.find(index, 0)).flatten()
+        let find = |payload: &Layout, index, sub| payload.find(object_of(joint.drive_axis, index), sub);
+        let filled = |index| {
+            let field = find(outputs, index, 0);
+            field.filter(|field| is_filled(joint, (field.object.index, 0)))
         };
         Some(Fields {
-            controlword: outputs.find(0x6040, 0)?,
-            target: targets(mode)
+            controlword: find(outputs, 0x6040, 0)?,
+            target: targets(joint.mode)
                 .iter()
-                .find_map(|(index, sub)| outputs.find(*index, *sub))?,
-            velocity_offset: find(0x60B1),
-            torque_offset: find(0x60B2),
-            mode: outputs.find(0x6060, 0),
-            statusword: inputs.find(0x6041, 0)?,
-            position: inputs.find(0x6064, 0)?,
-            following_error: inputs.find(0x60F4, 0),
-            torque: inputs.find(0x6077, 0),
-            mode_display: inputs.find(0x6061, 0),
-            digital_inputs: inputs.find(0x60FD, 0),
-            error_code: inputs.find(0x603F, 0),
+                .find_map(|(index, sub)| find(outputs, *index, *sub))?,
+            velocity_offset: filled(0x60B1),
+            torque_offset: filled(0x60B2),
+            mode: find(outputs, 0x6060, 0),
+            statusword: find(inputs, 0x6041, 0)?,
+            position: find(inputs, 0x6064, 0)?,
+            following_error: find(inputs, 0x60F4, 0),
+            torque: find(inputs, 0x6077, 0),
+            mode_display: find(inputs, 0x6061, 0),
+            digital_inputs: find(inputs, 0x60FD, 0),
+            error_code: find(inputs, 0x603F, 0),
         })
     }
 }
@@ -290,8 +295,9 @@ impl Drive {
             sto_open: false,
             touch: joint
                 .touch_probe
-                .and_then(|number| Touch::new(number, &plan.outputs, &plan.inputs)),
-            index: index_of(joint).and_then(|index| Touch::of_zero_marks(index.probe, &plan.outputs, &plan.inputs)),
+                .and_then(|number| Touch::new(joint.drive_axis, number, &plan.outputs, &plan.inputs)),
+            index: index_of(joint)
+                .and_then(|index| Touch::of_zero_marks(joint.drive_axis, index.probe, &plan.outputs, &plan.inputs)),
             index_passed: None,
             command_mm: 0.0,
             command_before_mm: 0.0,

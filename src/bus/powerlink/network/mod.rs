@@ -9,8 +9,9 @@ use crate::bus::layout::Layout;
 use crate::bus::plan::{LeftOut, LeftOutReason, NodePlan};
 use crate::config::{
     Bus, Config, ConfigurationWrite, DeviceDescription, DriveMode, DriveProfile, Exchange, HomingBy, Joint, Mapped,
-    Node, Profile, SpindleAxis, Stamp,
+    Node, SpindleAxis, Stamp,
 };
+use cia402::profile::{axis_of, object_of};
 use obd::cdc::CdcWriter;
 use obd::mapping::MappingEntry;
 use obd::{Access, Expected, Scalar};
@@ -23,7 +24,6 @@ pub fn plan(config: &Config) -> Vec<NodePlan> {
     let nodes = config.bus.nodes.iter().zip(&exchanges).enumerate();
     nodes
         .map(|(index, (node, exchange))| {
-            let joint = config.joints.iter().find(|joint| joint.node == index);
             let mut dcf = Configuration::new(node.device.as_ref(), node.drive.as_ref());
             dcf.network(config, node);
             let pres_mn = PresMn {
@@ -32,21 +32,22 @@ pub fn plan(config: &Config) -> Vec<NodePlan> {
             };
             dcf.process_data(&config.bus, node, pres_mn);
             dcf.device_file(node);
-            if let Some(joint) = joint.filter(|_| node.profile == Profile::Cia402) {
-                dcf.drive(joint, config.cycle_us);
-                if node.outputs.iter().all(|object| object.index != 0x6060) {
-                    // It cannot be told its mode in each cycle.
-                    dcf.set(0x6060, 0, joint.mode.code());
-                }
+            for joint in config.joints.iter().filter(|joint| joint.node == index) {
+                dcf.drive(joint, node, config.cycle_us);
             }
-            if let Some(spindle) = config.spindle.axis.filter(|spindle| spindle.node == index) {
-                dcf.spindle(&spindle, node, config.cycle_us);
+            let spindle = config.spindle.axis.filter(|spindle| spindle.node == index);
+            if let Some(spindle) = &spindle {
+                dcf.spindle(spindle, node, &config.bus, config.cycle_us);
             }
             for write in &node.writes {
                 dcf.push(write.clone());
             }
             let stamp = dcf.stamp();
-            let expected = dcf.expected(node);
+            let axes = config.joints.iter().filter(|joint| joint.node == index);
+            let axes = axes
+                .map(|joint| joint.drive_axis)
+                .chain(spindle.map(|spindle| spindle.drive_axis));
+            let expected = dcf.expected(node, axes);
             NodePlan {
                 expected,
                 stamp,
@@ -113,6 +114,8 @@ struct Configuration<'a> {
     device: Option<&'a DeviceDescription>,
     /// Objects that the drive profile says there are not.
     without: &'a [(u16, u8)],
+    /// The axis whose objects of the drive profile are meant by [`Configuration::set`].
+    axis: u8,
     writes: Vec<ConfigurationWrite>,
     left_out: Vec<LeftOut>,
 }
@@ -122,6 +125,7 @@ impl<'a> Configuration<'a> {
         Configuration {
             device,
             without: drive.map_or(&[], |drive| &drive.without),
+            axis: 0,
             writes: Vec::new(),
             left_out: Vec::new(),
         }
@@ -141,11 +145,12 @@ impl<'a> Configuration<'a> {
             let object = device.object(index, sub);
             object.is_some_and(|object| object.access.is_none_or(Access::writable))
         });
-        is_in_file && !self.without.contains(&(index, sub))
+        is_in_file && !self.without.contains(&(axis_of(index).1, sub))
     }
 
     /// A value for devices that have the object.
     fn set<T: Scalar>(&mut self, index: u16, sub: u8, value: T) {
+        let index = object_of(self.axis, index);
         if self.has(index, sub) {
             self.forget(index, sub);
             self.write(index, sub, value);
@@ -322,15 +327,18 @@ impl<'a> Configuration<'a> {
     }
 
     /// What a drive with a profile must say of itself: its modes (6502), and the interpolation time (60C2) that was written.
-    fn expected(&self, node: &Node) -> Vec<Expected> {
+    fn expected(&self, node: &Node, axes: impl Iterator<Item = u8>) -> Vec<Expected> {
         let Some(drive) = &node.drive else { return Vec::new() };
-        let modes = drive.modes.map(|modes| Expected {
-            index: 0x6502,
-            sub: 0,
-            mask: modes,
-            value: modes,
+        let modes = drive.modes.into_iter();
+        let modes = axes.flat_map(|axis| {
+            modes.clone().map(move |modes| Expected {
+                index: object_of(axis, 0x6502),
+                sub: 0,
+                mask: modes,
+                value: modes,
+            })
         });
-        let times = self.writes.iter().filter(|write| write.index == 0x60C2);
+        let times = self.writes.iter().filter(|write| axis_of(write.index).1 == 0x60C2);
         let times = times.filter_map(|write| {
             Some(Expected {
                 index: write.index,
@@ -339,7 +347,7 @@ impl<'a> Configuration<'a> {
                 value: u32::from(*write.value.first()?),
             })
         });
-        modes.into_iter().chain(times).collect()
+        modes.chain(times).collect()
     }
 
     /// 60C2.
@@ -357,21 +365,34 @@ impl<'a> Configuration<'a> {
     }
 
     /// What the drive of the spindle must know: how it stops, its mode where it is not told that in each cycle.
-    fn spindle(&mut self, spindle: &SpindleAxis, node: &Node, cycle_us: u32) {
+    fn spindle(&mut self, spindle: &SpindleAxis, node: &Node, bus: &Bus, cycle_us: u32) {
+        self.axis = spindle.drive_axis;
         if spindle.mode == DriveMode::Csv {
-            self.interpolation_time(cycle_us);
+            // It hears a set-point each time that it is polled.
+            let cycles = match node.exchange {
+                Exchange::Multiplexed(_) => bus.multiplex_cycles.into(),
+                Exchange::Polled | Exchange::Chained | Exchange::AsyncOnly => 1,
+            };
+            self.interpolation_time(cycles * cycle_us);
         }
-        let reactions = node.drive.as_ref().map(|drive| drive.reactions).unwrap_or_default();
-        for (index, value) in reactions.writes() {
+        for (index, value) in spindle.reactions.writes() {
             self.set(index, 0, value);
         }
-        if node.outputs.iter().all(|object| object.index != 0x6060) {
-            self.set(0x6060, 0, spindle.mode.code());
+        self.mode(node, spindle.mode);
+        self.axis = 0;
+    }
+
+    /// 6060 of a drive that cannot be told its mode in each cycle.
+    fn mode(&mut self, node: &Node, mode: DriveMode) {
+        let object = object_of(self.axis, 0x6060);
+        if node.outputs.iter().all(|mapped| mapped.index != object) {
+            self.set(0x6060, 0, mode.code());
         }
     }
 
     /// What a servo drive must know: interpolation time, following error, ramps, homing.
-    fn drive(&mut self, joint: &Joint, cycle_us: u32) {
+    fn drive(&mut self, joint: &Joint, node: &Node, cycle_us: u32) {
+        self.axis = joint.drive_axis;
         let [counts, units] = joint.counts_per_unit.map(f64::from);
         let increments = |mm: f64| (mm * counts / units).round().clamp(0.0, f64::from(u32::MAX)) as u32;
         self.interpolation_time(cycle_us);
@@ -392,6 +413,8 @@ impl<'a> Configuration<'a> {
             self.set(0x609A, 0, increments(acceleration_mm_s2));
         }
         self.set(0x607C, 0, 0_i32);
+        self.mode(node, joint.mode);
+        self.axis = 0;
     }
 }
 

@@ -181,10 +181,10 @@ fn print(
     Ok(())
 }
 
-fn name(index: u16) -> &'static str {
+fn name(index: u16) -> String {
     match words::object_name(index) {
         "" => words::profile_object_name(index),
-        name => name,
+        name => name.to_owned(),
     }
 }
 
