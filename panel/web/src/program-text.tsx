@@ -105,8 +105,8 @@ export function ProgramText({ follow, onPick, picked }: { follow?: boolean; onPi
           </li>
         ))}
         {key && !known && (
-          <li class="current" data-testid="current-line" data-line={current}>
-            <span>{current}</span>
+          <li class={current ? "current" : "past"} data-testid={current ? "current-line" : undefined} data-line={current}>
+            <span>{current || ""}</span>
             <code>{t("text-unknown")}</code>
           </li>
         )}

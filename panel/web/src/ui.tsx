@@ -94,10 +94,12 @@ export function Dialog({
   useEffect(() => {
     // Not modal: hold and stop stay within reach.
     element.current?.show();
-    element.current?.querySelector<HTMLElement>("button, input")?.focus();
+    // What asks for a person's hand is not answered by a key that somebody is just pressing.
+    const first = onClose && element.current?.querySelector<HTMLElement>("input, footer button, button");
+    (first ?? element.current)?.focus();
   }, []);
   return (
-    <dialog ref={element} data-testid={id} aria-label={title} class="dialog">
+    <dialog ref={element} data-testid={id} aria-label={title} class="dialog" tabIndex={-1}>
       <header>
         <h2>{title}</h2>
         {onClose && <Button icon="close" kind="plain" label={t("close")} onClick={onClose} />}

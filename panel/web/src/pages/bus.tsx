@@ -214,7 +214,7 @@ export function Bus() {
           </ul>
         </Card>
       </div>
-      <div class="column">
+      <div class="column" tabIndex={0} role="group" aria-label={t("time")}>
         {node && (
           <Choice
             label={t("page-bus")}

@@ -240,7 +240,7 @@ function Progress() {
 function Codes() {
   const codes = useStatus((s) => s.codes) ?? [];
   return (
-    <p class="codes" data-testid="codes" aria-label={t("codes")}>
+    <p class="codes" data-testid="codes" role="group" aria-label={t("codes")}>
       {codes.map((code) => (
         <code key={code}>{code}</code>
       ))}
