@@ -18,7 +18,7 @@ export const jogSettings = {
   /** mm/s or degrees/s. */
   speed(axis: string, fast: boolean): number {
     const described = machine.get()?.axes.find((one) => one.axis === axis);
-    const most = Math.min(SPEED_MAX_MM_S, described?.velocity_max ?? SPEED_UNKNOWN_MM_S);
+    const most = Math.min(SPEED_MAX_MM_S, described?.velocity_per_s ?? SPEED_UNKNOWN_MM_S);
     return (most * (fast ? 100 : this.percent)) / 100;
   },
   /** Axes need their joints homed; before that a joint is moved by its number. */

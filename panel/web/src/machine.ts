@@ -2,12 +2,12 @@
 import { ask, getStore, subscribe } from "./store";
 
 export interface Described {
-  name: string;
-  unit: string;
-  axes: { axis: string; unit: string; lower: number; upper: number; velocity_max: number; joints: number[] }[];
-  joints?: { joint?: number; name?: string; lower: number; upper: number; velocity_max: number; unit: string }[];
-  spindles?: { rpm_min: number; rpm_max: number }[];
-  cycle_us?: number;
+  machine: string;
+  cycle_us: number;
+  /** Units of the axis; a second. */
+  axes: { axis: string; unit: string; travel: [number, number] | null; velocity_per_s: number | null; joints: number[] }[];
+  /** The panel has a folder for programs. */
+  programs: boolean;
 }
 
 let described: Described | null = null;
@@ -33,6 +33,6 @@ export const machine = {
   get: () => described,
   subscribe: (listener: () => void) => {
     listeners.add(listener);
-    return () => listeners.delete(listener);
+    return () => void listeners.delete(listener);
   },
 };

@@ -67,7 +67,10 @@ function Versions() {
     ["isocnc", s.version],
     ["API", s.api],
     [t("process"), String(s.pid)],
-    ...(axes ?? []).map((axis): [string, string] => [axis.axis, `${axis.lower} … ${axis.upper} ${axis.unit}, ${axis.velocity_max} ${axis.unit}/s`]),
+    ...(axes ?? []).map((axis): [string, string] => [
+      axis.axis,
+      [axis.travel && `${axis.travel[0]} … ${axis.travel[1]} ${axis.unit}`, axis.velocity_per_s && `${axis.velocity_per_s} ${axis.unit}/s`].filter(Boolean).join(", "),
+    ]),
   ];
   return (
     <Card title={t("versions")}>

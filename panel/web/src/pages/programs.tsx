@@ -1,11 +1,12 @@
 /** Programs: sent, looked at, started with settings; parts, and what was run. */
 import { useEffect, useRef, useState } from "preact/hooks";
 import { dateAndTime, duration, fixed, parseNumber, t } from "../i18n";
+import { machine } from "../machine";
 import { keepText } from "../own-text";
 import { PathView } from "../path/path-view";
 import { ProgramText } from "../program-text";
 import { startProgram, startWith } from "../shell";
-import { ask, authorised, order, say, tellRefused, useStatus, useStore } from "../store";
+import { ask, authorised, order, say, tellRefused, useStatus } from "../store";
 import type { Entry } from "../types";
 import { Button, Card, Dialog, Field } from "../ui";
 
@@ -92,7 +93,8 @@ interface StoredFile {
 /** Programs that the control keeps, where its panel has a folder for them. */
 function Files() {
   const [files, setFiles] = useState<StoredFile[] | null>(null);
-  const takes = useStore((s) => s.methods.has("program.text"));
+  const [takes, setTakes] = useState(machine.get()?.programs ?? false);
+  useEffect(() => machine.subscribe(() => setTakes(machine.get()?.programs ?? false)), []);
   useEffect(() => {
     if (!takes) return;
     fetch("files/", { headers: authorised() })

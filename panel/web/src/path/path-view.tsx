@@ -223,8 +223,8 @@ class Path {
     const [min, max] = [[0, 0, 0], [0, 0, 0]] as [[number, number, number], [number, number, number]];
     ["X", "Y", "Z"].forEach((letter, k) => {
       const axis = described.axes.find((one) => one.axis === letter);
-      min[k] = axis?.lower ?? 0;
-      max[k] = axis?.upper ?? 0;
+      min[k] = axis?.travel?.[0] ?? 0;
+      max[k] = axis?.travel?.[1] ?? 0;
     });
     return { min, max };
   }
