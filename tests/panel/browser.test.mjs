@@ -117,7 +117,8 @@ before(async () => {
       resolve(found);
     }, 100);
   });
-  await until("the network", async () => (await state()) === "disabled");
+  // The socket is there before somebody listens.
+  await until("the network", () => state().then((now) => now === "disabled", () => false));
   const puppeteer = createRequire(join(root, "panel/web/package.json"))("puppeteer-core");
   browser = await puppeteer.launch({
     executablePath: chromium,
@@ -420,4 +421,3 @@ test("pages look as they did, have no serious finding of axe, are no wider than 
 test("nothing went wrong in any page: no error, no breach of the policy, nothing fetched from elsewhere", { skip }, () => {
   assert.deepEqual(troubles, []);
 });
-
