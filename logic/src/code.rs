@@ -95,7 +95,7 @@ impl Op {
 }
 
 /// Branches of CASE.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Switch {
     /// First and last value, and the instruction they lead to; ordered by value.
     pub(crate) ranges: Vec<(i64, i64, u32)>,

@@ -5,6 +5,7 @@ use crate::code::{Op, Switch};
 use crate::diagnostic::Diagnostic;
 use crate::scalar::Scalar;
 use crate::value::Value;
+use std::collections::HashMap;
 
 /// What a variable is for the outside.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,6 +31,8 @@ pub struct Variable {
     pub role: Role,
     /// Whether it survives a restart.
     pub retain: bool,
+    /// Whether no statement may assign it.
+    pub constant: bool,
     /// What it is bound to: `%IX0.0`, `io.5.in-03`.
     pub address: Option<String>,
     /// Line of its declaration, counted from 1.
@@ -39,10 +42,17 @@ pub struct Variable {
 }
 
 impl Variable {
-    /// Whether this is the same variable in another compilation: name and type are.
-    pub(crate) fn is_same(&self, other: &Variable) -> bool {
-        let same = |a: &str, b: &str| a.eq_ignore_ascii_case(b);
-        same(&self.name, &other.name) && same(&self.program, &other.program) && same(&self.ty, &other.ty)
+    /// Its place in [`crate::Runtime::memory`].
+    pub fn place(&self) -> usize {
+        self.slot as usize
+    }
+
+    /// Its elementary type; `None`: it is an enumeration.
+    pub fn scalar(&self) -> Option<Scalar> {
+        match self.kind {
+            Leaf::Scalar(scalar) => Some(scalar),
+            Leaf::Enumeration(_) => None,
+        }
     }
 
     fn full_name(&self) -> String {
@@ -61,7 +71,7 @@ pub(crate) enum Leaf {
 }
 
 /// A program that has been compiled; [`crate::Runtime`] runs it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Logic {
     pub(crate) code: Box<[Op]>,
     /// Line and column of each instruction.
@@ -77,6 +87,8 @@ pub struct Logic {
     pub(crate) nesting: usize,
     pub(crate) steps_max: u64,
     pub(crate) variables: Vec<Variable>,
+    /// Places of RETAIN variables, ascending.
+    pub(crate) retained: Box<[u32]>,
     pub(crate) warnings: Vec<Diagnostic>,
 }
 
@@ -139,8 +151,35 @@ impl Logic {
         }
     }
 
-    /// What a slot of a variable holds.
-    pub(crate) fn value(&self, variable: &Variable, slot: i64) -> Value<'_> {
+    /// The value of a variable at the start.
+    pub fn initial(&self, variable: &Variable) -> Value<'_> {
+        self.value(variable, self.memory.get(variable.place()).copied().unwrap_or(0))
+    }
+
+    /// Places of variables of a program that ran before, and of the same ones here: of RETAIN variables or of all, by name and type.
+    /// Constants have the values of this program, and a text is not known to another one.
+    pub fn same_variables(&self, before: &Logic, only_retained: bool) -> Vec<(usize, usize)> {
+        let key = |variable: &Variable| [&variable.program, &variable.name, &variable.ty].map(|part| part.to_ascii_lowercase());
+        let kept = |variable: &&Variable| {
+            !variable.constant && (variable.retain || !only_retained) && variable.scalar() != Some(Scalar::String)
+        };
+        let old = before.variables.iter().filter(|old| !old.constant);
+        let old: HashMap<_, _> = old.map(|old| (key(old), old)).collect();
+        let same = self.variables.iter().filter(kept);
+        let same = same.filter_map(|variable| Some((old.get(&key(variable))?, variable)));
+        // A value that an enumeration has no more is none of its type.
+        let fits = |(old, new): &(&&Variable, &Variable)| match (old.kind, new.kind) {
+            (Leaf::Enumeration(old), Leaf::Enumeration(new)) => {
+                before.enumerations.get(old as usize) == self.enumerations.get(new as usize)
+            }
+            _ => true,
+        };
+        same.filter(fits).map(|(old, new)| (old.place(), new.place())).collect()
+    }
+
+    /// What a slot of a variable holds: integers and bit strings by their number (those of 64 bits by their bits), REAL and LREAL by
+    /// the bits of an `f64`, TIME in nanoseconds, BOOL as 0 or 1.
+    pub fn value(&self, variable: &Variable, slot: i64) -> Value<'_> {
         match variable.kind {
             Leaf::Scalar(Scalar::Bool) => Value::Bool(slot != 0),
             Leaf::Scalar(Scalar::Real) => Value::Real(f64::from_bits(slot as u64) as f32),
@@ -160,7 +199,7 @@ impl Logic {
     }
 
     /// The other way; `None`: no value of the type.
-    pub(crate) fn slot_value(&self, variable: &Variable, value: Value<'_>) -> Option<i64> {
+    pub fn slot_value(&self, variable: &Variable, value: Value<'_>) -> Option<i64> {
         match (variable.kind, value) {
             (Leaf::Scalar(Scalar::Bool), Value::Bool(value)) => Some(i64::from(value)),
             (Leaf::Scalar(Scalar::Time), Value::Time(nanoseconds)) => Some(nanoseconds),

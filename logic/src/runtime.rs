@@ -73,6 +73,7 @@ pub struct Runtime {
     fault: Option<Fault>,
     faults: u64,
     overflows: u64,
+    time_ns: i64,
 }
 
 impl Runtime {
@@ -86,6 +87,7 @@ impl Runtime {
             fault: None,
             faults: 0,
             overflows: 0,
+            time_ns: 0,
         }
     }
 
@@ -135,24 +137,56 @@ impl Runtime {
     }
 
     /// Takes over what another program remembers, one that runs until now: RETAIN variables or all, by name and type.
-    /// Edges and timers go on, for blocks are taken over with what they remember. Says how many variables were taken.
+    /// Edges and timers go on, for blocks are taken over with what they remember: time must go on, too, from
+    /// [`Runtime::time_ns`] of the other one. Says how many variables were taken.
     pub fn take_over(&mut self, before: &Runtime, only_retained: bool) -> usize {
-        let mut taken = 0;
-        for variable in self.logic.all_variables() {
-            if only_retained && !variable.retain {
-                continue;
-            }
-            let Some(old) = before.logic.all_variables().find(|old| variable.is_same(old)) else {
-                continue;
-            };
-            let is_text = variable.ty == Scalar::String.name();
-            let value = before.memory.get(old.slot as usize).copied().filter(|_| !is_text);
-            if let (Some(value), Some(slot)) = (value, self.memory.get_mut(variable.slot as usize)) {
-                *slot = value;
-                taken += 1;
+        let same = self.logic.same_variables(&before.logic, only_retained);
+        self.carry(before, &same);
+        same.len()
+    }
+
+    /// As [`Runtime::take_over`], of variables that [`Logic::same_variables`] has found before.
+    ///
+    /// RT: no allocation, no locks, bounded by the number of variables.
+    pub fn carry(&mut self, before: &Runtime, same: &[(usize, usize)]) {
+        for (old, new) in same {
+            if let (Some(value), Some(slot)) = (before.memory.get(*old), self.memory.get_mut(*new)) {
+                *slot = *value;
             }
         }
-        taken
+    }
+
+    /// Begins anew: all variables have their values of the start but those that are RETAIN.
+    ///
+    /// RT: no allocation, no locks, bounded by the number of variables.
+    pub fn restart(&mut self) {
+        let Runtime { logic, memory, .. } = self;
+        let mut retained = logic.retained.iter().peekable();
+        for (place, (slot, initial)) in memory.iter_mut().zip(&logic.memory).enumerate() {
+            if retained.next_if(|retained| **retained as usize == place).is_none() {
+                *slot = *initial;
+            }
+        }
+        self.fault = None;
+    }
+
+    /// All values, each at its [`Variable::place`]; [`Logic::value`] says what they are.
+    pub fn memory(&self) -> &[i64] {
+        &self.memory
+    }
+
+    /// Puts a value to a place, as [`Logic::slot_value`] gives it.
+    ///
+    /// RT: no allocation, no locks, bounded.
+    pub fn put(&mut self, place: usize, value: i64) {
+        if let Some(slot) = self.memory.get_mut(place) {
+            *slot = value;
+        }
+    }
+
+    /// The time of the last scan; 0: there was none.
+    pub fn time_ns(&self) -> i64 {
+        self.time_ns
     }
 
     /// One scan: all programs once, in the order of the file. All blocks see this time, which must not go back. Steps that it took.
@@ -317,6 +351,7 @@ impl Runtime {
         self.fault = self.fault.or(fault);
         self.faults += faults;
         self.overflows += flags.overflows;
+        self.time_ns = now_ns;
         steps
     }
 }

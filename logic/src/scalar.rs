@@ -75,7 +75,7 @@ impl Scalar {
     }
 
     /// Least and greatest value of an integer, a bit string, a BOOL or a TIME.
-    pub(crate) fn range(self) -> (i128, i128) {
+    pub fn range(self) -> (i128, i128) {
         if self.is_signed() || self == Time {
             (-(1 << (self.bits() - 1)), (1 << (self.bits() - 1)) - 1)
         } else {

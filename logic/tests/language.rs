@@ -611,3 +611,43 @@ fn a_program_that_replaces_another_takes_over_what_has_the_same_name_and_type() 
     assert_eq!(after_a_restart.take_over(&old, true), 1);
     assert_eq!(["parts", "n"].map(|name| get(&after_a_restart, name)), ["10", "0"]);
 }
+
+#[test]
+fn a_changed_program_has_its_own_constants_and_a_retained_timer_goes_on() {
+    let mut old = start(
+        "TYPE e : (one, two); f : (a, b); END_TYPE
+         PROGRAM p VAR CONSTANT most : INT := 3; END_VAR VAR RETAIN t : TON; k : e := two; l : f := b; END_VAR VAR n : INT; END_VAR
+         t(IN := TRUE, PT := T#1s); n := most; END_PROGRAM",
+    );
+    scan(&mut old, 5_000);
+    scan(&mut old, 5_600);
+    let changed = "TYPE e : (one, two); f : (b, a); END_TYPE
+         PROGRAM p VAR CONSTANT most : INT := 4; END_VAR VAR RETAIN t : TON; k : e; l : f; END_VAR VAR n : INT; END_VAR
+         t(IN := TRUE, PT := T#1s); n := most; END_PROGRAM";
+    for only_retained in [false, true] {
+        let mut new = start(changed);
+        new.take_over(&old, only_retained);
+        assert_eq!(new.time_ns(), 0);
+        assert_eq!(old.time_ns(), 5_600_000_000);
+        // Values of an enumeration that was changed are none of it.
+        assert_eq!(["k", "l"].map(|name| get(&new, name)), ["two", "b"]);
+        assert_eq!(new.get(new.logic().variable("l").unwrap()), new.logic().initial(new.logic().variable("l").unwrap()));
+        scan(&mut new, 5_990);
+        assert_eq!(["n", "t.Q", "t.ET"].map(|name| get(&new, name)), ["4", "0", "990"]);
+        scan(&mut new, 6_000);
+        assert_eq!(get(&new, "t.Q"), "1");
+    }
+}
+
+#[test]
+fn a_program_that_begins_anew_keeps_what_is_retained_alone() {
+    let mut runtime = start(
+        "PROGRAM p VAR_INPUT go : BOOL; END_VAR VAR n : INT := 2; edge : R_TRIG; hit : BOOL; END_VAR VAR RETAIN parts : INT := 7; END_VAR
+         edge(CLK := go); hit := edge.Q; n := n + 1; parts := parts + 1; n := n / BOOL_TO_INT(go); END_PROGRAM",
+    );
+    scan(&mut runtime, 0);
+    assert!(runtime.fault().is_some());
+    runtime.restart();
+    assert_eq!(runtime.fault(), None);
+    assert_eq!(["n", "parts", "hit"].map(|name| get(&runtime, name)), ["2", "8", "0"]);
+}

@@ -235,6 +235,8 @@ impl<'a, 't> Compiler<'a, 't> {
         let mut places: Vec<(u32, u32)> = self.places.iter().map(|at| lines.place(text, *at)).collect();
         places.resize(self.code.len(), (1, 1));
         let variables = self.leaves(&lines, text);
+        let mut retained: Vec<u32> = variables.iter().filter(|variable| variable.retain).map(|variable| variable.slot).collect();
+        retained.sort_unstable();
         let enumerations = self.types.enumerations.drain(..).map(|enumeration| enumeration.values);
         Ok(Logic {
             enumerations: enumerations.collect(),
@@ -248,6 +250,7 @@ impl<'a, 't> Compiler<'a, 't> {
             nesting,
             steps_max,
             variables,
+            retained: retained.into(),
             warnings: self.told.finish(),
         })
     }
@@ -307,6 +310,7 @@ impl<'a, 't> Compiler<'a, 't> {
                 ty: String::new(),
                 role,
                 retain: variable.retain,
+                constant: variable.constant,
                 address: variable.address.clone(),
                 line: lines.place(text, variable.at.start).0,
                 slot: frame + variable.offset,
@@ -355,7 +359,11 @@ impl<'a, 't> Compiler<'a, 't> {
                     if variable.section != Section::InOut {
                         self.leaves_of(
                             variable.ty,
-                            &part(format!("{}.{}", whole.name, variable.name), variable.offset),
+                            &LogicVariable {
+                                retain: whole.retain || variable.retain,
+                                constant: whole.constant || variable.constant,
+                                ..part(format!("{}.{}", whole.name, variable.name), variable.offset)
+                            },
                             leaves,
                         );
                     }
