@@ -125,7 +125,7 @@ const BY_DRIVE: &str =
 const BY_CONTROL: &str = "homing = { by = \"control\", towards = \"negative\", switch_mm = -2.0, switch = \"drive\", \
                           search_mm_s = 40.0, latch_mm_s = 4.0 }";
 
-/// The demo machine with an encoder on its spindle, components, and X homed by the control.
+/// The demo machine with an encoder on its spindle, components, a program in Structured Text, and X homed by the control.
 fn machine() -> Config {
     let text = include_str!("../configs/mill3-demo.toml");
     assert_eq!(text.matches(BY_DRIVE).count(), 2);
@@ -140,7 +140,9 @@ fn machine() -> Config {
          [spindle.encoder]\nsource = \"node\"\nnode = 10\ncounter = \"0x3000:1\"\nindex = \"0x3000:2\"\ncounts_per_turn = 1000\n\
          [[hal.component]]\nname = \"near.0\"\ntype = \"near\"\n\
          [[hal.component]]\nname = \"pid.9\"\ntype = \"pid\"\nplace = \"after-motion\"\n\
-         [[hal.net]]\nname = \"x\"\nsource = \"axis.x.pos-cmd\"\ntargets = [\"near.0.in1\", \"pid.9.command\"]\n";
+         [[hal.net]]\nname = \"x\"\nsource = \"axis.x.pos-cmd\"\ntargets = [\"near.0.in1\", \"pid.9.command\"]\n\
+         [[logic]]\nfile = \"configs/cell/plant.st\"\nperiod_ms = 2\n\
+         [[hal.net]]\nname = \"moves\"\nsource = \"halui.machine.is-on\"\ntargets = [\"logic.plant.motor\"]\n";
     config::parse(&text, Path::new("m.toml")).unwrap_or_else(|errors| panic!("{errors}"))
 }
 

@@ -107,6 +107,7 @@ fn rehearsed(seed: u64, act: impl FnOnce(&mut Rehearsal<'_>)) {
         "by = \"control\", towards = \"negative\", switch_mm = -2.0, switch = \"drive\", search_mm_s = 40.0, latch_mm_s = 4.0",
         1,
     );
+    let machine = machine + "[[logic]]\nfile = \"configs/cell/plant.st\"\nperiod_ms = 2\n";
     let config = config::parse(&machine, Path::new("mill3-demo.toml")).expect("a good machine");
     rehearse(&config, PART.as_bytes(), NetConfig::clean(seed), |run| {
         act(run);

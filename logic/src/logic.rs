@@ -143,6 +143,26 @@ impl Logic {
         }
     }
 
+    /// The variable of this name, or all values of a structure, an array or a block of this name: `pocket`, `pocket[3]`, `delay`.
+    pub fn variables_of(&self, name: &str) -> Vec<&Variable> {
+        if let Some(variable) = self.variable(name) {
+            return vec![variable];
+        }
+        let wanted = name.to_ascii_lowercase();
+        let begins = |name: &str| {
+            let rest = name.to_ascii_lowercase();
+            rest.strip_prefix(&wanted)
+                .is_some_and(|rest| rest.starts_with(['.', '[']))
+        };
+        let is_part = |variable: &&Variable| begins(&variable.name) || begins(&variable.full_name());
+        self.variables.iter().filter(is_part).collect()
+    }
+
+    /// A text of the program by its number, as a slot of a STRING holds it.
+    pub fn text(&self, number: u32) -> Option<&str> {
+        self.texts.get(number as usize).map(String::as_str)
+    }
+
     /// The shortest name under which [`Logic::variable`] finds a variable.
     pub fn name(&self, variable: &Variable) -> String {
         match self.variable(&variable.name) {
@@ -159,7 +179,9 @@ impl Logic {
     /// Places of variables of a program that ran before, and of the same ones here: of RETAIN variables or of all, by name and type.
     /// Constants have the values of this program, and a text is not known to another one.
     pub fn same_variables(&self, before: &Logic, only_retained: bool) -> Vec<(usize, usize)> {
-        let key = |variable: &Variable| [&variable.program, &variable.name, &variable.ty].map(|part| part.to_ascii_lowercase());
+        let key = |variable: &Variable| {
+            [&variable.program, &variable.name, &variable.ty].map(|part| part.to_ascii_lowercase())
+        };
         let kept = |variable: &&Variable| {
             !variable.constant && (variable.retain || !only_retained) && variable.scalar() != Some(Scalar::String)
         };

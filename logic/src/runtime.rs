@@ -8,7 +8,6 @@
 use crate::arithmetic::{Flags, binary, convert, unary};
 use crate::code::{NOWHERE, Op};
 use crate::logic::{Logic, Variable};
-use crate::scalar::Scalar;
 use crate::value::Value;
 use std::fmt;
 use std::sync::Arc;
@@ -28,6 +27,18 @@ pub enum Wrong {
     Iterations,
     /// The scan ends: a mistake of this compiler, for the longest scan is counted.
     Steps,
+}
+
+impl Wrong {
+    /// All of them.
+    pub const ALL: [Wrong; 6] = [
+        Wrong::DivisionByZero,
+        Wrong::Index,
+        Wrong::Selector,
+        Wrong::StepZero,
+        Wrong::Iterations,
+        Wrong::Steps,
+    ];
 }
 
 impl fmt::Display for Wrong {

@@ -631,7 +631,10 @@ fn a_changed_program_has_its_own_constants_and_a_retained_timer_goes_on() {
         assert_eq!(old.time_ns(), 5_600_000_000);
         // Values of an enumeration that was changed are none of it.
         assert_eq!(["k", "l"].map(|name| get(&new, name)), ["two", "b"]);
-        assert_eq!(new.get(new.logic().variable("l").unwrap()), new.logic().initial(new.logic().variable("l").unwrap()));
+        assert_eq!(
+            new.get(new.logic().variable("l").unwrap()),
+            new.logic().initial(new.logic().variable("l").unwrap())
+        );
         scan(&mut new, 5_990);
         assert_eq!(["n", "t.Q", "t.ET"].map(|name| get(&new, name)), ["4", "0", "990"]);
         scan(&mut new, 6_000);

@@ -13,6 +13,7 @@ use crate::host::steadiness::Steadiness;
 use crate::operator::refusal::Refusal;
 use crate::operator::tuning::stability::{GAIN_MARGIN_DB, Margins, PHASE_MARGIN_DEG, margins_of_joint};
 use crate::rt::components::{LateRead, late_reads};
+use crate::rt::logic::budget::{self, Budget};
 use crate::rt::pins::{Pins, PinsError, capacity};
 use crate::rt::steps::StepDrives;
 use anyhow::Context;
@@ -55,11 +56,13 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
             Refusal::new(format!("{file}: {rule}\n1 error in {file}"), json)
         }
     })?;
+    let budgets = budget::of_machine(&config).map_err(Refusal::from)?;
     let timing = Steadiness::measure(&config.rt).advice(&config);
     let servo = (!config.joints.is_empty()).then(|| bench_servo::servo(&config, bench_servo::CYCLES_OF_CHECK));
     print(&if args.json {
         let mut json = to_json(&config, &plans);
         json["timing"] = json!(timing);
+        json["logic"] = logic_json(&config, &budgets);
         json["servo"] = servo.and_then(Result::ok).map_or(Json::Null, |servo| servo.to_json());
         format!("{json:#}\n")
     } else {
@@ -69,7 +72,8 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
             Some(Err(why)) => format!("servo\n       not measured: {why:#}\n"),
             None => String::new(),
         };
-        format!("{}timing\n       {timing}\n{servo}", Summary(&config, &plans))
+        let logic = logic_words(&config, &budgets);
+        format!("{}{logic}timing\n       {timing}\n{servo}", Summary(&config, &plans))
     })?;
     if let Some(path) = &args.cdc {
         // Behind the result, which a full disk must not keep from the user.
@@ -77,6 +81,42 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
         files::write(path, octets).with_context(|| format!("{}: cannot be written", path.display()))?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Programs in Structured Text, and how long their scans take.
+fn logic_words(config: &Config, budgets: &[Budget]) -> String {
+    let lines = config.logics.iter().zip(budgets).map(|(task, budget)| {
+        let period_ms = task.every as f64 * f64::from(config.cycle_us) / 1000.0;
+        let warnings = match task.logic.warnings().len() {
+            0 => String::new(),
+            count => format!("; {count} warnings and notes: isocnc logic check {}", task.file.display()),
+        };
+        format!(
+            "       {}: {}, every {period_ms} ms, {} steps at most, about {:.1} us on this PC: {:.2} % of the period{warnings}\n",
+            task.name,
+            task.file.display(),
+            budget.steps,
+            budget.scan_us,
+            100.0 * budget.share
+        )
+    });
+    let lines = lines.collect::<String>();
+    if lines.is_empty() {
+        lines
+    } else {
+        format!("logic\n{lines}")
+    }
+}
+
+fn logic_json(config: &Config, budgets: &[Budget]) -> Json {
+    let tasks = config.logics.iter().zip(budgets).map(|(task, budget)| {
+        json!({
+            "name": task.name, "file": task.file.display().to_string(),
+            "period_ms": task.every as f64 * f64::from(config.cycle_us) / 1000.0,
+            "steps": budget.steps, "scan_us": budget.scan_us, "share": budget.share,
+        })
+    });
+    tasks.collect()
 }
 
 /// Writes to standard output; the reader of a pipe may have seen enough.

@@ -21,6 +21,7 @@ mod error;
 mod homing;
 mod joints;
 mod kinematics;
+mod logics;
 mod mapping;
 mod node;
 mod period;
@@ -45,6 +46,8 @@ mod tests_homing;
 #[cfg(test)]
 mod tests_kinematics;
 #[cfg(test)]
+mod tests_logics;
+#[cfg(test)]
 mod tests_program;
 #[cfg(test)]
 mod tests_spindle;
@@ -57,6 +60,7 @@ pub use bus::{is_name, wire_time_ns};
 pub use document::{Bound, Question};
 pub use drive_profile::{BUILT_IN as DRIVE_PROFILES, parse as parse_drive_profile};
 pub use error::{ConfigError, ConfigErrors};
+pub use logics::{End, Interface, LogicPin, LogicTask, pin_type};
 pub use position_loop::GAIN_MAX;
 pub use steps::{PARALLEL_PINS, SUBSTEPS, SimStepper, StepKind, StepOutput, StepPortKind, Steps, rate_max_hz};
 pub use types::*;
@@ -243,6 +247,27 @@ pub fn component_error(config: &Config, number: usize, error: &HalError) -> Conf
     ConfigErrors::new(errors, more)
 }
 
+/// A program whose pins cannot be had, at the place of its file in the machine file.
+pub fn logic_error(config: &Config, number: usize, rule: &str) -> ConfigErrors {
+    let file = config.path.display().to_string();
+    let text = files::read_text(&config.path, TEXT_MAX).unwrap_or_default();
+    let (document, _) = DeTable::parse_recoverable(&text);
+    let tables = document
+        .get_ref()
+        .get("logic")
+        .and_then(|logic| logic.get_ref().as_array());
+    let table = tables.and_then(|tables| tables.get(number)?.get_ref().as_table());
+    let key = format!("logic[{number}].file");
+    let log = Log::new(&file, &text);
+    match table.and_then(|table| table.get("file")) {
+        Some(value) => log.wrong(value.span(), &key, rule, None),
+        // The file is not the one any more that was read.
+        None => return ConfigErrors::new(vec![ConfigError::whole(&file, format!("{key}: {rule}"))], 0),
+    }
+    let (errors, more) = log.into_errors();
+    ConfigErrors::new(errors, more)
+}
+
 /// Sections in an order in which each can be checked against those before.
 fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<Config> {
     let mut root = Section::root(log, table);
@@ -355,7 +380,12 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
     {
         root.wrong("steps", "is used by no joint: one with output = \"step\"");
     }
-    root.not_yet(&["logic", "hmi", "service"]);
+    let priority = rt.as_ref().map(|rt| rt.priority);
+    let logics = logics::logics(&mut root, base, cycle_us, priority);
+    if let (Some(logics), Some((nets, components))) = (&logics, &hal) {
+        logics::keep_fast_inputs(&root, logics, nets, components);
+    }
+    root.not_yet(&["hmi", "service"]);
     root.done();
 
     let (nets, components) = hal?;
@@ -383,6 +413,7 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
         estop_category: estop_category?,
         nets,
         components,
+        logics: logics?,
         sim: sim?,
     })
 }

@@ -7,6 +7,7 @@ use super::analog::AnalogOutput;
 pub use super::channels::{Channel, ChannelKind, Follow, ObjectKind};
 pub use super::drive::{DriveMode, Reactions, targets, touch_probe_objects};
 pub use super::drive_profile::{DriveProfile, InputBits, MappingLimits};
+use super::logics::LogicTask;
 pub use super::sim::{SimFault, SimFaultKind};
 pub use super::spindle::{Spindle, SpindleAxis, SpindleCounter, SpindleDrive, SpindleEncoder};
 use super::steps::{StepOutput, Steps};
@@ -66,6 +67,8 @@ pub struct Config {
     pub nets: Vec<Net>,
     /// In the order in which they run.
     pub components: Vec<Component>,
+    /// Programs in Structured Text.
+    pub logics: Vec<LogicTask>,
     /// What the simulated machine is made of.
     pub sim: Sim,
 }

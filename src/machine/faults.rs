@@ -215,6 +215,33 @@ pub enum Fault {
     MainsLost,
     /// The network adapter does not send or receive.
     LinkFailed { error: LinkFailure },
+    /// Something went wrong in a scan of a program in Structured Text.
+    LogicError {
+        /// Number of the program in the machine file.
+        task: usize,
+        /// What, and where.
+        error: LogicError,
+    },
+    /// Three scans of a program in a row were not over when the next one was due.
+    LogicLate { task: usize },
+    /// A program gives an alarm.
+    LogicAlarm {
+        task: usize,
+        /// Number of its text in the program.
+        text: u32,
+    },
+}
+
+/// Something that went wrong in a scan of a program in Structured Text.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LogicError {
+    /// What.
+    pub wrong: logic::Wrong,
+    /// Place in the program, counted from 1.
+    pub line: u32,
+    pub column: u32,
+    /// The outputs of the scan count, and the next one comes.
+    pub goes_on: bool,
 }
 
 /// What an emergency stop comes of.
@@ -288,9 +315,13 @@ impl Fault {
                 error: LinkFailure::QueueFull,
             } => Reaction::Count,
             // Turns count from the new index on, as the next thread does.
-            Fault::ManyOverruns { .. } | Fault::CountsLost { in_step: false, .. } | Fault::InputRange { .. } => {
-                Reaction::Warn
-            }
+            Fault::ManyOverruns { .. }
+            | Fault::CountsLost { in_step: false, .. }
+            | Fault::InputRange { .. }
+            | Fault::LogicError {
+                error: LogicError { goes_on: true, .. },
+                ..
+            } => Reaction::Warn,
             Fault::NodeLost { .. }
             | Fault::Drive { .. }
             | Fault::DriveWarning { .. }
@@ -307,6 +338,9 @@ impl Fault {
             | Fault::PinsLost
             | Fault::LimitSwitch { .. }
             | Fault::MainsLost
+            | Fault::LogicError { .. }
+            | Fault::LogicLate { .. }
+            | Fault::LogicAlarm { .. }
             | Fault::ForeignMaster { .. }
             | Fault::LinkFailed {
                 error: LinkFailure::Down | LinkFailure::FrameLength { .. } | LinkFailure::Os { .. },
@@ -318,7 +352,7 @@ impl Fault {
     }
 
     /// A code that stays the same from version to version: J of a joint, N of the network, S of a spindle, C of the control, E of the
-    /// emergency stop, I of inputs.
+    /// emergency stop, I of inputs, L of programs in Structured Text.
     pub const fn code(&self) -> &'static str {
         match self {
             Fault::Drive { .. } => "J-201",
@@ -345,6 +379,9 @@ impl Fault {
             Fault::PinsLost => "C-406",
             Fault::EmergencyStop { .. } => "E-501",
             Fault::MainsLost => "E-502",
+            Fault::LogicError { .. } => "L-801",
+            Fault::LogicLate { .. } => "L-802",
+            Fault::LogicAlarm { .. } => "L-803",
         }
     }
 
@@ -408,12 +445,20 @@ impl Fault {
             | Fault::EmergencyStop { .. }
             | Fault::LimitSwitch { .. }
             | Fault::MainsLost
+            | Fault::LogicError { .. }
+            | Fault::LogicLate { .. }
+            | Fault::LogicAlarm { .. }
             | Fault::ForeignMaster { .. } => false,
         }
     }
 
-    /// A sentence for the operator; `node` and `joint` name those of the machine file.
-    pub fn text(&self, node: impl Fn(NodeIndex) -> String, joint: impl Fn(usize) -> String) -> String {
+    /// A sentence for the operator; `node` and `joint` name those of the machine file, `logic` a program, or says a text of it.
+    pub fn text(
+        &self,
+        node: impl Fn(NodeIndex) -> String,
+        joint: impl Fn(usize) -> String,
+        logic: impl Fn(usize, Option<u32>) -> String,
+    ) -> String {
         match *self {
             Fault::NodeLost { node: index } => format!("{}: lost, it does not answer any more", node(index)),
             Fault::Drive { joint: index, fault } => format!("{}: {fault}", joint(index)),
@@ -524,6 +569,24 @@ impl Fault {
             Fault::MainsLost => "the mains have failed (iocontrol.0.mains-ok)".into(),
             Fault::ForeignMaster { sign } => format!("{sign}; disconnect it or end it"),
             Fault::LinkFailed { error } => format!("network adapter: {error}"),
+            Fault::LogicError { task, error } => format!(
+                "{}:{}:{}: {}; {}",
+                logic(task, None),
+                error.line,
+                error.column,
+                error.wrong,
+                if error.goes_on {
+                    "it goes on (on_error)"
+                } else {
+                    "the program stands, its outputs have their safe values; it begins anew behind an acknowledge"
+                }
+            ),
+            Fault::LogicLate { task } => format!(
+                "{}: three scans in a row were not over when the next one was due; the program stands, its outputs have their safe \
+                 values; it begins anew behind an acknowledge",
+                logic(task, None)
+            ),
+            Fault::LogicAlarm { task, text } => logic(task, Some(text)),
         }
     }
 }

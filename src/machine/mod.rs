@@ -6,6 +6,7 @@ pub mod modules;
 pub mod motion_settings;
 pub mod overruns;
 pub mod permission;
+pub mod retain_file;
 pub mod safe_file;
 pub mod sequence;
 pub mod state;

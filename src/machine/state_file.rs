@@ -167,7 +167,12 @@ pub fn write(remembered: &Remembered) -> io::Result<Vec<u8>> {
 
 /// The first line, and content behind it.
 pub fn framed(content: &[u8]) -> Vec<u8> {
-    let head = format!("{MARK} {VERSION} {} {:08x}\n", content.len(), crc32fast::hash(content));
+    frame(MARK, content)
+}
+
+/// A first line `MARK VERSION OCTETS CRC32`, and content behind it.
+pub(super) fn frame(mark: &str, content: &[u8]) -> Vec<u8> {
+    let head = format!("{mark} {VERSION} {} {:08x}\n", content.len(), crc32fast::hash(content));
     [head.as_bytes(), content].concat()
 }
 
@@ -176,14 +181,23 @@ pub fn framed(content: &[u8]) -> Vec<u8> {
 /// # Errors
 /// Why it cannot be believed.
 pub fn parse(text: &[u8]) -> Result<Remembered, String> {
+    let content = unframe(MARK, text)?;
+    serde_json::from_slice(content).map_err(|error| format!("it is not understood: {error}"))
+}
+
+/// The content behind the first line.
+pub(super) fn unframe<'t>(mark: &str, text: &'t [u8]) -> Result<&'t [u8], String> {
     let no_state = || "this is no state of a machine".to_owned();
     let end = text.iter().position(|octet| *octet == b'\n').ok_or_else(no_state)?;
     let (head, content) = (&text[..end], &text[end + 1..]);
     let head = std::str::from_utf8(head).map_err(|_| no_state())?;
     let words: Vec<&str> = head.split(' ').collect();
-    let [MARK, version, octets, sum] = words[..] else {
+    let [first, version, octets, sum] = words[..] else {
         return Err(no_state());
     };
+    if first != mark {
+        return Err(no_state());
+    }
     match version.parse() {
         Ok(VERSION) => {}
         Ok(version) if version > VERSION => {
@@ -206,13 +220,14 @@ pub fn parse(text: &[u8]) -> Result<Remembered, String> {
     if content.len() > octets || crc32fast::hash(content) != sum {
         return Err("it was changed since it was written: its checksum is another one".into());
     }
-    serde_json::from_slice(content).map_err(|error| format!("it is not understood: {error}"))
+    Ok(content)
 }
 
 /// Gives a file, or whatever has its name, another name that nothing has yet.
-fn put_aside(path: &Path) -> io::Result<PathBuf> {
+pub(super) fn put_aside(path: &Path) -> io::Result<PathBuf> {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
     for number in 1..=ASIDE_MAX {
-        let aside = path.with_file_name(format!("{NAME}.bad-{number}"));
+        let aside = path.with_file_name(format!("{name}.bad-{number}"));
         if std::fs::symlink_metadata(&aside).is_err() {
             std::fs::rename(path, &aside)?;
             return Ok(aside);

@@ -14,6 +14,7 @@ pub mod refusal;
 pub mod rehearsal;
 mod remembered;
 pub mod report;
+mod retain_keeper;
 pub mod session;
 pub mod single_run;
 pub mod standby;

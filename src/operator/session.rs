@@ -29,11 +29,13 @@ use crate::operator::console::{LOOK_AT_TOOL, Operator};
 use crate::operator::journal_keeper;
 use crate::operator::memory::{self, Memory};
 use crate::operator::operator_loop::{LoopTask, OperatorLoop, Running};
+use crate::operator::retain_keeper;
 use crate::program::Overview;
 use crate::program::text::Reader;
 use crate::rt::assemble::assemble;
 use crate::rt::cycle_stats;
 use crate::rt::cycle_stats::CycleFigures;
+use crate::rt::logic::{self, Scanner};
 use crate::rt::pins::capacity;
 use crate::rt::thread;
 use crate::rt::timeout::{self, Limits, TimeoutThread};
@@ -150,6 +152,7 @@ pub fn run(session: &Session<'_>, wire: Wire, task: &mut dyn LoopTask) -> anyhow
     }
     let process = Arc::new(process);
     let config = session.config;
+    logic::budget::of_machine(config)?;
     let watch = Arc::new(Watch::default());
     let in_memory = !matches!(wire, Wire::Interface(_));
     let near = |paced| NearEnd {
@@ -221,6 +224,7 @@ fn run_on(
         None => control.steps_mut().take_ticker(),
         Some(_) => None,
     };
+    let desk = control.logic_mut().desk();
     let mut network = NetworkView::from_config(config);
     if in_memory {
         network.interface = "a wire in memory".into();
@@ -245,6 +249,15 @@ fn run_on(
         (Some(folder), Task::Once(..) | Task::StandBy) => recall(folder, &config.name, &mut operator),
         (Some(_), Task::Repeat(_)) | (None, _) => Remembered::default(),
     };
+    if let Some(folder) = &config.state_directory {
+        retain_keeper::recall(folder, &config.name, control.logic_mut(), &mut operator);
+    }
+    // On paced time the cycle runs them itself.
+    let mut scanners = match paced {
+        None => control.logic_mut().take_scanners(),
+        Some(_) => Vec::new(),
+    };
+    scanners.sort_by_key(Scanner::period_ns);
     lock(session.tables).set_tool_in_spindle(remembered.tool);
     judge_tool(&lock(session.tables), &remembered, &mut operator);
     let mut memory = Memory::new(config, remembered);
@@ -288,6 +301,16 @@ fn run_on(
                     run_paced(&mut control, grid, wire, recorder, &stop)
                 }
             })?;
+        for (rank, mut scanner) in scanners.into_iter().enumerate() {
+            let (stop, process) = (&stop, Arc::clone(process));
+            std::thread::Builder::new()
+                .name(format!("rt-logic {}", scanner.number()))
+                .stack_size(STACK_SIZE)
+                .spawn_scoped(scope, move || {
+                    drop(enter_thread(Role::Logic(rank as u8), &process));
+                    logic::run(&mut scanner, stop);
+                })?;
+        }
         if let Some((journal, entries, kept)) = journal {
             std::thread::Builder::new()
                 .name("journal".into())
@@ -298,6 +321,12 @@ fn run_on(
             std::thread::Builder::new()
                 .name("state".into())
                 .spawn_scoped(scope, move || memory::write(folder, &writer))?;
+        }
+        if let Some(folder) = config.state_directory.as_ref().filter(|_| !config.logics.is_empty()) {
+            let (desk, stop) = (Arc::clone(&desk), &stop);
+            std::thread::Builder::new()
+                .name("retain".into())
+                .spawn_scoped(scope, move || retain_keeper::run(folder, &config.name, &desk, stop))?;
         }
         if let Some(socket) = &socket {
             std::thread::Builder::new()

@@ -41,6 +41,7 @@ fn operator(config: &Config) -> Operator {
         trace: rtrb::RingBuffer::new(1).1,
         finished: rtrb::RingBuffer::new(1).1,
         live: Arc::default(),
+        logic: Arc::default(),
     };
     Operator::new(config, endpoints, 0)
 }

@@ -55,6 +55,7 @@ pub fn assemble<B: CyclicBus>(
     })?;
     let cycle_s = f64::from(config.cycle_us) * 1e-6;
     let pins = Pins::new(hal, config, plans, &steps).context("pins")?;
+    let logic = pins.logic.desk();
     let parts = CycleParts {
         outputs: OutputImage::new(plans.iter().map(|plan| plan.outputs.octets)),
         inputs: InputImage::new(plans.iter().map(|plan| plan.inputs.octets)),
@@ -95,6 +96,7 @@ pub fn assemble<B: CyclicBus>(
             trace,
             finished,
             live,
+            logic,
         },
     ))
 }

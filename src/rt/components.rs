@@ -135,7 +135,8 @@ fn moment(config: &Config, pin: &str, is_source: bool) -> ((u8, usize), bool) {
         };
         return ((part, at), true);
     }
-    let of_nodes = ["io.", "cia402."].iter().any(|start| pin.starts_with(start));
+    // Outputs of programs come with the inputs of nodes, and their inputs are read behind everything.
+    let of_nodes = ["io.", "cia402.", "logic."].iter().any(|start| pin.starts_with(start));
     let part = match (of_nodes, is_source) {
         (true, true) => INPUTS,
         (true, false) => OUTPUTS,

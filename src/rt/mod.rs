@@ -16,6 +16,7 @@ pub mod io_pins;
 pub mod jog_pins;
 pub mod joint_jog;
 pub mod local_drive;
+pub mod logic;
 pub mod loop_pins;
 pub mod override_pins;
 pub mod overrides;

@@ -9,6 +9,7 @@ use super::components::{Lists, count_pins};
 use super::drives::{Drives, is_filled};
 use super::io_channels::IoPins;
 use super::io_pins::{InputPins, OutputPins};
+use super::logic;
 use super::loop_pins::LoopPins;
 use super::override_pins::OverridePins;
 use super::overrides::{Overridden, Overrides};
@@ -36,7 +37,7 @@ const CAPACITY: usize = 2048;
 
 /// Pins and nets that there is to be room for.
 pub fn capacity(config: &Config) -> usize {
-    (CAPACITY + count_pins(config) + config.nets.len()).min(CAPACITY_MAX)
+    (CAPACITY + count_pins(config) + logic::count_pins(config) + config.nets.len()).min(CAPACITY_MAX)
 }
 
 struct JointPins {
@@ -128,6 +129,8 @@ pub struct Pins {
     pub others: Vec<OtherSpindle>,
     /// Those of the machine file.
     pub components: Lists,
+    /// Programs in Structured Text.
+    pub logic: logic::Ports,
     /// Inputs for which programs wait.
     pub inputs: InputPins,
     /// Outputs that programs set.
@@ -433,7 +436,7 @@ impl Pins {
         let loops = with_loop
             .map(|(joint, gains)| LoopPins::new(hal, joint, gains))
             .collect::<Result<_, _>>()?;
-        let pins = Pins {
+        let mut pins = Pins {
             joints,
             axes,
             objects_received,
@@ -467,6 +470,8 @@ impl Pins {
                 .collect::<Result<_, _>>()?,
             components: Lists::new(hal, config)
                 .map_err(|(number, error)| PinsError::Nets(config::component_error(config, number, &error)))?,
+            logic: logic::Ports::claim(hal, config)
+                .map_err(|(number, error)| PinsError::Nets(config::logic_error(config, number, &error.to_string())))?,
             inputs: InputPins::new(hal, config)?,
             outputs: OutputPins::new(hal, config)?,
             flood: hal.output("iocontrol.0.coolant-flood")?,
@@ -488,10 +493,11 @@ impl Pins {
                 refused.push((number, error));
             }
         }
-        match refused.is_empty() {
-            true => Ok(pins),
-            false => Err(PinsError::Nets(config::net_errors(config, &refused))),
+        if !refused.is_empty() {
+            return Err(PinsError::Nets(config::net_errors(config, &refused)));
         }
+        pins.logic.bind(hal, config).map_err(PinsError::Nets)?;
+        Ok(pins)
     }
 
     /// Gains of position loops as pins have them. RT.

@@ -10,6 +10,7 @@ use crate::machine::faults::Fault;
 use crate::machine::state::State;
 use crate::rt::desk::Desk;
 use crate::rt::joint_jog::JogOrder;
+use crate::rt::logic::Desk as LogicDesk;
 use crate::rt::tool_pockets::ToolPockets;
 use crate::rt::waiting::{Waiting, WaitingCell};
 use motion::canon::{AXES, Position};
@@ -27,6 +28,8 @@ pub struct OperatorEndpoints {
     /// Programs that are over.
     pub finished: rtrb::Consumer<Box<Interpolator>>,
     pub live: Arc<RtStatus>,
+    /// Programs in Structured Text.
+    pub logic: Arc<LogicDesk>,
 }
 
 /// An order for the cycle thread.
@@ -118,6 +121,13 @@ pub enum Notice {
     ToolChanged {
         /// 0: none.
         tool: u32,
+    },
+    /// A program in Structured Text says something.
+    Logic {
+        /// Number of the program in the machine file.
+        task: usize,
+        /// Number of its text in the program.
+        text: u32,
     },
     /// The program came to its end.
     ProgramEnded,

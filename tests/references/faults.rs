@@ -5,7 +5,7 @@ use super::{check, code, head, row};
 use cia402::axis::{AxisFault, HomingFault, Step};
 use cia402::profile::State;
 use isocnc::machine::faults::{
-    EstopCause, Fault, ForeignMaster, LinkFailure, OrientFailure, Reaction, SpeedNotReached,
+    EstopCause, Fault, ForeignMaster, LinkFailure, LogicError, OrientFailure, Reaction, SpeedNotReached,
 };
 use motion::rt::homing::HomingFailure;
 use motion::rt::{Order, SyncFault};
@@ -75,6 +75,15 @@ pub(crate) fn examples() -> Vec<Fault> {
         error_mm: 2.104,
         limit_mm: 2.0,
         led,
+    };
+    let logic_error = |goes_on| Fault::LogicError {
+        task: 0,
+        error: LogicError {
+            wrong: logic::Wrong::DivisionByZero,
+            line: 12,
+            column: 7,
+            goes_on,
+        },
     };
     let mac = [0x02, 0, 0, 0, 0, 0xF0];
     let mut examples = vec![Fault::NodeLost { node: 0 }];
@@ -152,6 +161,10 @@ pub(crate) fn examples() -> Vec<Fault> {
         },
         Fault::LimitSwitch { joint: 0, above: true },
         Fault::MainsLost,
+        logic_error(false),
+        logic_error(true),
+        Fault::LogicLate { task: 0 },
+        Fault::LogicAlarm { task: 0, text: 1 },
     ]);
     examples.extend(OF_LINKS.map(|error| Fault::LinkFailed { error }));
     covers(FAULTS, "Fault", &examples);

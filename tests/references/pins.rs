@@ -70,7 +70,9 @@ fn pins() -> BTreeMap<String, (&'static str, Kind)> {
         let mut hal = Hal::create_in(&directories, &config.name, capacity(&config)).expect("memory for pins");
         Pins::new(&mut hal, &config, &bus::plan(&config), &StepDrives::new(&config)).expect("pins");
         let of_component = |pin: &str| {
-            let mut names = config.components.iter().map(|component| format!("{}.", component.name));
+            let components = config.components.iter().map(|component| format!("{}.", component.name));
+            // Of programs in Structured Text, which docs/logic.md describes.
+            let mut names = components.chain(config.logics.iter().map(|task| format!("logic.{}.", task.name)));
             names.any(|name| pin.starts_with(&name))
         };
         let is_own = |pin: &hal_pins::PinInfo| pin.kind != Kind::Net && !of_component(&pin.name);

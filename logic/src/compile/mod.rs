@@ -235,7 +235,11 @@ impl<'a, 't> Compiler<'a, 't> {
         let mut places: Vec<(u32, u32)> = self.places.iter().map(|at| lines.place(text, *at)).collect();
         places.resize(self.code.len(), (1, 1));
         let variables = self.leaves(&lines, text);
-        let mut retained: Vec<u32> = variables.iter().filter(|variable| variable.retain).map(|variable| variable.slot).collect();
+        let mut retained: Vec<u32> = variables
+            .iter()
+            .filter(|variable| variable.retain)
+            .map(|variable| variable.slot)
+            .collect();
         retained.sort_unstable();
         let enumerations = self.types.enumerations.drain(..).map(|enumeration| enumeration.values);
         Ok(Logic {

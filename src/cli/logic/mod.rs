@@ -7,6 +7,7 @@ mod table;
 
 use crate::cli::check::print;
 use crate::operator::refusal::Refusal;
+use crate::rt::logic::budget::{self, Budget};
 use anyhow::Context;
 use clap::{Args, Subcommand};
 use files::read::TEXT_MAX;
@@ -16,13 +17,10 @@ use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
 use table::Table;
 
 /// Share of the period that the longest scan may take.
 const SHARE_MAX: f64 = 0.5;
-/// How long a program is run to see what its steps take on this PC.
-const LOOK: Duration = Duration::from_millis(20);
 
 /// Arguments of `logic`.
 #[derive(Debug, Args)]
@@ -114,18 +112,8 @@ fn diagnostic_json(told: &Diagnostic) -> Json {
 fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
     let name = args.file.display().to_string();
     let logic = Arc::new(compile(&args.file)?);
-    let (steps, step_ns) = (logic.steps_max(), step_ns(&logic, args.period_ms));
-    let scan_us = steps as f64 * step_ns / 1000.0;
-    let share = scan_us * 1000.0 / args.period_ms as f64;
-    if share > SHARE_MAX {
-        let rule = format!(
-            "the longest scan has {steps} steps, which take about {scan_us:.0} us on this PC: more than {:.0} % of a period of {} ms; \
-             {{max_iterations := n}} before a loop bounds it",
-            SHARE_MAX * 100.0,
-            duration::milliseconds(args.period_ms)
-        );
-        return Err(Refusal::of_file(&name, format!("{name}: {rule}")).into());
-    }
+    let budget = budget::check(&logic, args.period_ms as u64, SHARE_MAX);
+    let Budget { steps, scan_us, share } = budget.map_err(|rule| Refusal::of_file(&name, format!("{name}: {rule}")))?;
     let names = |variables: Vec<String>| {
         if variables.is_empty() {
             "none".to_owned()
@@ -160,17 +148,6 @@ fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
         )
     })?;
     Ok(ExitCode::SUCCESS)
-}
-
-/// What a step takes on this PC, nanoseconds.
-fn step_ns(logic: &Arc<Logic>, period_ns: i64) -> f64 {
-    let mut runtime = Runtime::new(Arc::clone(logic));
-    let (begin, mut steps, mut now_ns) = (Instant::now(), 0_u64, 0_i64);
-    while begin.elapsed() < LOOK {
-        steps += runtime.scan(now_ns);
-        now_ns = now_ns.saturating_add(period_ns);
-    }
-    begin.elapsed().as_nanos() as f64 / steps.max(1) as f64
 }
 
 fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {

@@ -47,6 +47,8 @@ pub enum Role {
     Cycle,
     /// The time limits; runs one above.
     Timeout,
+    /// A program in Structured Text; runs below the cycle, those with shorter periods (lower numbers) above others.
+    Logic(u8),
     /// The simulated machine on the same PC: two above, so that it answers at once while the cycle thread waits for it,
     /// as real nodes do, whatever else the PC is busy with. Its answers take microseconds.
     Machine,
@@ -134,6 +136,7 @@ pub fn enter_thread(role: Role, process: &Process) -> Vec<Finding> {
     let (priority, work) = match role {
         Role::Cycle => (process.priority, Work::RealTime),
         Role::Timeout => (process.priority + 1, Work::RealTime),
+        Role::Logic(rank) => (process.priority.saturating_sub(1 + rank).max(1), Work::RealTime),
         Role::Machine => (process.priority + 2, Work::Ordinary),
     };
     let mut findings = enter_core(process.cpu, priority);

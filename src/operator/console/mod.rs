@@ -812,6 +812,7 @@ mod tests {
             trace: rtrb::RingBuffer::new(1).1,
             finished: rtrb::RingBuffer::new(1).1,
             live: Arc::default(),
+            logic: Arc::default(),
         };
         let mut operator = Operator::new(&config, endpoints, 0);
         for time in 1..=250 {

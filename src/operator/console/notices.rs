@@ -39,7 +39,12 @@ impl Operator {
             Notice::Fault { fault, first } => {
                 let node = |index: usize| self.node_names[index].clone();
                 let joint = |index: usize| self.joint_names[index].clone();
-                let cause = fault.text(node, joint);
+                let desk = &self.endpoints.logic;
+                let logic = |task: usize, text: Option<u32>| match text {
+                    Some(text) => desk.text(task, text),
+                    None => desk.file(task),
+                };
+                let cause = fault.text(node, joint, logic);
                 if first {
                     let record = self.fault_record(&fault, true);
                     self.note_alarm(time_s, cause, record);
@@ -66,6 +71,10 @@ impl Operator {
                 let text = format!("jog ended: {}: {why}", self.joint_names[joint]);
                 self.note(time_s, text.clone());
                 self.obstruction = Some(text);
+            }
+            Notice::Logic { task, text } => {
+                let text = self.endpoints.logic.text(task, text);
+                self.note(time_s, format!("message: {text}"));
             }
             Notice::Touched => {
                 let what = "jog ended: the probe has touched something";

@@ -26,6 +26,7 @@ use crate::machine::state::State;
 use crate::rt::analog::AnalogDrives;
 use crate::rt::cycle_stats::Timing;
 use crate::rt::joint_jog::{JogMotion, JogOrder, JointJog};
+use crate::rt::logic::Ports;
 use crate::rt::overrides::Overridden;
 use crate::rt::steps::StepDrives;
 use crate::rt::waiting::Waiting;
@@ -241,6 +242,7 @@ impl<B: CyclicBus> MotionController<B> {
         self.parts.pins.show_inputs(&self.parts.inputs);
         self.parts.pins.inputs.look();
         self.parts.pins.see_prepared_tool();
+        self.parts.pins.logic.publish();
         self.parts.pins.components.run_before_motion(skipped);
         self.laps.end(Part::Pins);
         if report.lost > 0 {
@@ -266,6 +268,8 @@ impl<B: CyclicBus> MotionController<B> {
         self.parts.pins.show_steps(&self.parts.steps);
         self.show();
         self.parts.pins.components.run_after_motion(skipped);
+        let may_replace = self.may_replace_logic();
+        self.parts.pins.logic.sample(skipped, may_replace);
         self.parts.pins.write_outputs(may_turn, &mut self.parts.outputs);
         self.parts.analog.write(&mut self.parts.outputs);
         self.laps.end(Part::Pins);
@@ -284,6 +288,11 @@ impl<B: CyclicBus> MotionController<B> {
     /// Joints with step pulses, before the first cycle.
     pub fn steps_mut(&mut self) -> &mut StepDrives {
         &mut self.parts.steps
+    }
+
+    /// Programs in Structured Text, before the first cycle.
+    pub fn logic_mut(&mut self) -> &mut Ports {
+        &mut self.parts.pins.logic
     }
 
     /// The bus, for what is not cyclic between two cycles.

@@ -167,6 +167,7 @@ impl<B: CyclicBus> MotionController<B> {
     pub(super) fn end_fault(&mut self) {
         self.fault_seen = false;
         self.parts.overruns.clear();
+        self.parts.pins.logic.acknowledge();
         self.parts.drives.request(u64::MAX, Request::ResetFault);
         self.parts.pins.spindle.request(Request::ResetFault);
         self.enter(State::Disabling);

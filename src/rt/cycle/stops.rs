@@ -33,6 +33,7 @@ impl<B: CyclicBus> MotionController<B> {
         if let Some(fault) = self.parts.pins.io.take_fault() {
             self.fault(fault);
         }
+        self.watch_logic();
         for _ in 0..BUS_EVENTS_PER_CYCLE {
             let Some(event) = self.bus.pop_event() else { break };
             self.notice(Notice::Bus(event));
@@ -88,6 +89,39 @@ impl<B: CyclicBus> MotionController<B> {
             true => Some(EstopCause::Chain),
             false => (self.parts.drives.sto_open()).map(|joint| EstopCause::Sto { joint }),
         }
+    }
+
+    /// Programs in Structured Text. While the network comes up, inputs of its nodes say nothing yet.
+    fn watch_logic(&mut self) {
+        let matters = !matches!(
+            self.state,
+            State::Booting | State::ShuttingDown | State::Down | State::Silenced
+        );
+        if !matters {
+            return;
+        }
+        while let Some(fault) = self.parts.pins.logic.take_fault() {
+            match self.fault_seen {
+                // It stops nothing any more, and is told all the same.
+                true => self.notice(Notice::Fault { fault, first: false }),
+                false => self.fault(fault),
+            }
+        }
+        while let Some((task, text)) = self.parts.pins.logic.take_message() {
+            self.notice(Notice::Logic { task, text });
+        }
+        if let Some(alarm) = self.parts.pins.logic.standing().filter(|_| self.under_command()) {
+            self.fault(alarm);
+        }
+    }
+
+    /// Whether a program in Structured Text may be replaced: nothing moves, and no program of parts is under way.
+    pub(super) fn may_replace_logic(&self) -> bool {
+        let rests = matches!(
+            self.state,
+            State::Booting | State::Disabled | State::Ready | State::Faulted | State::Estop
+        );
+        rests && self.program.is_none()
     }
 
     /// The mains. A program is left with the tool out of the work, as far as the energy carries it.

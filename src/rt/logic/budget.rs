@@ -1,0 +1,74 @@
+//! What the longest scan of a program takes on this PC.
+//!
+//! In:  a compiled program. Out: time, and whether its period bears it.
+
+use crate::config::{self, Config, ConfigErrors};
+use logic::{Logic, Runtime};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// How long a program is run to see what its steps take on this PC.
+const LOOK: Duration = Duration::from_millis(20);
+
+/// The longest scan.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Budget {
+    pub steps: u64,
+    pub scan_us: f64,
+    /// Of the period.
+    pub share: f64,
+}
+
+/// Runs the program for a moment to see what the longest scan takes.
+pub fn measure(logic: &Arc<Logic>, period_ns: u64) -> Budget {
+    let mut runtime = Runtime::new(Arc::clone(logic));
+    let (begin, mut steps, mut now_ns) = (Instant::now(), 0_u64, 0_i64);
+    while begin.elapsed() < LOOK {
+        steps += runtime.scan(now_ns);
+        now_ns = now_ns.saturating_add(period_ns as i64);
+    }
+    let step_ns = begin.elapsed().as_nanos() as f64 / steps.max(1) as f64;
+    let scan_us = logic.steps_max() as f64 * step_ns / 1000.0;
+    Budget {
+        steps: logic.steps_max(),
+        scan_us,
+        share: scan_us * 1000.0 / period_ns as f64,
+    }
+}
+
+/// The same, where the period bears it.
+///
+/// # Errors
+/// It takes more than this share of the period.
+pub fn check(logic: &Arc<Logic>, period_ns: u64, share_max: f64) -> Result<Budget, String> {
+    let budget = measure(logic, period_ns);
+    if budget.share <= share_max {
+        return Ok(budget);
+    }
+    Err(format!(
+        "the longest scan has {} steps, which take about {:.0} us on this PC: more than {:.0} % of a period of {} ms; \
+         {{max_iterations := n}} before a loop bounds it",
+        budget.steps,
+        budget.scan_us,
+        share_max * 100.0,
+        logic::duration::milliseconds(period_ns as i64)
+    ))
+}
+
+/// The same of all programs of a machine.
+///
+/// # Errors
+/// The first one whose period does not bear it, at its place in the machine file.
+pub fn of_machine(config: &Config) -> Result<Vec<Budget>, ConfigErrors> {
+    let budgets = config.logics.iter().enumerate().map(|(number, task)| {
+        let period_ns = task.every * u64::from(config.cycle_us) * 1000;
+        check(&task.logic, period_ns, task.share_max).map_err(|rule| {
+            config::logic_error(
+                config,
+                number,
+                &format!("{}: {rule} (or budget_percent)", task.file.display()),
+            )
+        })
+    });
+    budgets.collect()
+}
