@@ -221,7 +221,14 @@ fn every_thread_stands_in_the_table_of_threads() {
         .collect();
     let mut missing = Vec::new();
     let mut seen = BTreeSet::new();
-    for folder in ["src", "motion/src", "powerlink/src", "hal-pins/src", "gcode/src"] {
+    for folder in [
+        "src",
+        "motion/src",
+        "powerlink/src",
+        "hal-pins/src",
+        "gcode/src",
+        "panel/src",
+    ] {
         for path in sources(&Path::new(ROOT).join(folder)) {
             for name in threads(&read(&path)) {
                 seen.insert(name.to_owned());

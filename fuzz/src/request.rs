@@ -3,6 +3,7 @@
 use isocnc::api::methods::Methods;
 use isocnc::api::network_view::NetworkView;
 use isocnc::api::orders::order_channel;
+use isocnc::api::roles::Role;
 use isocnc::api::rpc;
 use isocnc::api::server::{Caller, Serve};
 use isocnc::bus::NodeIndex;
@@ -51,6 +52,8 @@ pub fn run(octets: &[u8]) {
     let mut callers = [1, 2].map(|client| Caller {
         client,
         process: 0,
+        role: Role::SetUp,
+        name: None,
         subscription: None,
     });
     for (number, line) in octets.split(|octet| *octet == b'\n').enumerate() {

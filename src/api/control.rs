@@ -112,9 +112,10 @@ impl Control {
         Ok(before.map(|holder| holder.who).filter(|_| refused.is_err()))
     }
 
-    /// A client lets control go, if it has it.
-    pub fn release(&mut self, client: ClientId) {
-        self.holder.take_if(|holder| holder.who.client == client);
+    /// A client lets control go, if it has it. Whether something may still move under its hand.
+    pub fn release(&mut self, client: ClientId, now_ns: u64) -> bool {
+        let released = self.holder.take_if(|holder| holder.who.client == client);
+        released.is_some_and(|holder| now_ns < holder.jogs_until_ns)
     }
 
     /// Whether this client has taken it by name.
@@ -201,9 +202,9 @@ mod tests {
             let shown = control.shown(0);
             assert_eq!((&shown["client"], &shown["taken"]), (&json!(client), &json!(false)));
         }
-        control.release(2);
+        control.release(2, 0);
         assert_eq!(control.shown(0)["client"], 1);
-        control.release(1);
+        control.release(1, 0);
         assert_eq!(control.shown(0), Value::Null);
     }
 
@@ -247,7 +248,7 @@ mod tests {
         assert!(order(&mut control, 2, 78 * S).is_err());
         assert_eq!(control.take(who(2), true, 78 * S).unwrap(), Some(who(1)));
         assert!(order(&mut control, 1, 78 * S).is_err());
-        control.release(1);
+        control.release(1, 0);
         assert!(order(&mut control, 1, 78 * S).is_err());
         // Silent for too long.
         assert!(order(&mut control, 1, 107 * S).is_err());

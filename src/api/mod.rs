@@ -4,17 +4,21 @@
 //! Out: answers, one a line. What real time knows comes from what it publishes; orders to it go through rings. The
 //! service thread may wait, allocate and fail: nothing in real time waits for it.
 //!
-//! [`methods::table`] is the table of what can be asked; [`openrpc`] the same for programs; [`control`] who may give orders;
-//! [`server`] keeps clients apart and tells subscribers of changes; [`client`] is the asking end.
+//! [`methods::table`] is the table of what can be asked; [`openrpc`] the same for programs; [`control`] who may give orders, [`roles`]
+//! who may give which; [`server`] keeps clients apart and tells subscribers of changes; [`client`] is the asking end.
 
 pub mod client;
 pub mod control;
 pub mod methods;
+mod metrics;
 pub mod network_view;
 pub mod openrpc;
 pub mod orders;
 pub mod paths;
+pub mod repeats;
+pub mod roles;
 pub mod rpc;
 pub mod server;
 pub mod socket;
+mod text_lines;
 pub mod uploads;

@@ -3,6 +3,8 @@
 //! In:  the table of methods. Out: one JSON value, which `rpc.discover` and `isocnc schema --rpc` give.
 
 use super::methods::table::{API_VERSION, Gives, Kind, METHODS, Method, Param};
+use super::repeats::{ID_MAX, REQUEST_ID};
+use super::roles::Role;
 use super::rpc::code;
 use motion::canon::Axis;
 use serde_json::{Map, Value, json};
@@ -47,9 +49,13 @@ pub fn result_schema(method: &Method) -> Value {
 }
 
 fn method(method: &Method) -> Value {
-    let params: Vec<Value> = (method.params.iter())
+    let mut params: Vec<Value> = (method.params.iter())
         .map(|param| json!({ "name": param.name, "required": param.required, "schema": kind(param) }))
         .collect();
+    if !method.only_looks() {
+        let schema = json!({ "type": "string", "minLength": 1, "maxLength": ID_MAX });
+        params.push(json!({ "name": REQUEST_ID, "required": false, "schema": schema }));
+    }
     json!({
         "name": method.name,
         "summary": method.does,
@@ -57,6 +63,7 @@ fn method(method: &Method) -> Value {
         "params": params,
         "result": { "name": "result", "schema": refer(name(method.gives)) },
         "errors": errors(method),
+        "x-role": method.role,
     })
 }
 
@@ -68,10 +75,16 @@ fn errors(method: &Method) -> Value {
             "it cannot be done now; the message says why, and what would help",
         ));
     }
+    if method.role != Role::Watch {
+        codes.push((
+            code::NOT_ALLOWED,
+            "this client has not the role for it; the data say which",
+        ));
+    }
     if method.asks_for_control() {
         codes.push((code::NO_CONTROL, "another client has control; the data say which"));
     }
-    if matches!(method.name, "program.load" | "program.run") {
+    if matches!(method.name, "program.load" | "program.check" | "program.run") {
         codes.push((code::UNREADABLE, "the control cannot read the file: upload it"));
     }
     if method.name.starts_with("bus.sdo") {
@@ -107,11 +120,15 @@ fn kind(param: &Param) -> Value {
     }
 }
 
-const ALL: [Gives; 23] = [
+const ALL: [Gives; 27] = [
     Gives::Nothing,
     Gives::Methods,
     Gives::OpenRpc,
     Gives::Status,
+    Gives::Identified,
+    Gives::Described,
+    Gives::Metrics,
+    Gives::Text,
     Gives::Subscribed,
     Gives::Control,
     Gives::Network,
@@ -139,6 +156,10 @@ fn name(gives: Gives) -> &'static str {
         Gives::Methods => "Methods",
         Gives::OpenRpc => "OpenRpc",
         Gives::Status => "Status",
+        Gives::Identified => "Identified",
+        Gives::Described => "Described",
+        Gives::Metrics => "Metrics",
+        Gives::Text => "Text",
         Gives::Subscribed => "Subscribed",
         Gives::Control => "Control",
         Gives::Network => "Network",
@@ -199,6 +220,10 @@ fn whole() -> Value {
 
 fn flag() -> Value {
     json!({ "type": "boolean" })
+}
+
+fn role() -> Value {
+    json!({ "type": "string", "enum": Role::ALL })
 }
 
 fn waiting() -> Value {
@@ -308,6 +333,42 @@ fn result(gives: Gives) -> Value {
         )),
         Gives::OpenRpc | Gives::Network => json!({ "type": "object" }),
         Gives::Status => status(),
+        Gives::Identified => object(json!({
+            "client": whole(),
+            "role": role(),
+            "machine": text(),
+            "version": text(),
+            "api": text(),
+        })),
+        Gives::Described => object(json!({
+            "machine": text(),
+            "unit": text(),
+            "cycle_us": whole(),
+            "axes": list(object(json!({
+                "axis": text(),
+                "unit": text(),
+                "joints": list(whole()),
+                "travel": or_null(list(number())),
+                "velocity_per_s": or_null(number()),
+            }))),
+            "joints": list(object(json!({
+                "joint": whole(),
+                "travel": list(number()),
+                "velocity_per_s": number(),
+                "following_error": number(),
+            }))),
+            "spindles": whole(),
+            "spindle_rpm_max": number(),
+            "programs": flag(),
+        })),
+        Gives::Metrics => object(json!({ "text": text() })),
+        Gives::Text => object(json!({
+            "name": text(),
+            "revision": whole(),
+            "first_line": whole(),
+            "lines": list(text()),
+            "more": flag(),
+        })),
         Gives::Subscribed => object(json!({ "monotonic_s": number(), "unix_s": number(), "state": refer("Status") })),
         Gives::Control => or_null(object(json!({
             "client": whole(),
@@ -431,6 +492,7 @@ fn status() -> Value {
         "job": or_null(text()),
         "program": or_null(object(json!({
             "name": text(),
+            "revision": whole(),
             "lines": whole(),
             "planned_time_s": number(),
             "dry_run": flag(),

@@ -6,12 +6,14 @@
 
 use crate::api::paths::PathOrder;
 use crate::api::rpc::RpcError;
+use crate::api::server::door::GUESTS_MAX;
 use crate::api::server::{CLIENTS_MAX, PENDING_MAX, Ticket};
 use crate::api::uploads::Uploaded;
 use crate::machine::journal::Entry;
 use crate::machine::state_file::{LastProgram, Parts};
 use crate::program::Change;
 use crate::program::outline::Outline;
+use crate::program::text::Text;
 use crate::rt::joint_jog::JogMotion;
 use motion::canon::Axis;
 use nix::sys::eventfd::{EfdFlags, EventFd};
@@ -23,7 +25,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 /// Orders that can wait: all that all clients can have under way, and that each of them has gone. A stop always has room.
-const ORDERS: usize = 2 * CLIENTS_MAX * PENDING_MAX;
+const ORDERS: usize = 2 * (CLIENTS_MAX + GUESTS_MAX) * PENDING_MAX;
 /// Between two looks of the operator, however many orders come.
 const LEAST_PAUSE: Duration = Duration::from_millis(1);
 
@@ -48,6 +50,8 @@ pub enum Order {
     },
     /// Switch drives on, home what is not homed, load and run a program.
     Run(Source),
+    /// Check a program and keep nothing of it.
+    Inspect(Source),
     /// Run a line that was typed, behind those that wait.
     Mdi(String),
     /// Change what the machine remembers.
@@ -141,6 +145,9 @@ pub struct Shown {
     pub mode: &'static str,
     /// The program that is loaded, under way, or was the last one.
     pub program: Option<ShownProgram>,
+    /// Its text.
+    #[serde(skip)]
+    pub text: Option<ShownText>,
     /// How the last order that takes time ended, once it has.
     pub job: Option<&'static str>,
     /// The line of MDI under way, and those that wait behind it.
@@ -187,10 +194,26 @@ pub struct Waiting {
     pub release: &'static str,
 }
 
+/// The text of a program of [`Shown`].
+#[derive(Clone, Debug)]
+pub struct ShownText {
+    /// As of [`ShownProgram::revision`].
+    pub revision: u64,
+    pub text: Arc<Text>,
+}
+
+impl PartialEq for ShownText {
+    fn eq(&self, other: &ShownText) -> bool {
+        self.revision == other.revision
+    }
+}
+
 /// A program of [`Shown`].
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ShownProgram {
     pub name: String,
+    /// Another one for each text that is loaded; 0: there is no text to be had.
+    pub revision: u64,
     /// Its last line with something to do.
     pub lines: u32,
     /// Planned time, s.
@@ -356,7 +379,7 @@ mod tests {
     #[test]
     fn there_is_room_for_all_that_clients_can_have_under_way() {
         let (client, _inbox) = order_channel();
-        let all = 0..(CLIENTS_MAX * PENDING_MAX) as u64;
+        let all = 0..((CLIENTS_MAX + GUESTS_MAX) * PENDING_MAX) as u64;
         for ticket in all.clone() {
             client.put(ticket, Order::Hold).unwrap();
         }

@@ -8,7 +8,9 @@
 use super::rpc::{RpcError, code, to_base64};
 use super::server::{ClientId, Ticket};
 use motion::cancel::Cancel;
+use nix::sys::eventfd::EventFd;
 use serde_json::{Value, json};
+use std::sync::Arc;
 use std::sync::mpsc::TrySendError;
 use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, sync_channel};
 use std::time::Duration;
@@ -38,6 +40,8 @@ pub struct PathOrder {
     /// Nobody wants it any more.
     pub cancel: Cancel,
     to: SyncSender<Part>,
+    /// Ends a wait of whoever serves the client.
+    wake: Option<Arc<EventFd>>,
 }
 
 impl PartialEq for PathOrder {
@@ -55,7 +59,13 @@ impl PathOrder {
                 return false;
             }
             match self.to.try_send(part) {
-                Ok(()) => return true,
+                Ok(()) => {
+                    if let Some(wake) = &self.wake {
+                        // It can fail only where it is full, and then it wakes, too.
+                        let _ = wake.write(1);
+                    }
+                    return true;
+                }
                 Err(TrySendError::Disconnected(_)) => return false,
                 Err(TrySendError::Full(back)) => part = back,
             }
@@ -86,9 +96,18 @@ impl Drop for Drawn {
 pub struct Paths {
     all: Vec<Drawn>,
     last: u64,
+    wake: Option<Arc<EventFd>>,
 }
 
 impl Paths {
+    /// `wake`: as of [`Serve::wake`](super::server::Serve::wake).
+    pub fn new(wake: Option<Arc<EventFd>>) -> Paths {
+        Paths {
+            wake,
+            ..Paths::default()
+        }
+    }
+
     /// A new way of a client.
     ///
     /// # Errors
@@ -117,6 +136,7 @@ impl Paths {
             tolerance_mm,
             cancel,
             to,
+            wake: self.wake.clone(),
         })
     }
 

@@ -28,6 +28,8 @@ pub mod code {
     pub const NO_CONTROL: i32 = -32004;
     /// The control cannot read this file, which its client may be able to.
     pub const UNREADABLE: i32 = -32005;
+    /// Whoever asks has not the role for it; which one, is in the data.
+    pub const NOT_ALLOWED: i32 = -32006;
 }
 
 /// An error that goes back to the client.

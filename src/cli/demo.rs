@@ -2,16 +2,19 @@
 
 use crate::analyser::SocReport;
 use crate::bus;
-use crate::config::{Config, KeepAwake};
+use crate::cli::run::panel_address;
+use crate::config::{self, Config, KeepAwake};
 use crate::host::netns;
 use crate::host::signals::StopSignal;
 use crate::host::steadiness::Steadiness;
 use crate::host::terminal::say;
 use crate::jitter::plot::soc_period_svg;
+use crate::operator::panel::Panel;
 use crate::operator::refusal::Refusal;
 use crate::operator::report::{FarEnd, SOC_PERIOD_DATA};
 use crate::operator::session::{Program, Wire};
 use crate::operator::single_run::{Job, run_and_report};
+use crate::operator::standby::stand_by;
 use crate::program::text::{Reader, Text};
 use crate::sim::READY;
 use anyhow::{Context, ensure};
@@ -19,6 +22,7 @@ use clap::Args;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use std::io::{BufRead, BufReader};
+use std::net::SocketAddr;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitCode, Stdio};
@@ -55,6 +59,9 @@ pub struct DemoArgs {
     /// Use a wire in memory, on which time waits for the PC, even where a private network would be allowed.
     #[arg(long)]
     memory: bool,
+    /// Serve the operator panel in the browser, and keep the machine running in stand-by for it [default: 127.0.0.1:8402]
+    #[arg(long, value_name = "ADDRESS:PORT", num_args = 0..=1, value_parser = panel_address)]
+    panel: Option<Option<SocketAddr>>,
     /// Print the report as JSON instead of text.
     #[arg(long)]
     json: bool,
@@ -73,7 +80,7 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<ExitCode> {
     files::make_folder(&args.out).with_context(|| args.out.display().to_string())?;
     let machine = machine_file(args.machine.as_deref(), &args.out)?;
     let mut config = bus::read(&machine).map_err(Refusal::from)?;
-    if !args.json {
+    if !args.json && args.panel.is_none() {
         say(&format!(
             "isocnc demo: a simulated machine cuts {name}, report in {}\n\
              Nothing real moves: what this PC lacks for real time is told, and is harmless here.\n",
@@ -82,6 +89,23 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<ExitCode> {
     }
     // The name is also that of the shared pins: any number of demos may run side by side.
     config.name = format!("{}-{}", config.name, std::process::id());
+
+    // Before the namespace, in which nobody could reach it.
+    let panel = match args.panel {
+        None => None,
+        Some(_) => {
+            let of_file = config.panel.take();
+            let mut wanted = of_file.unwrap_or_else(|| config::Panel::at(config::Panel::loopback(), None));
+            if wanted.programs.is_none() {
+                let folder = args.out.join("programs");
+                files::make_folder(&folder).with_context(|| folder.display().to_string())?;
+                files::write(&folder.join(PROGRAM_NAME), PROGRAM).with_context(|| folder.display().to_string())?;
+                wanted.programs = Some(std::path::absolute(folder)?);
+            }
+            config.panel = Some(wanted);
+            Panel::of(&config, args.panel, args.json)?
+        }
+    };
 
     // First of all: a namespace can be entered by a process of one thread only.
     let network = (!args.memory).then(|| netns::private_wire(INTERFACES[0], INTERFACES[1]));
@@ -116,6 +140,11 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<ExitCode> {
         // In memory, time waits for whoever is late, so no load of this PC ends in an alarm.
         None => Wire::Paced,
     };
+    if panel.is_some() {
+        // Ended with this.
+        let _far_end = far_end;
+        return stand_by(&config, wire, args.json, signal, panel);
+    }
     let job = Job {
         config: &config,
         program: Program {
@@ -125,6 +154,7 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<ExitCode> {
         out: &args.out,
         json: args.json,
         signal,
+        panel: None,
         far_end: far_end.map(|machine| Box::new(machine) as Box<dyn FarEnd>),
     };
     run_and_report(job, wire)

@@ -15,6 +15,8 @@ pub mod jitter;
 pub mod jog;
 pub mod logic;
 pub mod pages;
+#[cfg(feature = "panel")]
+pub mod panel;
 pub mod plan;
 mod progress;
 pub mod run;
@@ -148,6 +150,9 @@ enum Command {
     BenchServo(bench_servo::BenchServoArgs),
     /// Measure how well the joints of a machine follow what they are told.
     Tune(tune::TuneArgs),
+    /// Make, list or revoke tokens of the operator panel in the browser.
+    #[cfg(feature = "panel")]
+    Panel(panel::PanelArgs),
     /// List, read, set or watch the pins of a running control.
     Hal(hal::HalArgs),
     /// Check or run Structured Text, the logic of a machine, without a machine.
@@ -222,6 +227,8 @@ pub fn main() -> ExitCode {
         Command::Dda(args) => dda::dda(args),
         Command::BenchServo(args) => bench_servo::bench_servo(args),
         Command::Tune(args) => tune::tune(args),
+        #[cfg(feature = "panel")]
+        Command::Panel(args) => panel::panel(args),
         Command::Hal(args) => hal::hal(args),
         Command::Logic(args) => logic::logic(args),
         Command::Bus(args) => bus::bus(args),

@@ -3,6 +3,7 @@
 use crate::bus;
 use crate::config;
 use crate::host::signals::StopSignal;
+use crate::operator::panel::Panel;
 use crate::operator::refusal::Refusal;
 use crate::operator::session::{Program, Wire};
 use crate::operator::single_run::{Job, run_and_report};
@@ -10,6 +11,7 @@ use crate::operator::standby::stand_by;
 use crate::program::text::{Reader, Text};
 use anyhow::Context;
 use clap::Args;
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -23,6 +25,9 @@ pub struct RunArgs {
     /// Folder for the report and its pictures [default: isocnc-out]
     #[arg(long, requires = "program")]
     out: Option<PathBuf>,
+    /// Serve the operator panel in the browser there [default: that of the machine file, 127.0.0.1:8402]
+    #[arg(long, value_name = "ADDRESS:PORT", num_args = 0..=1, value_parser = panel_address)]
+    panel: Option<Option<SocketAddr>>,
     /// Print the report as JSON instead of text; without a program the journal, one JSON object a line.
     #[arg(long)]
     json: bool,
@@ -36,8 +41,9 @@ pub fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
         config::BusKind::Powerlink => Wire::Interface(config.bus.interface.clone()),
         config::BusKind::Memory | config::BusKind::None => Wire::Memory,
     };
+    let panel = Panel::of(&config, args.panel, args.json)?;
     let Some(program) = &args.program else {
-        return stand_by(&config, wire, args.json, signal);
+        return stand_by(&config, wire, args.json, signal, panel);
     };
     let text = Text::read(program).with_context(|| program.display().to_string())?;
     let job = Job {
@@ -49,7 +55,17 @@ pub fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
         out: args.out.as_deref().unwrap_or(Path::new("isocnc-out")),
         json: args.json,
         signal,
+        panel,
         far_end: None,
     };
     run_and_report(job, wire)
+}
+
+/// An address of the panel.
+///
+/// # Errors
+/// It is none.
+pub(super) fn panel_address(text: &str) -> Result<SocketAddr, String> {
+    let rule = "expected an address and a port, like 127.0.0.1:8402; --panel without one stands behind all other words";
+    text.parse().map_err(|_| rule.to_owned())
 }

@@ -24,6 +24,7 @@ mod kinematics;
 mod logics;
 mod mapping;
 mod node;
+mod panel;
 mod period;
 mod position_loop;
 mod program;
@@ -61,6 +62,7 @@ pub use document::{Bound, Question};
 pub use drive_profile::{BUILT_IN as DRIVE_PROFILES, parse as parse_drive_profile};
 pub use error::{ConfigError, ConfigErrors};
 pub use logics::{End, Interface, LogicPin, LogicTask, pin_type};
+pub use panel::{OnLostControl, PANEL_PORT, Panel};
 pub use position_loop::GAIN_MAX;
 pub use steps::{PARALLEL_PINS, SUBSTEPS, SimStepper, StepKind, StepOutput, StepPortKind, Steps, rate_max_hz};
 pub use types::*;
@@ -385,6 +387,11 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
     if let (Some(logics), Some((nets, components))) = (&logics, &hal) {
         logics::keep_fast_inputs(&root, logics, nets, components);
     }
+    let folder = state_directory.as_ref().and_then(|folder| folder.as_deref());
+    let panel = match root.optional_section("panel") {
+        None => Some(None),
+        Some(section) => panel::panel(section, base, folder).map(Some),
+    };
     root.not_yet(&["hmi", "service"]);
     root.done();
 
@@ -415,6 +422,7 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
         components,
         logics: logics?,
         sim: sim?,
+        panel: panel?,
     })
 }
 

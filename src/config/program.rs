@@ -348,7 +348,7 @@ pub(super) fn new_folder(section: &mut Section<'_, '_>, key: &'static str, base:
     Some(Some(path))
 }
 
-fn path(section: &mut Section<'_, '_>, key: &'static str, base: &Path) -> Option<Option<PathBuf>> {
+pub(super) fn path(section: &mut Section<'_, '_>, key: &'static str, base: &Path) -> Option<Option<PathBuf>> {
     let Some(item) = section.optional(key) else {
         return Some(None);
     };

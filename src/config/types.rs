@@ -8,6 +8,7 @@ pub use super::channels::{Channel, ChannelKind, Follow, ObjectKind};
 pub use super::drive::{DriveMode, Reactions, targets, touch_probe_objects};
 pub use super::drive_profile::{DriveProfile, InputBits, MappingLimits};
 use super::logics::LogicTask;
+use super::panel::Panel;
 pub use super::sim::{SimFault, SimFaultKind};
 pub use super::spindle::{Spindle, SpindleAxis, SpindleCounter, SpindleDrive, SpindleEncoder};
 use super::steps::{StepOutput, Steps};
@@ -71,6 +72,8 @@ pub struct Config {
     pub logics: Vec<LogicTask>,
     /// What the simulated machine is made of.
     pub sim: Sim,
+    /// The operator panel in the browser; `None`: only where the command line asks for it.
+    pub panel: Option<Panel>,
 }
 
 /// `[rt]`. What is `None` is found out by a short measurement when the machine starts; the default holds where that is

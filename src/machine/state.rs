@@ -45,7 +45,8 @@ pub enum State {
 }
 
 impl State {
-    const ALL: [State; 17] = [
+    /// All of them, by their numbers.
+    pub const ALL: [State; 17] = [
         State::Booting,
         State::Disabled,
         State::Enabling,

@@ -6,6 +6,11 @@ pub mod journal_keeper;
 mod manual_mode;
 mod memory;
 pub mod operator_loop;
+#[cfg(feature = "panel")]
+pub mod panel;
+#[cfg(not(feature = "panel"))]
+#[path = "no_panel.rs"]
+pub mod panel;
 mod path_judge;
 pub mod program_reports;
 pub mod progress;

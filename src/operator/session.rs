@@ -6,7 +6,8 @@
 use crate::api::methods::Methods;
 use crate::api::network_view::NetworkView;
 use crate::api::orders::order_channel;
-use crate::api::server;
+use crate::api::server::door::door;
+use crate::api::server::{self, Serve};
 use crate::api::socket::{BindError, Socket, path_beside};
 use crate::bus::sender::SoleSender;
 use crate::bus::watch::Watch;
@@ -29,6 +30,7 @@ use crate::operator::console::{LOOK_AT_TOOL, Operator};
 use crate::operator::journal_keeper;
 use crate::operator::memory::{self, Memory};
 use crate::operator::operator_loop::{LoopTask, OperatorLoop, Running};
+use crate::operator::panel::Panel;
 use crate::operator::retain_keeper;
 use crate::program::Overview;
 use crate::program::text::Reader;
@@ -47,6 +49,7 @@ use gcode::PinReader;
 use hal_pins::{AnyValue, Hal};
 use motion::rt::Peaks;
 use std::io::Write;
+use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, mpsc};
@@ -69,6 +72,8 @@ pub struct Session<'a> {
     pub signal: StopSignal,
     /// Keep the rights of this thread: another session follows in this process.
     pub keep_rights: bool,
+    /// The panel in the browser.
+    pub panel: Option<Panel>,
 }
 
 /// A part program.
@@ -235,7 +240,9 @@ fn run_on(
         pin_values(&hal),
         time_of_day,
     );
+    let methods = methods.with_programs(session.panel.as_ref().and_then(Panel::programs).map(Path::to_owned));
     let socket = control_socket(hal.path(), &config.name)?;
+    let (door, guests) = door(methods.wake());
 
     let (recorder, windows) = cycle_stats::recorder(grid.period_ns);
     let (reports, watch_reports) = rtrb::RingBuffer::new(timeout::REPORTS);
@@ -261,6 +268,9 @@ fn run_on(
     lock(session.tables).set_tool_in_spindle(remembered.tool);
     judge_tool(&lock(session.tables), &remembered, &mut operator);
     let mut memory = Memory::new(config, remembered);
+    if let Some(panel) = &session.panel {
+        operator.add_entry(panel.note.clone());
+    }
     let mut running = Running {
         operator: match session.task {
             Task::Once(..) => operator,
@@ -328,15 +338,24 @@ fn run_on(
                 .name("retain".into())
                 .spawn_scoped(scope, move || retain_keeper::run(folder, &config.name, &desk, stop))?;
         }
-        if let Some(socket) = &socket {
+        if socket.is_some() || session.panel.is_some() {
+            let (socket, stop) = (socket.as_ref(), &stop);
             std::thread::Builder::new()
                 .name("service".into())
                 .stack_size(STACK_SIZE)
-                .spawn_scoped(scope, || {
+                .spawn_scoped(scope, move || {
+                    let (mut methods, guests) = (methods, guests);
                     capabilities::give_up_or_warn(Work::Ordinary);
-                    let mut methods = methods;
-                    server::serve(socket, &mut methods, &stop);
+                    server::serve(socket, &guests, &mut methods, stop);
                 })?;
+        }
+        // Closed at its other end by the end of this session, however that comes about.
+        let (panel_stays, until) = UnixStream::pair()?;
+        if let Some(panel) = &session.panel {
+            std::thread::Builder::new()
+                .name("panel".into())
+                .stack_size(STACK_SIZE)
+                .spawn_scoped(scope, move || panel.serve(door, until))?;
         }
         // Everything is open and every thread of the cycle runs.
         if !session.keep_rights {
@@ -347,6 +366,7 @@ fn run_on(
         let operator_loop = OperatorLoop::new(scope, session, &stop, inbox, pin_reader(&hal), process.cpu, memory);
         let probed_time_s = operator_loop.run(&mut running, task, &lives);
         drop(ended);
+        drop(panel_stays);
         running.operator.close_journal();
         if running.operator.needs_restart() {
             end_with_thread(&cycle, &running.operator);

@@ -10,6 +10,7 @@ use crate::host::signals::StopSignal;
 use crate::host::terminal::say;
 use crate::machine::tables::{Tables, lock};
 use crate::operator::operator_loop::{LoopTask, Running};
+use crate::operator::panel::Panel;
 use crate::operator::refusal::Refusal;
 use crate::operator::session;
 use crate::operator::session::{Program, Session, Task, Wire};
@@ -29,6 +30,8 @@ pub struct Job<'a> {
     pub json: bool,
     /// Asks for a stop.
     pub signal: StopSignal,
+    /// The panel in the browser.
+    pub panel: Option<Panel>,
     /// Who measures at the far end of the wire, if somebody does.
     pub far_end: Option<Box<dyn FarEnd + 'a>>,
 }
@@ -76,6 +79,7 @@ pub fn run_and_report(job: Job<'_>, wire: Wire) -> anyhow::Result<ExitCode> {
         quiet: job.json,
         signal: job.signal,
         keep_rights: false,
+        panel: job.panel,
     };
     let mut progress = Progress::new(&overview, job.json);
     let ended = session::run(&session, wire, &mut progress)?;

@@ -168,5 +168,6 @@ pub(super) fn test_config() -> Config {
             joints: Vec::new(),
             signals: Vec::new(),
         },
+        panel: None,
     }
 }

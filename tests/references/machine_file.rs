@@ -309,9 +309,9 @@ impl Keys {
         }
         let mut schema =
             json!({ "type": "object", "properties": properties, "required": required, "additionalProperties": rest });
-        // A date is a table to a validator, with one text in it: no name of a pin or an option begins like its key.
+        // A date is a table to a validator, with one text in it: no other name begins like its key.
         if schema["additionalProperties"]["type"].is_array() {
-            schema["propertyNames"] = json!({ "pattern": "^[a-z0-9]" });
+            schema["propertyNames"] = json!({ "pattern": "^[^$]" });
         }
         schema
     }

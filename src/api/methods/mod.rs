@@ -11,16 +11,20 @@ pub mod table;
 pub use arguments::WORK_SYSTEMS;
 
 use super::control::{Control, NAME_MAX, Needs, Who};
+use super::metrics;
 use super::paths::Paths;
+use super::repeats::{self, REQUEST_ID, Repeats, Seen};
+use super::roles::Role;
 use super::rpc::{Params, Request, RpcError, code, from_hex, to_hex};
 use super::server::subscription::{self, RATE_MAX_HZ, Subscription};
 use super::server::{Caller, ClientId, Serve, Ticket};
+use super::text_lines::{LINES_MAX, Place, lines};
 use super::uploads::{PART_MAX, Uploads};
 use crate::api::network_view::NetworkView;
 use crate::api::orders::{Jog, Order, OrderClient, Shown, Source};
 use crate::bus::SDO_VALUE_MAX;
 use crate::bus::service::{BusService, MailboxError, MailboxRequest};
-use crate::config::{Config, JOINTS_MAX};
+use crate::config::{Config, JOINTS_MAX, OnLostControl};
 use crate::machine::faults::SILENCED;
 use crate::machine::state::State;
 use crate::program::outline::Left;
@@ -28,9 +32,11 @@ use crate::rt::joint_jog::JogMotion;
 use crate::rt::overrides::Overridden;
 use crate::rt::shared::RtStatus;
 use files::read::PROGRAM_MAX;
+use motion::canon::LengthUnit;
 use nix::sys::eventfd::EventFd;
 use obd::AbortCode;
 use serde_json::{Map, Value, json};
+use std::path::PathBuf;
 use std::sync::Arc;
 use table::METHODS;
 
@@ -88,9 +94,22 @@ pub struct Methods {
     control: Control,
     uploads: Uploads,
     paths: Paths,
+    /// Orders that carry an id.
+    repeats: Repeats,
     time_of_day: fn() -> f64,
     /// Its axes: what does not change.
     axes: Value,
+    /// The machine as its file has it.
+    described: Value,
+    /// Letters of its axes, and whether they count degrees.
+    letters: Vec<(char, bool)>,
+    joints: usize,
+    /// A client that had taken control and is lost holds the program.
+    holds_on_lost_control: bool,
+    /// Where the text of a program was last read.
+    text_place: Place,
+    /// Folder of programs.
+    programs: Option<PathBuf>,
     pins: Box<Pins>,
     now_ns: fn() -> u64,
 }
@@ -104,6 +123,7 @@ impl Methods {
         operator: OrderClient,
         now_ns: fn() -> u64,
     ) -> Methods {
+        let paths = Paths::new(operator.wake());
         Methods {
             live,
             bus,
@@ -112,9 +132,16 @@ impl Methods {
             operator,
             control: Control::default(),
             uploads: Uploads::default(),
-            paths: Paths::default(),
+            paths,
+            repeats: Repeats::default(),
             time_of_day: || 0.0,
             axes: json!([]),
+            described: json!({}),
+            letters: Vec::new(),
+            joints: 0,
+            holds_on_lost_control: false,
+            text_place: Place::default(),
+            programs: None,
             pins: Box::new(|_| None),
             now_ns,
         }
@@ -137,10 +164,80 @@ impl Methods {
         });
         Methods {
             axes: axes.collect(),
+            described: describe(config),
+            letters: config
+                .axes
+                .iter()
+                .map(|map| (map.axis.letter(), map.axis.is_rotary()))
+                .collect(),
+            joints: config.joints.len(),
+            holds_on_lost_control: (config.panel.as_ref())
+                .is_some_and(|panel| panel.on_lost_control == OnLostControl::Hold),
             pins: Box::new(pins),
             time_of_day,
             ..self
         }
+    }
+
+    /// Lets clients name programs of this folder.
+    pub fn with_programs(self, folder: Option<PathBuf>) -> Methods {
+        let mut described = self.described;
+        described["programs"] = json!(folder.is_some());
+        Methods {
+            programs: folder,
+            described,
+            ..self
+        }
+    }
+
+    fn metrics(&mut self) -> Value {
+        let shown = self.operator.shown();
+        let now_ns = (self.now_ns)();
+        for (place, node) in self.network.nodes.iter_mut().enumerate() {
+            node.live = self.bus.node(place, now_ns);
+        }
+        let facts = metrics::Facts {
+            machine: &self.network.machine,
+            axes: &self.letters,
+            joints: self.joints,
+            network: &self.network,
+            parts: shown.parts.count,
+            tool: shown.tool,
+            is_alarm: shown.alarm.is_some(),
+            controlled: !self.control.shown(now_ns).is_null(),
+        };
+        json!({ "text": metrics::text(&facts, &self.live, |name| (self.pins)(name)) })
+    }
+
+    fn program_text(&mut self, call: &Call<'_>) -> Result<Value, RpcError> {
+        let number = |name: &str, most, default| match call.params.has(name) {
+            true => call.params.number(name, 1, most),
+            false => Ok(default),
+        };
+        let range = (
+            number("from_line", u64::from(u32::MAX), 1)?,
+            number("lines", LINES_MAX, 50)?,
+        );
+        let shown = self.operator.shown();
+        let (Some(program), Some(text)) = (shown.program, shown.text) else {
+            return Err(RpcError::new(
+                code::REFUSED,
+                "no program is loaded: isocnc program load FILE",
+            ));
+        };
+        let found = lines(&text.text, text.revision, range, &mut self.text_place);
+        let found = found.map_err(|cause| RpcError::new(code::REFUSED, format!("{}: {cause}", program.name)))?;
+        let Some((lines, more)) = found else {
+            let what = format!("line {} lies far on and is being looked for: ask again", range.0);
+            return Err(RpcError::new(code::REFUSED, what));
+        };
+        Ok(json!({
+            "name": program.name,
+            "revision": text.revision,
+            "first_line": range.0,
+            "lines": lines,
+            "more": more,
+        }))
     }
 
     /// What the first spindle is told, if there is one.
@@ -265,14 +362,23 @@ impl Methods {
         Ok(answer)
     }
 
+    fn identify(&mut self, call: &mut Call<'_>) -> Result<Value, RpcError> {
+        if let Some(name) = client_name(call.params)? {
+            call.caller.name = Some(name.to_owned());
+        }
+        Ok(json!({
+            "client": call.caller.client,
+            "role": call.caller.role,
+            "machine": self.network.machine,
+            "version": env!("CARGO_PKG_VERSION"),
+            "api": table::API_VERSION,
+        }))
+    }
+
     fn take_control(&mut self, call: &mut Call<'_>) -> Result<Value, RpcError> {
         let force = call.params.has("force") && call.params.flag("force")?;
         let mut who = who(call.caller);
-        if let Some(name) = call.params.text("name")? {
-            if name.is_empty() || name.len() > NAME_MAX || name.contains(char::is_control) {
-                let what = format!("parameter \"name\": expected one to {NAME_MAX} octets that can be printed");
-                return Err(RpcError::new(code::INVALID_PARAMS, what));
-            }
+        if let Some(name) = client_name(call.params)? {
             name.clone_into(&mut who.name);
         }
         let now_ns = (self.now_ns)();
@@ -323,6 +429,20 @@ impl Methods {
 
     /// The program of "program.load" and "program.run".
     fn source(&mut self, call: &Call<'_>) -> Result<Source, RpcError> {
+        if let Some(name) = call.params.text("file")? {
+            if let Some(other) = ["path", "upload", "name", "text"]
+                .iter()
+                .find(|name| call.params.has(name))
+            {
+                let what = format!("expected \"file\" alone, got \"{other}\", too");
+                return Err(RpcError::new(code::INVALID_PARAMS, what));
+            }
+            return self.stored(name);
+        }
+        if call.params.has("path") {
+            // Any file that the control may read.
+            call.caller.role.permit(Role::SetUp)?;
+        }
         if !call.params.has("upload") {
             return arguments::source(call.params);
         }
@@ -332,6 +452,27 @@ impl Methods {
         }
         let whole = (self.uploads).whole(call.caller.client, upload(call.params)?, (self.now_ns)())?;
         Ok(Source::Uploaded(whole))
+    }
+
+    /// A program of the folder of programs.
+    fn stored(&self, name: &str) -> Result<Source, RpcError> {
+        let Some(folder) = &self.programs else {
+            let what = "this machine has no folder of programs: programs of [panel] or state_directory of the machine file name one";
+            return Err(RpcError::new(code::REFUSED, what));
+        };
+        if !is_file_name(name) {
+            let what = "parameter \"file\": expected the name of a file, without a folder and not beginning with a dot";
+            return Err(RpcError::new(code::INVALID_PARAMS, what));
+        }
+        let path = folder.join(name);
+        match std::fs::symlink_metadata(&path) {
+            Ok(found) if found.is_file() => Ok(Source::File(path)),
+            Ok(_) => Err(RpcError::new(
+                code::REFUSED,
+                format!("{name} is no file, and links are not followed here"),
+            )),
+            Err(cause) => Err(RpcError::new(code::REFUSED, format!("{name}: {cause}"))),
+        }
     }
 
     /// Turns overrides: all that are given, or none where one of them cannot be. No way over the operator's inbox: whoever
@@ -354,6 +495,7 @@ impl Methods {
             *what != Overridden::Spindle && *percent <= self.live.overrides.percent(*what)
         };
         if !wanted.iter().all(is_slower) {
+            call.caller.role.permit(Role::Operate)?;
             self.permit(call.caller, Needs::Control)?;
         }
         for (what, percent) in wanted {
@@ -434,45 +576,9 @@ impl Methods {
         }
         Ok(())
     }
-}
 
-impl Serve for Methods {
-    fn call(&mut self, caller: &mut Caller, request: &Request, ticket: Ticket) -> Option<Result<Value, RpcError>> {
-        let now_ns = (self.now_ns)();
-        self.control.hear(caller.client, now_ns);
-        self.uploads.forget_idle(now_ns);
-        self.paths.forget_idle(now_ns);
-        let Some(method) = METHODS.iter().find(|method| method.name == request.method) else {
-            let known: Vec<&str> = METHODS.iter().map(|method| method.name).collect();
-            let what = format!("no method \"{}\"; there are {}", request.method, known.join(", "));
-            return Some(Err(RpcError::new(code::METHOD_NOT_FOUND, what)));
-        };
-        let params: Vec<&str> = method.params.iter().map(|param| param.name).collect();
-        if let Err(error) = request.params.only(&params) {
-            return Some(Err(error));
-        }
-        if !method.looks && self.live.snapshot().state == State::Silenced {
-            return Some(Err(RpcError::new(code::REFUSED, SILENCED)));
-        }
-        let permitted = self.permit(caller, method.needs);
-        let mut call = Call {
-            caller,
-            params: &request.params,
-            ticket,
-        };
-        let answer = match permitted {
-            Ok(()) => (method.call)(self, &mut call),
-            Err(error) => Some(Err(error)),
-        };
-        match &answer {
-            Some(Err(error)) => tracing::info!(ticket, method = method.name, error = error.message, "refused"),
-            _ if method.looks => tracing::trace!(ticket, method = method.name),
-            _ => tracing::info!(ticket, method = method.name),
-        }
-        answer
-    }
-
-    fn later(&mut self) -> Option<(Ticket, Result<Value, RpcError>)> {
+    /// An answer that is ready, to whoever ordered it.
+    fn first_time(&mut self) -> Option<(Ticket, Result<Value, RpcError>)> {
         if let Some((ticket, result)) = self.operator.answer() {
             if let Err(error) = &result {
                 tracing::info!(ticket, error = error.message, "refused");
@@ -502,11 +608,76 @@ impl Serve for Methods {
         };
         Some((reply.ticket, result))
     }
+}
+
+impl Serve for Methods {
+    fn call(&mut self, caller: &mut Caller, request: &Request, ticket: Ticket) -> Option<Result<Value, RpcError>> {
+        let now_ns = (self.now_ns)();
+        self.control.hear(caller.client, now_ns);
+        self.uploads.forget_idle(now_ns);
+        self.paths.forget_idle(now_ns);
+        let Some(method) = METHODS.iter().find(|method| method.name == request.method) else {
+            let known: Vec<&str> = METHODS.iter().map(|method| method.name).collect();
+            let what = format!("no method \"{}\"; there are {}", request.method, known.join(", "));
+            return Some(Err(RpcError::new(code::METHOD_NOT_FOUND, what)));
+        };
+        let has_id = (!method.looks).then_some(REQUEST_ID);
+        let params: Vec<&str> = method.params.iter().map(|param| param.name).chain(has_id).collect();
+        if let Err(error) = request
+            .params
+            .only(&params)
+            .and_then(|()| caller.role.permit(method.role))
+        {
+            return Some(Err(error));
+        }
+        if !method.looks && self.live.snapshot().state == State::Silenced {
+            return Some(Err(RpcError::new(code::REFUSED, SILENCED)));
+        }
+        let seen = match repeats::id(&request.params) {
+            Ok(None) => Ok(Seen::New),
+            Ok(Some(id)) => (self.repeats).see(id, method.name, &request.params, ticket, now_ns),
+            Err(error) => Err(error),
+        };
+        match seen {
+            Ok(Seen::New) => {}
+            Ok(Seen::Answered(answer)) => return Some(answer),
+            Ok(Seen::UnderWay) => return None,
+            Err(error) => return Some(Err(error)),
+        }
+        let permitted = self.permit(caller, method.needs);
+        let mut call = Call {
+            caller,
+            params: &request.params,
+            ticket,
+        };
+        let answer = match permitted {
+            Ok(()) => (method.call)(self, &mut call),
+            Err(error) => Some(Err(error)),
+        };
+        if let Some(answer) = &answer {
+            self.repeats.answered(ticket, answer);
+        }
+        match &answer {
+            Some(Err(error)) => tracing::info!(ticket, method = method.name, error = error.message, "refused"),
+            _ if method.looks => tracing::trace!(ticket, method = method.name),
+            _ => tracing::info!(ticket, method = method.name),
+        }
+        answer
+    }
+
+    fn later(&mut self) -> Option<(Ticket, Result<Value, RpcError>)> {
+        if let Some(again) = self.repeats.ready() {
+            return Some(again);
+        }
+        let (ticket, answer) = self.first_time()?;
+        self.repeats.answered(ticket, &answer);
+        Some((ticket, answer))
+    }
 
     fn gone(&mut self, ticket: Ticket) -> bool {
         self.paths.gone(ticket);
         // What a node was asked goes its way.
-        self.operator.withdraw(ticket)
+        self.repeats.gone(ticket) || self.operator.withdraw(ticket)
     }
 
     fn keeps(&self, client: ClientId) -> bool {
@@ -514,7 +685,15 @@ impl Serve for Methods {
     }
 
     fn left(&mut self, client: ClientId) {
-        self.control.release(client);
+        if self.holds_on_lost_control && self.control.is_taken_by(client) {
+            // Of no effect where nothing runs.
+            let _ = self.operator.put(0, Order::Hold);
+        }
+        if self.control.release(client, (self.now_ns)()) {
+            let motion = JogMotion::Release;
+            // Nobody waits for its answer; without room, what moves comes to rest as nobody renews it.
+            let _ = self.operator.put(0, Order::Jog(Jog { what: None, motion }));
+        }
         self.uploads.left(client);
         self.paths.left(client);
     }
@@ -536,13 +715,70 @@ impl Serve for Methods {
     }
 }
 
+/// Whether a text is one component of a path, and no hidden one.
+pub fn is_file_name(text: &str) -> bool {
+    let is_plain = !text.contains(|letter: char| letter == '/' || letter == '\\' || letter.is_control());
+    (1..=200).contains(&text.len()) && is_plain && !text.starts_with('.')
+}
+
+/// What of a machine does not change.
+fn describe(config: &Config) -> Value {
+    let axes: Vec<Value> = (config.axes.iter())
+        .map(|map| {
+            let joint = map.joints.first().and_then(|joint| config.joints.get(*joint));
+            json!({
+                "axis": map.axis.letter().to_string(),
+                "unit": if map.axis.is_rotary() { "degrees" } else { "mm" },
+                "joints": map.joints,
+                "travel": map.travel_mm.or(joint.map(|joint| joint.travel_mm)),
+                "velocity_per_s": joint.map(|joint| joint.limits.velocity_mm_s),
+            })
+        })
+        .collect();
+    let joints: Vec<Value> = (config.joints.iter().enumerate())
+        .map(|(number, joint)| {
+            json!({
+                "joint": number,
+                "travel": joint.travel_mm,
+                "velocity_per_s": joint.limits.velocity_mm_s,
+                "following_error": joint.following_error_mm,
+            })
+        })
+        .collect();
+    json!({
+        "machine": config.name,
+        "unit": match config.unit {
+            LengthUnit::Millimetre => "mm",
+            LengthUnit::Inch => "inch",
+        },
+        "cycle_us": config.cycle_us,
+        "axes": axes,
+        "joints": joints,
+        "spindles": config.spindle.count,
+        "spindle_rpm_max": config.spindle.rpm_max,
+        "programs": false,
+    })
+}
+
+/// What a client says that it is called.
+fn client_name(params: &Params) -> Result<Option<&str>, RpcError> {
+    match params.text("name")? {
+        Some(name) if name.is_empty() || name.len() > NAME_MAX || name.contains(char::is_control) => {
+            let what = format!("parameter \"name\": expected one to {NAME_MAX} octets that can be printed");
+            Err(RpcError::new(code::INVALID_PARAMS, what))
+        }
+        name => Ok(name),
+    }
+}
+
 fn upload(params: &Params) -> Result<u64, RpcError> {
     params.number("upload", 0, u64::from(u32::MAX))
 }
 
 /// Who somebody is, as far as the system tells.
 fn who(caller: &Caller) -> Who {
-    let name = std::fs::read_to_string(format!("/proc/{}/comm", caller.process)).unwrap_or_default();
+    let of_process = || std::fs::read_to_string(format!("/proc/{}/comm", caller.process)).unwrap_or_default();
+    let name = caller.name.clone().unwrap_or_else(of_process);
     let name = name.trim_end();
     Who {
         client: caller.client,

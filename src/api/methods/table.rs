@@ -5,7 +5,9 @@
 use super::{Answer, Call, Methods, arguments, done};
 use crate::api::control::Needs;
 use crate::api::orders::Order;
+use crate::api::roles::Role;
 use crate::api::server::subscription::RATE_MAX_HZ;
+use crate::api::text_lines::LINES_MAX;
 use crate::api::uploads::PART_MAX;
 use crate::bus::SDO_VALUE_MAX;
 use crate::config::JOINTS_MAX;
@@ -14,7 +16,7 @@ use files::read::PROGRAM_MAX;
 
 /// Version of what is served here: the first number changes when something is gone or means something else, the second when
 /// something is new.
-pub const API_VERSION: &str = "2.0";
+pub const API_VERSION: &str = "2.1";
 
 /// What can be asked for.
 pub struct Method {
@@ -26,6 +28,8 @@ pub struct Method {
     pub gives: Gives,
     /// Whether its caller must have control.
     pub needs: Needs,
+    /// What its caller must be allowed to do.
+    pub role: Role,
     /// Looks and changes nothing: answered also where the network is silenced.
     pub(super) looks: bool,
     pub(super) call: fn(&mut Methods, &mut Call<'_>) -> Answer,
@@ -79,6 +83,10 @@ pub enum Gives {
     Methods,
     OpenRpc,
     Status,
+    Identified,
+    Described,
+    Metrics,
+    Text,
     Subscribed,
     Control,
     Network,
@@ -124,7 +132,8 @@ const OBJECT: [Param; 3] = [
     needed("index", Kind::Whole(0, 0xFFFF)),
     needed("sub", Kind::Whole(0, 0xFF)),
 ];
-const PROGRAM: [Param; 4] = [
+const PROGRAM: [Param; 5] = [
+    optional("file", Kind::Text),
     optional("path", Kind::Text),
     optional("upload", NUMBER_32),
     optional("name", Kind::Text),
@@ -139,6 +148,7 @@ const LOOK: Method = Method {
     does: "",
     gives: Gives::Nothing,
     needs: Needs::Nothing,
+    role: Role::Watch,
     looks: true,
     call: |_, _| None,
 };
@@ -146,6 +156,7 @@ const LOOK: Method = Method {
 /// An order of whoever has control.
 const ORDER: Method = Method {
     needs: Needs::Control,
+    role: Role::Operate,
     looks: false,
     ..LOOK
 };
@@ -163,6 +174,21 @@ pub const METHODS: &[Method] = &[
         does: "the same with types, as an OpenRPC document",
         gives: Gives::OpenRpc,
         call: |_, _| Some(Ok(crate::api::openrpc::document())),
+        ..LOOK
+    },
+    Method {
+        name: "client.identify",
+        params: &[
+            optional("name", Kind::Text),
+            optional("version", Kind::Text),
+            optional("kind", Kind::Text),
+            optional("token", Kind::Text),
+        ],
+        does: "says what this client is called, for whoever wonders who has control, and answers what it may do: its \"role\" (\"watch\", \
+               \"operate\", \"set-up\") and its number. A \"token\" is for the panel, which takes it in the first message; here it is not \
+               looked at",
+        gives: Gives::Identified,
+        call: |methods, call| Some(methods.identify(call)),
         ..LOOK
     },
     Method {
@@ -198,6 +224,7 @@ pub const METHODS: &[Method] = &[
                is silent for 30 s. With \"force\", even where another has taken it, which the journal tells. Without it, an order \
                takes control where nobody has",
         gives: Gives::Control,
+        role: Role::Operate,
         looks: false,
         call: |methods, call| Some(methods.take_control(call)),
         ..LOOK
@@ -206,9 +233,30 @@ pub const METHODS: &[Method] = &[
         name: "control.release",
         does: "lets control go",
         call: |methods, call| {
-            methods.control.release(call.caller.client);
+            let now_ns = (methods.now_ns)();
+            methods.control.release(call.caller.client, now_ns);
             super::done()
         },
+        ..LOOK
+    },
+    Method {
+        name: "ping",
+        does: "nothing: its answer shows that the control lives",
+        call: |_, _| done(),
+        ..LOOK
+    },
+    Method {
+        name: "machine.describe",
+        does: "what does not change: axes with their travel and joints, limits, spindle, cycle, whether programs can be sent",
+        gives: Gives::Described,
+        call: |methods, _| Some(Ok(methods.described.clone())),
+        ..LOOK
+    },
+    Method {
+        name: "metrics",
+        does: "figures for Prometheus, as the \"text\" of its exposition format",
+        gives: Gives::Metrics,
+        call: |methods, _| Some(Ok(methods.metrics())),
         ..LOOK
     },
     Method {
@@ -223,6 +271,7 @@ pub const METHODS: &[Method] = &[
         params: &OBJECT,
         does: "reads an object of a node; its octets as hexadecimal digits in \"value\"",
         gives: Gives::Octets,
+        role: Role::Operate,
         looks: false,
         call: |methods, call| methods.sdo(call, false),
         ..LOOK
@@ -236,6 +285,7 @@ pub const METHODS: &[Method] = &[
             needed("value", Kind::Octets(SDO_VALUE_MAX)),
         ],
         does: "writes an object of a node; \"value\" holds its octets as hexadecimal digits",
+        role: Role::SetUp,
         call: |methods, call| methods.sdo(call, true),
         ..ORDER
     },
@@ -255,6 +305,7 @@ pub const METHODS: &[Method] = &[
         name: "estop",
         does: "emergency stop: quick stop of all drives, spindle and coolant off, until \"estop.reset\". Not a safety function",
         needs: Needs::Nothing,
+        role: Role::Watch,
         call: |methods, call| methods.order(call, Order::Estop),
         ..ORDER
     },
@@ -313,8 +364,8 @@ pub const METHODS: &[Method] = &[
     Method {
         name: "program.load",
         params: &PROGRAM,
-        does: "checks a program and keeps it for \"program.start\". A file that the control may read (\"path\", absolute), \
-               an \"upload\", or \"text\" and its \"name\"",
+        does: "checks a program and keeps it for \"program.start\". A \"file\" of the folder of programs, one that the control may \
+               read (\"path\", absolute), an \"upload\", or \"text\" and its \"name\"",
         gives: Gives::Outlook,
         call: |methods, call| {
             let source = methods.source(call);
@@ -338,6 +389,19 @@ pub const METHODS: &[Method] = &[
         call: |methods, call| {
             let start = arguments::start(call.params);
             methods.order_of(call, start)
+        },
+        ..ORDER
+    },
+    Method {
+        name: "program.check",
+        params: &PROGRAM,
+        does: "checks a program as \"program.load\" does and keeps nothing of it; at any time, two at the most. Parameters as of \
+               \"program.load\"",
+        gives: Gives::Outlook,
+        needs: Needs::Nothing,
+        call: |methods, call| {
+            let source = methods.source(call);
+            methods.order_of(call, source.map(Order::Inspect))
         },
         ..ORDER
     },
@@ -366,6 +430,18 @@ pub const METHODS: &[Method] = &[
             };
             methods.order_of(call, number.map(Order::Report))
         },
+        ..LOOK
+    },
+    Method {
+        name: "program.text",
+        params: &[
+            optional("from_line", Kind::Whole(1, u32::MAX as u64)),
+            optional("lines", Kind::Whole(1, LINES_MAX)),
+        ],
+        does: "\"lines\" of the program that \"status\" shows, so many (50 without it) from line \"from_line\" on (1 without it), each cut at 256 \
+               octets; \"more\": there are others behind them. \"revision\" as in \"status\": another one is another text",
+        gives: Gives::Text,
+        call: |methods, call| Some(methods.program_text(call)),
         ..LOOK
     },
     Method {
@@ -516,6 +592,7 @@ pub const METHODS: &[Method] = &[
         does: "lets an axis, a joint or all that is being jogged come to rest",
         gives: Gives::Jog,
         needs: Needs::Nothing,
+        role: Role::Watch,
         call: |methods, call| methods.jogging(call, JogMotion::Release),
         ..ORDER
     },
@@ -523,6 +600,7 @@ pub const METHODS: &[Method] = &[
         name: "hold",
         does: "brings the program to rest on its path and keeps it: it may be jogged away then; a jog or a way back is over",
         needs: Needs::Nothing,
+        role: Role::Watch,
         call: |methods, call| methods.order(call, Order::Hold),
         ..ORDER
     },
@@ -590,6 +668,7 @@ pub const METHODS: &[Method] = &[
         name: "stop",
         does: "brings the machine to rest, a program on its path, and gives it up; spindle and coolant go off, drives stay on",
         needs: Needs::Nothing,
+        role: Role::Watch,
         call: |methods, call| methods.order(call, Order::Stop),
         ..ORDER
     },
@@ -606,6 +685,7 @@ pub const METHODS: &[Method] = &[
         gives: Gives::Overrides,
         // It looks itself: slower is for everyone.
         needs: Needs::Nothing,
+        role: Role::Watch,
         call: |methods, call| Some(methods.set_overrides(call)),
         ..ORDER
     },

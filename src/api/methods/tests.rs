@@ -66,6 +66,8 @@ fn caller(client: ClientId) -> Caller {
     Caller {
         client,
         process: 0,
+        role: Role::SetUp,
+        name: None,
         subscription: None,
     }
 }
@@ -81,8 +83,8 @@ fn names_are_given_once_and_the_table_tells_them() {
     }
     let table = call(&mut methods(), "methods", json!({})).unwrap().unwrap();
     assert_eq!(table.as_array().unwrap().len(), METHODS.len());
-    assert_eq!(table[8]["name"], "bus.sdo_read");
-    assert_eq!(table[8]["params"], json!(["node", "index", "sub"]));
+    assert_eq!(table[12]["name"], "bus.sdo_read");
+    assert_eq!(table[12]["params"], json!(["node", "index", "sub"]));
 }
 
 #[test]
@@ -90,11 +92,11 @@ fn refusals_say_what_there_is() {
     let mut methods = methods();
     assert_eq!(
         refusal(&mut methods, "bus.nodes", json!({})),
-        "no method \"bus.nodes\"; there are methods, rpc.discover, status, subscribe, unsubscribe, control.take, \
-         control.release, bus.network, bus.sdo_read, bus.sdo_write, \
+        "no method \"bus.nodes\"; there are methods, rpc.discover, client.identify, status, subscribe, unsubscribe, control.take, \
+         control.release, ping, machine.describe, metrics, bus.network, bus.sdo_read, bus.sdo_write, \
          on, off, estop, estop.reset, home, program.upload.begin, \
-         program.upload.append, program.upload.commit, program.load, program.start, program.run, program.report, \
-         program.path.begin, program.path.next, program.path.end, \
+         program.upload.append, program.upload.commit, program.load, program.start, program.check, program.run, program.report, \
+         program.text, program.path.begin, program.path.next, program.path.end, \
          mdi, mdi.history, touch_off, offset.list, offset.set, tool.list, tool.set, tool.changed, jog, jog.keep, \
          jog.stop, hold, resume, skip, reverse, single_block, optional_stop, block_delete, stop, override, journal.since, parts.set, alarm.acknowledge"
     );

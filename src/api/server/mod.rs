@@ -4,11 +4,14 @@
 //! Out: one answer for each request, in any order. Everything a client can make grow has a limit: a client that does not
 //! read is not read any more either, and the others do not notice. Subscribers are told of changes as fast as they read.
 
+pub mod door;
 pub mod subscription;
 
+use super::roles::Role;
 use super::rpc::{self, Request, RpcError, code};
 use super::socket::{Socket, check_peer, peer};
 use crate::host::wait::to_next;
+use door::{GUESTS_MAX, Guests};
 use nix::poll::{PollFd, PollFlags, ppoll};
 use nix::sys::eventfd::EventFd;
 use nix::sys::socket::setsockopt;
@@ -23,7 +26,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use subscription::{State, Subscription, UNREAD_MAX};
 
-/// Clients at the same time. One more takes the place of the one that has been silent for the longest time, of those that wait for
+/// Clients of the socket at the same time. One more takes the place of the one that has been silent for the longest time, of those that wait for
 /// an answer, read what they have subscribed to or have control only where there are no others: a stop must get through whoever
 /// else is there.
 pub const CLIENTS_MAX: usize = 16;
@@ -56,6 +59,10 @@ pub struct Caller {
     pub client: ClientId,
     /// The process at the other end.
     pub process: i32,
+    /// What it may do.
+    pub role: Role,
+    /// What it is called; `None`: as its process.
+    pub name: Option<String>,
     /// What it wants to be told.
     pub subscription: Option<Subscription>,
 }
@@ -84,8 +91,8 @@ pub trait Serve {
     fn wake(&self) -> Option<Arc<EventFd>>;
 }
 
-/// Serves until `stop`.
-pub fn serve(socket: &Socket, service: &mut impl Serve, stop: &AtomicBool) {
+/// Serves until `stop`; without a socket only whoever comes through the door.
+pub fn serve(socket: Option<&Socket>, guests: &Guests, service: &mut impl Serve, stop: &AtomicBool) {
     let mut clients: Vec<Client> = Vec::new();
     let mut next_ticket = 0;
     let wake = service.wake();
@@ -114,20 +121,21 @@ pub fn serve(socket: &Socket, service: &mut impl Serve, stop: &AtomicBool) {
         });
         wait(socket, wake.as_deref(), &mut clients);
         accept(socket, &mut clients, service, &mut next_ticket);
+        let_in(guests, &mut clients, &mut next_ticket);
     }
     // What is ready should still arrive.
     clients.iter_mut().for_each(Client::write);
 }
 
 /// Waits for clients; those that have something to say are read.
-fn wait(socket: &Socket, wake: Option<&EventFd>, clients: &mut [Client]) {
+fn wait(socket: Option<&Socket>, wake: Option<&EventFd>, clients: &mut [Client]) {
     for at in ready(socket, wake, clients) {
         clients[at].read();
     }
 }
 
 /// Waits; the positions of the clients for which something can be done.
-fn ready(socket: &Socket, wake: Option<&EventFd>, clients: &[Client]) -> Vec<usize> {
+fn ready(socket: Option<&Socket>, wake: Option<&EventFd>, clients: &[Client]) -> Vec<usize> {
     let (watched, watched_fds): (Vec<usize>, Vec<PollFd<'_>>) = clients
         .iter()
         .enumerate()
@@ -142,7 +150,7 @@ fn ready(socket: &Socket, wake: Option<&EventFd>, clients: &[Client]) -> Vec<usi
     let clients_told = clients.iter().any(|client| client.caller.subscription.is_some());
     let period = if clients_told { PERIOD_TOLD } else { PERIOD };
     let mut fds = watched_fds;
-    fds.push(PollFd::new(socket.listener().as_fd(), PollFlags::POLLIN));
+    fds.extend(socket.map(|socket| PollFd::new(socket.listener().as_fd(), PollFlags::POLLIN)));
     fds.extend(wake.map(|wake| PollFd::new(wake.as_fd(), PollFlags::POLLIN)));
     // An interrupted or failed wait is a short one.
     let _ = ppoll(&mut fds, Some(TimeSpec::from_duration(to_next(period))), None);
@@ -157,7 +165,25 @@ fn ready(socket: &Socket, wake: Option<&EventFd>, clients: &[Client]) -> Vec<usi
         .collect()
 }
 
-fn accept(socket: &Socket, clients: &mut Vec<Client>, service: &mut impl Serve, next_ticket: &mut Ticket) {
+/// Whoever waits at the door comes in while there is room.
+fn let_in(guests: &Guests, clients: &mut Vec<Client>, next_ticket: &mut Ticket) {
+    while let Ok(guest) = guests.0.try_recv() {
+        if clients.iter().filter(|client| client.is_guest).count() >= GUESTS_MAX {
+            tracing::warn!(name = guest.name, "refused: {GUESTS_MAX} guests are there");
+            continue;
+        }
+        *next_ticket += 1;
+        tracing::debug!(client = *next_ticket, name = guest.name, "connected");
+        let mut client = Client::new(guest.stream, *next_ticket);
+        client.is_guest = true;
+        client.caller.role = guest.role;
+        client.caller.name = Some(guest.name);
+        clients.push(client);
+    }
+}
+
+fn accept(socket: Option<&Socket>, clients: &mut Vec<Client>, service: &mut impl Serve, next_ticket: &mut Ticket) {
+    let Some(socket) = socket else { return };
     for _ in 0..TAKEN_PER_TURN {
         let Ok((stream, _)) = socket.listener().accept() else {
             return;
@@ -166,9 +192,10 @@ fn accept(socket: &Socket, clients: &mut Vec<Client>, service: &mut impl Serve, 
             tracing::warn!(%cause, "connection refused");
             continue;
         }
-        if clients.len() >= CLIENTS_MAX {
+        let of_socket = |at: &usize| !clients[*at].is_guest;
+        if (0..clients.len()).filter(of_socket).count() >= CLIENTS_MAX {
             // One that waits for an answer goes only where all do.
-            let silent = (0..clients.len()).min_by_key(|at| {
+            let silent = (0..clients.len()).filter(of_socket).min_by_key(|at| {
                 let client = &clients[*at];
                 let is_here = client.waits() || client.is_listening() || service.keeps(client.caller.client);
                 (is_here, client.heard)
@@ -192,6 +219,8 @@ struct Client {
     /// Named by the ticket of its connection.
     caller: Caller,
     stream: UnixStream,
+    /// It came through the door.
+    is_guest: bool,
     /// When something of it was heard last: the ticket of that, or of its connection.
     heard: Ticket,
     /// What has come and is not served yet: at most a line and a chunk.
@@ -212,9 +241,12 @@ impl Client {
             caller: Caller {
                 client: heard,
                 process: peer(&stream).map_or(0, |peer| peer.pid()),
+                role: Role::SetUp,
+                name: None,
                 subscription: None,
             },
             stream,
+            is_guest: false,
             heard,
             input: Vec::new(),
             skipping: false,

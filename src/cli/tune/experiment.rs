@@ -235,6 +235,7 @@ pub(super) fn run(
         quiet,
         signal,
         keep_rights: false,
+        panel: None,
     };
     onlooker.begin(Progress::new(&overview, quiet));
     let mut task = Forward(onlooker);

@@ -13,12 +13,18 @@ use gcode::Modes;
 use motion::cancel::Cancel;
 use motion::canon::Position;
 use std::io::ErrorKind;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
+
+/// Number of the next text.
+static REVISIONS: AtomicU64 = AtomicU64::new(1);
 
 /// A program that was accepted, or a line that was typed.
 #[derive(Debug)]
 pub(in crate::operator) struct Part {
     pub(in crate::operator) name: String,
+    /// Another one for each text.
+    pub(super) revision: u64,
     /// The line that was typed, for the journal; of a program nothing.
     pub(super) line: String,
     pub(in crate::operator) text: Arc<Text>,
@@ -85,6 +91,10 @@ pub(super) fn examine(
         tables.clone()
     };
     let mut typed = String::new();
+    let revision = match &subject {
+        Subject::Loaded { part, .. } | Subject::FromLine { part, .. } => part.revision,
+        Subject::Program(_) | Subject::Mdi { .. } => REVISIONS.fetch_add(1, Ordering::Relaxed),
+    };
     let (name, text, begin) = match subject {
         Subject::Loaded { part, dry_feed_s: None } if part.tables == tables => return Ok(part),
         Subject::Loaded { part, dry_feed_s } => {
@@ -124,6 +134,7 @@ pub(super) fn examine(
     let overview = checked.map_err(|errors| errors.to_string())?;
     Ok(Arc::new(Part {
         name,
+        revision,
         line: typed,
         text,
         begin,

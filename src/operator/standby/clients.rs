@@ -2,7 +2,7 @@
 
 use super::check::{Checked, Part, Subject, examine};
 use crate::api;
-use crate::api::orders::{Jogged, MESSAGES, Order, OrderInbox, Shown, ShownProgram, Waiting};
+use crate::api::orders::{Jogged, MESSAGES, Order, OrderInbox, Shown, ShownProgram, ShownText, Source, Waiting};
 use crate::api::paths::PathOrder;
 use crate::api::rpc::{RpcError, code};
 use crate::api::server::Ticket;
@@ -36,6 +36,8 @@ use std::time::Duration;
 /// Lines of MDI that wait for their turn.
 const MDI_MAX: usize = 64;
 const _: () = assert!(MDI_MAX < api::server::PENDING_MAX, "a stop behind them must be read");
+/// Programs that are only looked at, at the same time.
+const INSPECTED_MAX: usize = 2;
 /// An order counts as carried out once what it changed is on the disk; one that takes longer than this is not waited for, ns.
 const DISK_NS: u64 = 2_000_000_000;
 
@@ -97,6 +99,8 @@ pub(in crate::operator) struct Clients<'scope, 'env> {
     unsettled: Vec<(Ticket, Unsettled)>,
     /// Orders that came before the cycle had taken the one in front of them.
     early: VecDeque<(Ticket, Order)>,
+    /// Programs that are only looked at.
+    inspected: Vec<(Ticket, Cancel, ScopedJoinHandle<'scope, Checked>)>,
     /// Ways of programs that are being drawn.
     drawn: Vec<(Cancel, ScopedJoinHandle<'scope, ()>)>,
     /// The last job has ended, and counts once what came of it is on the disk.
@@ -159,6 +163,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             is_planning: false,
             unsettled: Vec::new(),
             early: VecDeque::new(),
+            inspected: Vec::new(),
             drawn: Vec::new(),
             ended: None,
         }
@@ -267,6 +272,13 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                 answers.push((ticket, answer));
             }
         }
+        while let Some(at) = self.inspected.iter().position(|(_, _, thread)| thread.is_finished()) {
+            let (ticket, _, thread) = self.inspected.swap_remove(at);
+            let checked = thread
+                .join()
+                .unwrap_or_else(|_| Err("the check of the program panicked".to_owned().into()));
+            answers.push((ticket, checked.map(|part| outlook(&part))));
+        }
         if self.condition(operator).activity == Activity::Idle
             && let Some((ticket, line)) = self.mdi.pop_front()
         {
@@ -323,6 +335,9 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             operator.add_entry(text);
             return Some(Ok(json!({})));
         }
+        if let Order::Inspect(source) = order {
+            return self.inspect(ticket, source, operator).err().map(Err);
+        }
         if let Order::Path(path) = order {
             return Some(self.draw(path, operator));
         }
@@ -371,6 +386,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             | Order::MdiHistory
             | Order::Report(_)
             | Order::Path(_)
+            | Order::Inspect(_)
             | Order::Parts { .. } => return None,
             Order::On => self.begin(Job::On, Mode::Manual, operator, now_ns),
             Order::Off => {
@@ -544,6 +560,9 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         self.mdi.retain(|(wanted, _)| *wanted != ticket);
         self.early.retain(|(wanted, _)| *wanted != ticket);
         self.unsettled.retain(|(wanted, _)| *wanted != ticket);
+        for (_, cancel, _) in self.inspected.iter().filter(|(wanted, ..)| *wanted == ticket) {
+            cancel.cancel();
+        }
         if let Some(checking) = &mut self.checking
             && checking.wanted == Some(ticket)
         {
@@ -595,6 +614,10 @@ impl<'scope, 'env> Clients<'scope, 'env> {
 
     /// Nobody wants a picture any more.
     pub(in crate::operator) fn give_up_drawing(&mut self) {
+        for (_, cancel, thread) in self.inspected.drain(..) {
+            cancel.cancel();
+            let _ = thread.join();
+        }
         for (cancel, thread) in self.drawn.drain(..) {
             cancel.cancel();
             // Whatever became of it: it only looked.
@@ -755,6 +778,29 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         }
     }
 
+    /// Checks a program and keeps nothing of it, whatever runs meanwhile.
+    fn inspect(&mut self, ticket: Ticket, source: Source, operator: &Operator) -> Result<(), String> {
+        if self.config.joints.is_empty() {
+            return Err(self.config.without_joints());
+        }
+        if self.inspected.len() >= INSPECTED_MAX {
+            return Err(format!("{INSPECTED_MAX} programs are being checked already"));
+        }
+        let (config, tables) = (self.config, self.tables);
+        let at = self.begin_of_programs(operator);
+        let switched_off = operator.live().switched_off;
+        let cancel = Cancel::default();
+        let given_up = cancel.clone();
+        let thread = std::thread::Builder::new()
+            .name("check".into())
+            .spawn_scoped(self.scope, move || {
+                examine(config, tables, at, Subject::Program(source), switched_off, &given_up)
+            });
+        let thread = thread.map_err(|cause| format!("it cannot be checked now: {cause}"))?;
+        self.inspected.push((ticket, cancel, thread));
+        Ok(())
+    }
+
     /// A program has passed its check.
     fn accept(
         &mut self,
@@ -782,13 +828,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         if let Some(warning) = &warning {
             operator.add_entry(format!("warning: {warning}"));
         }
-        json!({
-            "program": part.name,
-            "lines": part.overview.lines,
-            "planned_time_s": part.overview.time_s,
-            "real_time_factor": part.overview.real_time,
-            "warning": warning,
-        })
+        outlook(part)
     }
 
     fn start(&mut self, part: Arc<Part>, then: Then, operator: &mut Operator, now_ns: u64) -> Answer {
@@ -837,9 +877,11 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         let last = operator.program_outcome().filter(|_| !operator.has_program());
         let is_under_way = operator.step() == Step::Program;
         let dry_run = self.part.as_ref().is_some_and(|part| part.dry_feed_min().is_some());
+        let revision = program.map_or(0, |part| part.revision);
         let shown_program = |name: &str, overview: &Overview, is_last: bool| ShownProgram {
             dry_run: dry_run && is_last,
             name: name.to_owned(),
+            revision,
             lines: overview.lines,
             planned_time_s: overview.time_s,
             outline: Some(overview.outline.clone()).filter(|_| is_last && is_under_way),
@@ -871,6 +913,10 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                 (None, Some((name, overview))) => Some(shown_program(name, overview, true)),
                 (None, None) => None,
             },
+            text: program.map(|part| ShownText {
+                revision: part.revision,
+                text: Arc::clone(&part.text),
+            }),
             job: operator.job_outcome().filter(|_| is_settled).map(outcome_word),
             mdi,
             waiting: live.waiting.map(|waiting| Waiting {
@@ -922,6 +968,18 @@ fn way_back(live: &Snapshot, config: &Config) -> Option<Vec<String>> {
     Some(way)
 }
 
+/// What is to be known of a program before it runs.
+fn outlook(part: &Part) -> Value {
+    let warning = (part.overview.real_time.warning()).map(|(line, what)| format!("{}:{line}: {what}", part.name));
+    json!({
+        "program": part.name,
+        "lines": part.overview.lines,
+        "planned_time_s": part.overview.time_s,
+        "real_time_factor": part.overview.real_time,
+        "warning": warning,
+    })
+}
+
 /// The row of the table of orders; `None`: it only looks.
 fn wish(order: &Order) -> Option<Wish> {
     Some(match order {
@@ -933,6 +991,7 @@ fn wish(order: &Order) -> Option<Wish> {
         | Order::MdiHistory
         | Order::Report(_)
         | Order::Path(_)
+        | Order::Inspect(_)
         | Order::Parts { .. } => return None,
         Order::On => Wish::On,
         Order::Off => Wish::Off,

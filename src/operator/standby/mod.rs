@@ -25,6 +25,7 @@ use crate::host::terminal::{is_heard, say};
 use crate::machine::tables::Tables;
 use crate::operator::console::level;
 use crate::operator::operator_loop::{LoopTask, Running};
+use crate::operator::panel::Panel;
 use crate::operator::progress::told;
 use crate::operator::session;
 use crate::operator::session::{Session, Task, Wire};
@@ -36,7 +37,13 @@ use std::sync::Mutex;
 ///
 /// # Errors
 /// What keeps it from starting.
-pub fn stand_by(config: &Config, wire: Wire, as_json: bool, signal: StopSignal) -> anyhow::Result<ExitCode> {
+pub fn stand_by(
+    config: &Config,
+    wire: Wire,
+    as_json: bool,
+    signal: StopSignal,
+    panel: Option<Panel>,
+) -> anyhow::Result<ExitCode> {
     let tables = Mutex::new(Tables::read(config)?);
     let session = Session {
         config,
@@ -45,6 +52,7 @@ pub fn stand_by(config: &Config, wire: Wire, as_json: bool, signal: StopSignal) 
         quiet: as_json,
         signal,
         keep_rights: false,
+        panel,
     };
     if !as_json {
         say(&format!(

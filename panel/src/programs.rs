@@ -1,0 +1,615 @@
+//! `/files/`: the folder of programs.
+//!
+//! In:  uploads of whatever octets. Out: files that have passed the check of the control; whole or in ranges.
+//!
+//! A name is one component; links are not followed; the folder is opened once. What arrives goes to a file of its own, and takes its
+//! name only once it is whole, on the disk, and checked. Nothing starts by its arrival. A body that is compressed is refused: nothing
+//! is ever unpacked here.
+
+use crate::ask::Asker;
+use crate::guard::{Visitor, answer, refuse};
+use crate::serve::Panel;
+use crate::tokens::{Role, hex};
+use axum::Extension;
+use axum::body::{Body, Bytes};
+use axum::extract::{Path, Request, State};
+use axum::http::header::{
+    ACCEPT_RANGES, CACHE_CONTROL, CONTENT_ENCODING, CONTENT_LENGTH, CONTENT_RANGE, CONTENT_TYPE, RANGE,
+};
+use axum::http::{HeaderMap, HeaderValue, Method, StatusCode};
+use axum::response::{IntoResponse, Response};
+use files::read::PROGRAM_MAX;
+use futures_util::{StreamExt, stream};
+use nix::errno::Errno;
+use nix::fcntl::{AtFlags, OFlag, openat, renameat};
+use nix::sys::stat::{Mode, SFlag, fstatat};
+use nix::sys::statvfs::fstatvfs;
+use nix::unistd::{UnlinkatFlags, unlinkat};
+use serde_json::{Value, json};
+use sha2::{Digest, Sha256};
+use std::collections::HashMap;
+use std::fs::File;
+use std::io::{self, Write};
+use std::os::fd::AsFd;
+use std::os::unix::fs::{FileExt, MetadataExt};
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+use tokio::task::spawn_blocking;
+use tokio::time::timeout;
+
+/// Files that arrive at the same time.
+const ARRIVING_MAX: usize = 4;
+/// A client that sends nothing is waited for so long.
+const CHUNK_WAIT: Duration = Duration::from_secs(30);
+/// What stays free on the disk, octets.
+const RESERVE: u64 = 64 << 20;
+/// Files in a list.
+const LIST_MAX: usize = 10_000;
+/// Octets whose digest is computed for one list: those of files that came another way.
+const DIGEST_MAX: u64 = 64 << 20;
+/// Octets read at once.
+const CHUNK: u64 = 64 * 1024;
+/// Files that are on their way begin so.
+const ARRIVING: &str = ".arriving-";
+
+/// What is known of a file as it was: its number, size, and time of its last change.
+type Version = (u64, u64, i64, i64);
+
+/// The folder.
+#[derive(Debug)]
+pub(crate) struct Programs {
+    path: PathBuf,
+    folder: File,
+    arriving: AtomicUsize,
+    number: AtomicU64,
+    digests: Mutex<HashMap<String, (Version, String)>>,
+}
+
+impl Programs {
+    /// Makes the folder where it is missing, and takes away what never arrived.
+    pub(crate) fn open(path: PathBuf) -> io::Result<Programs> {
+        files::make_folder(&path)?;
+        let folder = File::open(&path)?;
+        for entry in std::fs::read_dir(&path)?.flatten() {
+            if entry
+                .file_name()
+                .to_str()
+                .is_some_and(|name| name.starts_with(ARRIVING))
+            {
+                // Another control of this folder may do so as well.
+                let _ = std::fs::remove_file(entry.path());
+            }
+        }
+        Ok(Programs {
+            path,
+            folder,
+            arriving: AtomicUsize::new(0),
+            number: AtomicU64::new(0),
+            digests: Mutex::default(),
+        })
+    }
+
+    fn open_file(&self, name: &str) -> Result<File, Errno> {
+        // Without O_NONBLOCK this would wait for a writer of a pipe.
+        let flags = OFlag::O_RDONLY | OFlag::O_NOFOLLOW | OFlag::O_CLOEXEC | OFlag::O_NONBLOCK;
+        let file = File::from(openat(self.folder.as_fd(), name, flags, Mode::empty())?);
+        match file.metadata() {
+            Ok(metadata) if metadata.is_file() => Ok(file),
+            _ => Err(Errno::EINVAL),
+        }
+    }
+
+    fn free(&self) -> u64 {
+        // A file system that does not tell is taken to have room.
+        let free = fstatvfs(&self.folder).map(|disk| disk.blocks_available().saturating_mul(disk.fragment_size()));
+        free.unwrap_or(u64::MAX).saturating_sub(RESERVE)
+    }
+
+    fn list(&self) -> io::Result<Value> {
+        let mut list = Vec::new();
+        let mut digest_left = DIGEST_MAX;
+        for entry in std::fs::read_dir(&self.path)?.flatten().take(LIST_MAX) {
+            let name = entry.file_name();
+            let Some(name) = name.to_str().filter(|name| is_name(name)) else {
+                continue;
+            };
+            let Ok(file) = self.open_file(name) else { continue };
+            let Ok(metadata) = file.metadata() else { continue };
+            let version = (metadata.ino(), metadata.len(), metadata.mtime(), metadata.mtime_nsec());
+            let known = lock(&self.digests)
+                .get(name)
+                .filter(|(of, _)| *of == version)
+                .map(|(_, digest)| digest.clone());
+            let digest = match known {
+                None if metadata.len() <= digest_left => {
+                    digest_left -= metadata.len();
+                    let digest = digest(&file, metadata.len()).ok();
+                    if let Some(digest) = &digest {
+                        lock(&self.digests).insert(name.to_owned(), (version, digest.clone()));
+                    }
+                    digest
+                }
+                known => known,
+            };
+            let modified = metadata.mtime() as f64 + metadata.mtime_nsec() as f64 * 1e-9;
+            list.push(json!({ "name": name, "octets": metadata.len(), "modified_unix_s": modified, "sha256": digest }));
+        }
+        list.sort_by(|one, other| one["name"].as_str().cmp(&other["name"].as_str()));
+        Ok(json!({ "files": list, "free_octets": self.free(), "octets_max": PROGRAM_MAX }))
+    }
+}
+
+fn lock<T>(of: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+    of.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn digest(file: &File, octets: u64) -> io::Result<String> {
+    let mut hash = Sha256::new();
+    let mut chunk = vec![0; CHUNK as usize];
+    let mut at = 0;
+    while at < octets {
+        match file.read_at(&mut chunk, at)? {
+            0 => break,
+            count => {
+                hash.update(&chunk[..count]);
+                at += count as u64;
+            }
+        }
+    }
+    Ok(hex(&hash.finalize()))
+}
+
+/// Whether a text is one component of a path, and no hidden one.
+pub(crate) fn is_name(text: &str) -> bool {
+    let is_plain = !text.contains(|letter: char| letter == '/' || letter == '\\' || letter.is_control());
+    (1..=200).contains(&text.len()) && is_plain && !text.starts_with('.')
+}
+
+/// The part of a file that a `Range` asks for: first octet and how many. `Ok(None)`: all of it; an error: there is no such part.
+pub(crate) fn range(text: Option<&str>, octets: u64) -> Result<Option<(u64, u64)>, ()> {
+    // Several parts at once, or another unit: the whole is an answer, too.
+    let Some((first, last)) = text
+        .and_then(|text| text.trim().strip_prefix("bytes="))
+        .and_then(|text| text.split_once('-'))
+    else {
+        return Ok(None);
+    };
+    let number = |text: &str| match text.bytes().all(|digit| digit.is_ascii_digit()) {
+        true => text.parse::<u64>().ok(),
+        false => None,
+    };
+    match (number(first), number(last)) {
+        _ if first.is_empty() && last.is_empty() => Ok(None),
+        (Some(first), _) if last.is_empty() => match first < octets {
+            true => Ok(Some((first, octets - first))),
+            false => Err(()),
+        },
+        (_, Some(count)) if first.is_empty() => match count.min(octets) {
+            0 => Err(()),
+            count => Ok(Some((octets - count, count))),
+        },
+        (Some(first), Some(last)) if first <= last => match first < octets {
+            true => Ok(Some((first, last.min(octets - 1) - first + 1))),
+            false => Err(()),
+        },
+        _ => Ok(None),
+    }
+}
+
+/// Why a file is not taken or given.
+struct Refusal(StatusCode, String);
+
+impl From<io::Error> for Refusal {
+    fn from(cause: io::Error) -> Refusal {
+        match cause.raw_os_error().map(Errno::from_raw) {
+            Some(Errno::ENOSPC | Errno::EDQUOT | Errno::EFBIG) => {
+                Refusal(StatusCode::INSUFFICIENT_STORAGE, format!("the disk is full: {cause}"))
+            }
+            Some(Errno::ENOENT) => Refusal(StatusCode::NOT_FOUND, "there is no such file".into()),
+            Some(Errno::ELOOP | Errno::EINVAL) => Refusal(
+                StatusCode::FORBIDDEN,
+                "this is no file, and links are not followed here".into(),
+            ),
+            _ => Refusal(StatusCode::INTERNAL_SERVER_ERROR, cause.to_string()),
+        }
+    }
+}
+
+impl From<Errno> for Refusal {
+    fn from(errno: Errno) -> Refusal {
+        io::Error::from(errno).into()
+    }
+}
+
+impl IntoResponse for Refusal {
+    fn into_response(self) -> Response {
+        refuse(self.0, self.1)
+    }
+}
+
+/// In a thread that may wait for the disk.
+async fn on_disk<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Result<T, Refusal> {
+    let ended = |_| Refusal(StatusCode::INTERNAL_SERVER_ERROR, "the control is ending".into());
+    spawn_blocking(work).await.map_err(ended)
+}
+
+fn folder(panel: &Panel) -> Result<Arc<Programs>, Refusal> {
+    let none =
+        "there is no folder of programs: programs of [panel] in the machine file names one, or its state_directory";
+    panel
+        .programs
+        .clone()
+        .ok_or_else(|| Refusal(StatusCode::NOT_FOUND, none.into()))
+}
+
+/// The list.
+pub(crate) async fn list(
+    State(panel): State<Arc<Panel>>,
+    Extension(visitor): Extension<Visitor>,
+    method: Method,
+) -> Response {
+    if let Err(refusal) = visitor.permit(Role::Watch) {
+        return *refusal;
+    }
+    if method != Method::GET {
+        return refuse(
+            StatusCode::METHOD_NOT_ALLOWED,
+            "the list of programs can be read; a program is sent to /files/NAME",
+        );
+    }
+    let listed = async {
+        let programs = folder(&panel)?;
+        Ok::<_, Refusal>(on_disk(move || programs.list()).await??)
+    };
+    match listed.await {
+        Ok(list) => answer(StatusCode::OK, &list),
+        Err(refusal) => refusal.into_response(),
+    }
+}
+
+/// One program.
+pub(crate) async fn one(
+    State(panel): State<Arc<Panel>>,
+    Extension(visitor): Extension<Visitor>,
+    Path(name): Path<String>,
+    request: Request,
+) -> Response {
+    let method = request.method().clone();
+    let needed = match method {
+        Method::GET | Method::HEAD => Role::Watch,
+        _ => Role::Operate,
+    };
+    if let Err(refusal) = visitor.permit(needed) {
+        return *refusal;
+    }
+    if !is_name(&name) {
+        let why = "a name is one word of up to 200 octets, without a folder and not beginning with a dot";
+        return refuse(StatusCode::BAD_REQUEST, why);
+    }
+    let programs = match folder(&panel) {
+        Ok(programs) => programs,
+        Err(refusal) => return refusal.into_response(),
+    };
+    let done = match method {
+        Method::GET | Method::HEAD => give(programs, name, request.headers()).await,
+        Method::PUT | Method::POST => receive(&panel, &visitor, programs, name, request).await,
+        Method::DELETE => on_disk(move || unlinkat(programs.folder.as_fd(), name.as_str(), UnlinkatFlags::NoRemoveDir))
+            .await
+            .and_then(|removed| Ok(removed?))
+            .map(|()| StatusCode::NO_CONTENT.into_response()),
+        _ => Err(Refusal(
+            StatusCode::METHOD_NOT_ALLOWED,
+            "a program is read by GET, sent by PUT, removed by DELETE".into(),
+        )),
+    };
+    done.unwrap_or_else(IntoResponse::into_response)
+}
+
+async fn give(programs: Arc<Programs>, name: String, headers: &HeaderMap) -> Result<Response, Refusal> {
+    let opened = on_disk(move || {
+        let file = programs.open_file(&name)?;
+        let octets = file.metadata().map(|metadata| metadata.len()).unwrap_or(0);
+        Ok::<_, Errno>((file, octets))
+    });
+    let (file, octets) = opened.await??;
+    let asked = range(headers.get(RANGE).and_then(|text| text.to_str().ok()), octets);
+    let Ok(part) = asked else {
+        let mut refusal = refuse(
+            StatusCode::RANGE_NOT_SATISFIABLE,
+            format!("the file has {octets} octets"),
+        );
+        if let Ok(value) = HeaderValue::from_str(&format!("bytes */{octets}")) {
+            refusal.headers_mut().insert(CONTENT_RANGE, value);
+        }
+        return Ok(refusal);
+    };
+    let (first, count) = part.unwrap_or((0, octets));
+    let chunks = stream::unfold(Some((Arc::new(file), first, count)), |state| async {
+        let (file, at, left) = state?;
+        if left == 0 {
+            return None;
+        }
+        let reading = Arc::clone(&file);
+        let read = spawn_blocking(move || {
+            let mut chunk = vec![0; left.min(CHUNK) as usize];
+            let count = reading.read_at(&mut chunk, at)?;
+            chunk.truncate(count);
+            // Its length was told: an end that comes too soon must not look like the end.
+            if count == 0 {
+                Err(io::Error::from(io::ErrorKind::UnexpectedEof))
+            } else {
+                Ok(Bytes::from(chunk))
+            }
+        });
+        match read
+            .await
+            .unwrap_or_else(|_| Err(io::Error::other("the control is ending")))
+        {
+            Ok(chunk) => {
+                let count = chunk.len() as u64;
+                Some((Ok(chunk), Some((file, at + count, left - count))))
+            }
+            Err(cause) => Some((Err(cause), None)),
+        }
+    });
+    let mut response = Body::from_stream(chunks).into_response();
+    if part.is_some() {
+        *response.status_mut() = StatusCode::PARTIAL_CONTENT;
+        if let Ok(value) = HeaderValue::from_str(&format!("bytes {first}-{}/{octets}", first + count - 1)) {
+            response.headers_mut().insert(CONTENT_RANGE, value);
+        }
+    }
+    let headers = response.headers_mut();
+    headers.insert(CONTENT_LENGTH, HeaderValue::from(count));
+    // Whatever is in it, a browser takes it for text and nothing else.
+    headers.insert(CONTENT_TYPE, HeaderValue::from_static("text/plain; charset=utf-8"));
+    headers.insert(ACCEPT_RANGES, HeaderValue::from_static("bytes"));
+    headers.insert(CACHE_CONTROL, HeaderValue::from_static("no-store"));
+    Ok(response)
+}
+
+/// A file that arrives; goes with this unless it has its name.
+struct Arriving {
+    programs: Arc<Programs>,
+    name: String,
+}
+
+impl Arriving {
+    fn begin(programs: &Arc<Programs>) -> Result<Arriving, Refusal> {
+        let before = programs.arriving.fetch_add(1, Relaxed);
+        let number = programs.number.fetch_add(1, Relaxed);
+        let arriving = Arriving {
+            programs: Arc::clone(programs),
+            name: format!("{ARRIVING}{}-{number}", std::process::id()),
+        };
+        match before < ARRIVING_MAX {
+            true => Ok(arriving),
+            false => Err(Refusal(
+                StatusCode::TOO_MANY_REQUESTS,
+                format!("{ARRIVING_MAX} programs arrive already"),
+            )),
+        }
+    }
+}
+
+impl Drop for Arriving {
+    fn drop(&mut self) {
+        self.programs.arriving.fetch_sub(1, Relaxed);
+        // Gone already where it has taken its name.
+        let _ = unlinkat(
+            self.programs.folder.as_fd(),
+            self.name.as_str(),
+            UnlinkatFlags::NoRemoveDir,
+        );
+    }
+}
+
+async fn receive(
+    panel: &Panel,
+    visitor: &Visitor,
+    programs: Arc<Programs>,
+    name: String,
+    request: Request,
+) -> Result<Response, Refusal> {
+    let refused = |status, why: String| Err(Refusal(status, why));
+    let headers = request.headers();
+    let text = |name: &str| headers.get(name).map(|value| value.to_str().unwrap_or("?").trim());
+    if headers
+        .get(CONTENT_ENCODING)
+        .is_some_and(|encoding| encoding != "identity")
+    {
+        return refused(
+            StatusCode::UNSUPPORTED_MEDIA_TYPE,
+            "a compressed body is not taken: send the program as it is".into(),
+        );
+    }
+    let told = text(CONTENT_LENGTH.as_str()).and_then(|length| length.parse::<u64>().ok());
+    let wanted = text("x-sha256").map(str::to_ascii_lowercase);
+    let too_long = || format!("a program has up to {PROGRAM_MAX} octets");
+    if told.is_some_and(|octets| octets > PROGRAM_MAX) {
+        return refused(StatusCode::PAYLOAD_TOO_LARGE, too_long());
+    }
+    let free = programs.free();
+    if told.unwrap_or(0) > free {
+        return refused(
+            StatusCode::INSUFFICIENT_STORAGE,
+            format!("the disk is full: {free} octets are free for programs"),
+        );
+    }
+    let arriving = Arriving::begin(&programs)?;
+    let own_name = arriving.name.clone();
+    let making = Arc::clone(&programs);
+    let flags = OFlag::O_WRONLY | OFlag::O_CREAT | OFlag::O_EXCL | OFlag::O_NOFOLLOW | OFlag::O_CLOEXEC;
+    let made = on_disk(move || {
+        openat(
+            making.folder.as_fd(),
+            own_name.as_str(),
+            flags,
+            Mode::from_bits_truncate(0o600),
+        )
+    });
+    let mut file = File::from(made.await??);
+    let (mut hash, mut octets) = (Sha256::new(), 0);
+    let mut body = request.into_body().into_data_stream();
+    loop {
+        let chunk = match timeout(CHUNK_WAIT, body.next()).await {
+            Err(_) => {
+                return refused(
+                    StatusCode::REQUEST_TIMEOUT,
+                    "nothing came for 30 s: the program is given up".into(),
+                );
+            }
+            Ok(None) => break,
+            Ok(Some(Err(cause))) => {
+                return refused(StatusCode::BAD_REQUEST, format!("the program did not arrive: {cause}"));
+            }
+            Ok(Some(Ok(chunk))) => chunk,
+        };
+        octets += chunk.len() as u64;
+        if octets > PROGRAM_MAX {
+            return refused(StatusCode::PAYLOAD_TOO_LARGE, too_long());
+        }
+        let written = on_disk(move || {
+            file.write_all(&chunk)?;
+            hash.update(&chunk);
+            Ok::<_, io::Error>((file, hash))
+        });
+        (file, hash) = written.await??;
+    }
+    let digest = hex(&hash.finalize());
+    if wanted.is_some_and(|wanted| wanted != digest) {
+        return refused(
+            StatusCode::UNPROCESSABLE_ENTITY,
+            "its SHA-256 is another one: it was changed on its way".into(),
+        );
+    }
+    on_disk(move || file.sync_all()).await??;
+    let path = programs.path.join(&arriving.name);
+    let path = std::path::absolute(&path).unwrap_or(path);
+    let checked = async {
+        // Whoever may send a program may have it checked; by its path as it has no name yet.
+        let mut asker = Asker::new(panel, Role::SetUp, &visitor.name())?;
+        asker.ask("program.check", json!({ "path": path })).await
+    };
+    let own = path.display().to_string();
+    let outlook = checked
+        .await
+        .map_err(|why| Refusal(StatusCode::UNPROCESSABLE_ENTITY, why.replace(&own, &name)))?;
+    let (from, to) = (arriving.name.clone(), name.clone());
+    let renaming = Arc::clone(&programs);
+    let renamed = on_disk(move || {
+        let folder = renaming.folder.as_fd();
+        // A link in its place is replaced, a folder is not.
+        if let Ok(found) = fstatat(folder, to.as_str(), AtFlags::AT_SYMLINK_NOFOLLOW)
+            && SFlag::from_bits_truncate(found.st_mode & SFlag::S_IFMT.bits()) == SFlag::S_IFDIR
+        {
+            return Err(io::Error::from(Errno::EISDIR));
+        }
+        renameat(folder, from.as_str(), folder, to.as_str())?;
+        renaming.folder.sync_all()
+    });
+    renamed.await??;
+    tracing::info!(%name, octets, "a program has arrived");
+    let told = json!({
+        "name": name,
+        "octets": octets,
+        "sha256": digest,
+        "lines": outlook["lines"],
+        "planned_time_s": outlook["planned_time_s"],
+        "warning": outlook["warning"],
+    });
+    Ok(answer(StatusCode::CREATED, &told))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn a_name_is_one_component() {
+        for name in ["a.ngc", "Teil 7 (ü).ngc", "a..b"] {
+            assert!(is_name(name), "{name}");
+        }
+        for name in [
+            "",
+            ".",
+            "..",
+            ".hidden",
+            "a/b",
+            "../a",
+            "a\\b",
+            "a\0",
+            "a\nb",
+            &"x".repeat(201),
+        ] {
+            assert!(!is_name(name), "{name}");
+        }
+    }
+
+    #[test]
+    fn ranges_are_those_of_rfc_9110() {
+        let of = |text| range(Some(text), 100);
+        assert_eq!(range(None, 100), Ok(None));
+        assert_eq!(of("bytes=0-9"), Ok(Some((0, 10))));
+        assert_eq!(of("bytes=90-"), Ok(Some((90, 10))));
+        assert_eq!(of("bytes=90-500"), Ok(Some((90, 10))));
+        assert_eq!(of("bytes=-7"), Ok(Some((93, 7))));
+        assert_eq!(of("bytes=-700"), Ok(Some((0, 100))));
+        for none in ["bytes=100-", "bytes=100-200", "bytes=-0"] {
+            assert_eq!(of(none), Err(()), "{none}");
+        }
+        for whole in [
+            "bytes=5-2",
+            "bytes=1-2,4-5",
+            "lines=1-2",
+            "bytes=x-",
+            "bytes=-",
+            "bytes=+1-2",
+        ] {
+            assert_eq!(of(whole), Ok(None), "{whole}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_range_lies_within_the_file(text in "bytes=[-0-9,a]{0,24}|\\PC*", octets in 0_u64..1000) {
+            if let Ok(Some((first, count))) = range(Some(&text), octets) {
+                prop_assert!(count > 0 && first + count <= octets, "{first} {count}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_list_has_files_and_neither_links_nor_pipes_nor_what_arrives() {
+        let root = tempfile::tempdir().unwrap();
+        let path = root.path().join("programs");
+        std::fs::create_dir(&path).unwrap();
+        std::fs::write(path.join(".arriving-1-0"), "x").unwrap();
+        let programs = Programs::open(path.clone()).unwrap();
+        assert!(!path.join(".arriving-1-0").exists());
+        std::fs::write(path.join("b.ngc"), "abc").unwrap();
+        std::fs::write(path.join("a.ngc"), "").unwrap();
+        std::fs::write(root.path().join("secret"), "s").unwrap();
+        std::os::unix::fs::symlink(root.path().join("secret"), path.join("link.ngc")).unwrap();
+        nix::unistd::mkfifo(&path.join("pipe.ngc"), Mode::S_IRWXU).unwrap();
+        std::fs::create_dir(path.join("folder")).unwrap();
+        let list = programs.list().unwrap();
+        let names: Vec<&str> = list["files"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|file| file["name"].as_str().unwrap())
+            .collect();
+        assert_eq!(names, ["a.ngc", "b.ngc"]);
+        // Of FIPS 180-4.
+        let abc = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
+        assert_eq!(
+            (&list["files"][1]["sha256"], &list["files"][1]["octets"]),
+            (&json!(abc), &json!(3))
+        );
+        assert!(programs.open_file("link.ngc").is_err() && programs.open_file("pipe.ngc").is_err());
+    }
+}

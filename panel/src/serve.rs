@@ -1,0 +1,236 @@
+//! Connections: taken, counted, served, ended.
+
+use crate::counts::Counts;
+use crate::listen::Listener;
+use crate::programs::{self, Programs};
+use crate::tokens::Tokens;
+use crate::{Control, figures, guard, pages, path, rpc};
+use axum::Router;
+use axum::body::Body;
+use axum::extract::Request;
+use axum::routing::{any, get};
+use hyper::body::Incoming;
+use hyper::server::conn::http1;
+use hyper_util::rt::{TokioIo, TokioTimer};
+use std::collections::HashMap;
+use std::io;
+use std::net::{IpAddr, SocketAddr};
+use std::os::unix::net::UnixStream;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+use tokio::io::AsyncReadExt;
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::watch;
+use tower::ServiceExt;
+
+/// Connections at the same time; one more waits until the system takes it for dead.
+const CONNECTIONS_MAX: usize = 256;
+/// The same of one address.
+const OF_ONE_MAX: usize = 128;
+/// A client has this long for the head of a request, also for the next one of its connection.
+const HEAD_WAIT: Duration = Duration::from_secs(10);
+/// Longest head of a request, octets.
+const HEAD_MAX: usize = 16 * 1024;
+/// What the system keeps for a client that does not read, octets: what is told then is soon how it is, not how it was.
+const UNREAD_MAX: usize = 64 * 1024;
+/// How long clients are given to hear that the control has ended.
+const FAREWELL: Duration = Duration::from_millis(500);
+/// Stack of the threads that read and write files.
+const STACK: usize = 512 * 1024;
+/// Threads that read and write files.
+const FILE_THREADS: usize = 2;
+
+/// What the panel is told.
+#[derive(Debug, Default)]
+pub struct Settings {
+    /// Names of this PC by which it may be called, beside its addresses.
+    pub hosts: Vec<String>,
+    /// Who may come from elsewhere.
+    pub tokens: Tokens,
+    /// Folder of programs.
+    pub programs: Option<PathBuf>,
+}
+
+/// Everything that requests can reach.
+pub(crate) struct Panel {
+    pub(crate) settings: Settings,
+    /// Folder of programs, open.
+    pub(crate) programs: Option<Arc<Programs>>,
+    pub(crate) control: Arc<dyn Control>,
+    pub(crate) counts: Arc<Counts>,
+    /// True: the control is ending.
+    pub(crate) ending: watch::Receiver<bool>,
+}
+
+impl Panel {
+    pub(crate) fn scheme(&self) -> &'static str {
+        "http"
+    }
+}
+
+/// A connection, as its requests see it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Connection {
+    pub(crate) near: SocketAddr,
+    pub(crate) far: SocketAddr,
+    /// The user of the control is at its far end, on this PC.
+    pub(crate) is_owner: bool,
+}
+
+/// Serves until the other end of `until` is closed. The calling thread is the only one but those that read and write files.
+///
+/// # Errors
+/// The system gives no runtime.
+pub fn serve(
+    listener: Listener,
+    settings: Settings,
+    control: Arc<dyn Control>,
+    counts: Arc<Counts>,
+    until: UnixStream,
+) -> io::Result<()> {
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_io()
+        .enable_time()
+        .max_blocking_threads(FILE_THREADS)
+        .thread_name("panel-files")
+        .thread_stack_size(STACK)
+        .build()?;
+    let served = runtime.block_on(async {
+        until.set_nonblocking(true)?;
+        let mut until = tokio::net::UnixStream::from_std(until)?;
+        let (end, ending) = watch::channel(false);
+        let programs = settings.programs.clone().and_then(|path| {
+            let opened = Programs::open(path);
+            opened
+                .map_err(|cause| tracing::warn!(%cause, "there is no folder of programs"))
+                .ok()
+        });
+        let panel = Arc::new(Panel {
+            settings,
+            programs: programs.map(Arc::new),
+            control,
+            counts: Arc::clone(&counts),
+            ending,
+        });
+        tokio::select! {
+            taken = take(listener, panel) => taken?,
+            // Whatever is read: nothing is ever written there.
+            _ = until.read_u8() => {}
+        }
+        // Nobody listens any more where there are no clients.
+        let _ = end.send(true);
+        let gone = async {
+            while counts.clients() > 0 {
+                tokio::time::sleep(Duration::from_millis(10)).await;
+            }
+        };
+        // Whoever does not listen is not waited for.
+        let _ = tokio::time::timeout(FAREWELL, gone).await;
+        Ok(())
+    });
+    runtime.shutdown_timeout(FAREWELL);
+    served
+}
+
+fn router(panel: &Arc<Panel>) -> Router {
+    Router::new()
+        .route("/rpc", any(rpc::open))
+        .route("/files/", any(programs::list))
+        .route("/files/{name}", any(programs::one))
+        .route("/path", get(path::path))
+        .route("/metrics", get(figures::metrics))
+        .fallback(pages::page)
+        .layer(axum::middleware::from_fn_with_state(Arc::clone(panel), guard::guard))
+        .with_state(Arc::clone(panel))
+}
+
+/// Connections of each address.
+#[derive(Debug, Default)]
+struct Connected(Mutex<HashMap<IpAddr, usize>>);
+
+/// A connection that is counted as long as this lives.
+struct Counted {
+    of: Arc<Connected>,
+    address: IpAddr,
+}
+
+impl Connected {
+    fn count(self: &Arc<Connected>, address: IpAddr) -> Option<Counted> {
+        let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let total: usize = all.values().sum();
+        let of_one = all.get(&address).copied().unwrap_or(0);
+        if total >= CONNECTIONS_MAX || of_one >= OF_ONE_MAX {
+            return None;
+        }
+        all.insert(address, of_one + 1);
+        let of = Arc::clone(self);
+        Some(Counted { of, address })
+    }
+}
+
+impl Drop for Counted {
+    fn drop(&mut self) {
+        let mut all = self.of.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(count) = all.get_mut(&self.address) {
+            *count -= 1;
+            if *count == 0 {
+                all.remove(&self.address);
+            }
+        }
+    }
+}
+
+/// Takes connections for ever.
+async fn take(listener: Listener, panel: Arc<Panel>) -> io::Result<()> {
+    let (is_loopback, peers) = (listener.is_loopback(), listener.peers);
+    let socket = TcpListener::from_std(listener.socket)?;
+    let router = router(&panel);
+    let connected = Arc::new(Connected::default());
+    loop {
+        let (stream, far) = match socket.accept().await {
+            Ok(connection) => connection,
+            Err(cause) => {
+                // Too many files, or somebody who has gone already: the next may be taken.
+                tracing::warn!(%cause, "a connection could not be taken");
+                tokio::time::sleep(Duration::from_millis(100)).await;
+                continue;
+            }
+        };
+        let Ok(near) = stream.local_addr() else { continue };
+        let Some(counted) = connected.count(far.ip()) else {
+            tracing::warn!(%far, "disconnected: too many connections");
+            continue;
+        };
+        let connection = Connection {
+            near,
+            far,
+            is_owner: is_loopback && peers.is_own(near, far),
+        };
+        let router = router.clone();
+        tokio::spawn(async move {
+            let _counted = counted;
+            serve_one(stream, connection, router).await;
+        });
+    }
+}
+
+async fn serve_one(stream: TcpStream, connection: Connection, router: Router) {
+    // Without them it is served a little worse.
+    let _ = stream.set_nodelay(true);
+    let _ = nix::sys::socket::setsockopt(&stream, nix::sys::socket::sockopt::SndBuf, &UNREAD_MAX);
+    let service = hyper::service::service_fn(move |request: hyper::Request<Incoming>| {
+        let mut request: Request = request.map(Body::new);
+        request.extensions_mut().insert(connection);
+        router.clone().oneshot(request)
+    });
+    let served = http1::Builder::new()
+        .timer(TokioTimer::new())
+        .header_read_timeout(HEAD_WAIT)
+        .max_buf_size(HEAD_MAX)
+        .serve_connection(TokioIo::new(stream), service)
+        .with_upgrades();
+    if let Err(cause) = served.await {
+        tracing::debug!(far = %connection.far, %cause, "disconnected");
+    }
+}

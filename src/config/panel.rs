@@ -1,0 +1,159 @@
+//! `[panel]`: the operator panel in the browser.
+//!
+//! In:  the table of the machine file. Out: where it listens, and who may come.
+
+use super::bus::is_name;
+use super::document::Section;
+use super::program;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::path::{Path, PathBuf};
+
+/// Its port if nobody says another one.
+pub const PANEL_PORT: u16 = 8402;
+/// Names of this PC at the most.
+const HOSTS_MAX: usize = 16;
+
+/// `[panel]`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Panel {
+    /// Where it listens; port 0: any.
+    pub address: SocketAddr,
+    /// Names of this PC by which it may be called, beside its addresses.
+    pub hosts: Vec<String>,
+    /// File of tokens; `None`: a token that is made at each start.
+    pub tokens: Option<PathBuf>,
+    /// Folder of programs; `None`: none can be sent.
+    pub programs: Option<PathBuf>,
+    /// What a program does whose client had taken control and is lost.
+    pub on_lost_control: OnLostControl,
+}
+
+/// What becomes of a program whose client is lost.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum OnLostControl {
+    /// It goes on.
+    #[default]
+    GoOn,
+    /// It is held.
+    Hold,
+}
+
+impl Panel {
+    /// At this address, with what lies in the state folder.
+    pub fn at(address: SocketAddr, state_directory: Option<&Path>) -> Panel {
+        Panel {
+            address,
+            hosts: Vec::new(),
+            tokens: state_directory.map(|folder| folder.join("panel-tokens.json")),
+            programs: state_directory.map(|folder| folder.join("programs")),
+            on_lost_control: OnLostControl::default(),
+        }
+    }
+
+    /// The address of a panel that only this PC reaches.
+    pub const fn loopback() -> SocketAddr {
+        SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), PANEL_PORT)
+    }
+}
+
+pub(super) fn panel(mut section: Section<'_, '_>, base: &Path, state_directory: Option<&Path>) -> Option<Panel> {
+    let address = match section.or("address", || Panel::loopback().to_string().into()) {
+        None => Some(Panel::loopback()),
+        Some(item) => item.text("panel.address").and_then(|text| {
+            let address = text.parse().ok();
+            if address.is_none() {
+                section.wrong(
+                    "address",
+                    "must be an address and a port, like \"127.0.0.1:8402\" or \"[::1]:8402\"",
+                );
+            }
+            address
+        }),
+    };
+    let hosts = match section.optional("hosts") {
+        None => Some(Vec::new()),
+        Some(item) => item.items("panel.hosts").and_then(|items| {
+            if items.len() > HOSTS_MAX {
+                section.wrong("hosts", format!("must not be more than {HOSTS_MAX} names"));
+                return None;
+            }
+            let texts: Vec<_> = items
+                .iter()
+                .enumerate()
+                .map(|(at, item)| item.text(&format!("panel.hosts[{at}]")))
+                .collect();
+            let texts: Option<Vec<&str>> = texts.into_iter().collect();
+            let texts = texts?;
+            let is_host = |text: &&str| !text.is_empty() && text.split('.').all(is_name);
+            if let Some(at) = texts.iter().position(|text| !is_host(text)) {
+                let rule = format!("{:?} is no name of a PC: without address, port or http://", texts[at]);
+                section.wrong("hosts", rule);
+                return None;
+            }
+            Some(texts.into_iter().map(str::to_owned).collect())
+        }),
+    };
+    let tokens = program::path(&mut section, "tokens", base);
+    let programs = program::new_folder(&mut section, "programs", base);
+    let lost = [("go-on", OnLostControl::GoOn), ("hold", OnLostControl::Hold)];
+    let on_lost_control = section.word("on_lost_control", &lost, OnLostControl::GoOn);
+    section.done();
+    let default = Panel::at(address?, state_directory);
+    Some(Panel {
+        hosts: hosts?,
+        tokens: tokens?.or(default.tokens),
+        programs: programs?.or(default.programs),
+        on_lost_control: on_lost_control?,
+        ..default
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::parse;
+
+    const DEMO: &str = include_str!("../../configs/mill3-demo.toml");
+
+    fn read(table: &str) -> Result<Option<Panel>, String> {
+        let text = format!("{DEMO}\n{table}");
+        match parse(&text, Path::new("m.toml")) {
+            Ok(config) => Ok(config.panel),
+            Err(errors) => Err(errors.to_string()),
+        }
+    }
+
+    #[test]
+    fn a_table_without_keys_is_a_panel_of_this_pc() {
+        assert_eq!(read("").unwrap(), None);
+        assert_eq!(read("[panel]").unwrap(), Some(Panel::at(Panel::loopback(), None)));
+        let panel = read(
+            "[panel]\naddress = \"[::]:80\"\nhosts = [\"mill.local\"]\ntokens = \"t.json\"\non_lost_control = \"hold\"",
+        );
+        let panel = panel.unwrap().unwrap();
+        assert_eq!(panel.address, "[::]:80".parse().unwrap());
+        assert_eq!(
+            (panel.hosts, panel.tokens),
+            (vec!["mill.local".to_owned()], Some("t.json".into()))
+        );
+        assert_eq!(panel.on_lost_control, OnLostControl::Hold);
+        let of_folder = Panel::at(Panel::loopback(), Some(Path::new("/s")));
+        assert_eq!(of_folder.programs, Some("/s/programs".into()));
+    }
+
+    #[test]
+    fn what_is_no_address_and_no_name_is_refused() {
+        for (table, told) in [
+            (
+                "[panel]\naddress = \"localhost\"",
+                "panel.address = \"localhost\": must be an address and a port",
+            ),
+            ("[panel]\nhosts = [\"http://x\"]", "is no name of a PC"),
+            ("[panel]\nport = 1", "panel.port: unknown key"),
+            ("[panel]\non_lost_control = \"stop\"", "panel.on_lost_control"),
+        ] {
+            let errors = read(table).unwrap_err();
+            assert!(errors.contains(told), "{errors}");
+        }
+    }
+}

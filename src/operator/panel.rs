@@ -1,0 +1,177 @@
+//! The operator panel in the browser: the crate `panel` as part of a session.
+//!
+//! In:  where it is to listen, who may come; a way into the service as one of its clients.
+//! Out: a thread that serves it until the session ends.
+//!
+//! It is bound before anything else of a control, as a demo moves to a network namespace of its own. An address in use is told with
+//! who has it. Asked for on the command line, the panel is what somebody waits for: there is no control then. In a machine file it is
+//! one of several ways to the machine: the control goes on without, and tries again until the address is free.
+
+use crate::api::roles;
+use crate::api::server::door::Door;
+use crate::config::{Config, Panel as Wanted};
+use crate::host::capabilities;
+use crate::host::capabilities::Work;
+use crate::host::terminal::say;
+use anyhow::Context;
+use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+use panel::{Counts, Guest, Listener, Role, Settings, TokenFile, Tokens};
+use std::io::{self, Write};
+use std::net::SocketAddr;
+use std::os::fd::AsFd;
+use std::os::unix::net::UnixStream;
+use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Between two tries for an address in use, ms.
+const RETRY_MS: u16 = 5000;
+
+/// What a session serves.
+pub struct Panel {
+    wanted: Wanted,
+    listener: Mutex<Option<Listener>>,
+    settings: Mutex<Option<Settings>>,
+    counts: Arc<Counts>,
+    /// What the journal is to be told.
+    pub note: String,
+}
+
+/// What the command line says of the panel: nothing, that there is to be one, or where.
+pub type Asked = Option<Option<SocketAddr>>;
+
+impl Panel {
+    /// The panel of a machine, if there is to be one, listening; `quiet`: standard output is for a program.
+    ///
+    /// # Errors
+    /// It was asked for, and its address cannot be had.
+    pub fn of(config: &Config, asked: Asked, quiet: bool) -> anyhow::Result<Option<Panel>> {
+        let Some(wanted) = wanted(config, asked) else {
+            return Ok(None);
+        };
+        let (listener, mut note) = match Listener::bind(wanted.address) {
+            Ok(listener) => {
+                let note = format!("panel: {}", address(&listener));
+                (Some(listener), note)
+            }
+            Err(error) if asked.is_some() || !error.is_in_use() => {
+                let help = "--panel ADDRESS:PORT takes another one";
+                return Err(error).context(format!("the panel cannot listen: {help}"));
+            }
+            Err(error) => {
+                let note = format!("warning: panel: {error}; tried again every {} s", RETRY_MS / 1000);
+                let _ = writeln!(io::stderr(), "{note}");
+                (None, note)
+            }
+        };
+        let mut tokens = match &wanted.tokens {
+            Some(file) => Tokens::of_file(TokenFile::new(file)),
+            None => Tokens::default(),
+        };
+        if let Some(listener) = &listener {
+            let place = address(listener);
+            let told = match (&wanted.tokens, listener.is_loopback()) {
+                (_, true) => format!("panel: {place}/ for you; other users of this PC need a token\n"),
+                (Some(file), false) => format!(
+                    "panel: {place}/ with a token: 'isocnc panel token {}' makes one ({})\n",
+                    config.path.display(),
+                    file.display()
+                ),
+                (None, false) => {
+                    let secret = tokens.add_passing("this run", Role::SetUp).context("a token")?;
+                    format!("panel: {place}/#token={secret}\n")
+                }
+            };
+            match quiet {
+                false => say(&told),
+                true => _ = io::stderr().write_all(told.as_bytes()),
+            }
+            if !listener.is_loopback() {
+                let what = "whoever can listen on this network can read what goes to the panel, tokens too, as it is not encrypted";
+                let _ = writeln!(io::stderr(), "warning: panel: {what}");
+                note = format!("{note} (not encrypted)");
+            }
+        }
+        let settings = Settings {
+            hosts: wanted.hosts.clone(),
+            tokens,
+            programs: wanted.programs.clone(),
+        };
+        Ok(Some(Panel {
+            wanted,
+            listener: Mutex::new(listener),
+            settings: Mutex::new(Some(settings)),
+            counts: Arc::default(),
+            note,
+        }))
+    }
+
+    /// Folder of programs.
+    pub fn programs(&self) -> Option<&Path> {
+        self.wanted.programs.as_deref()
+    }
+
+    /// Serves until the other end of `until` is closed.
+    pub(super) fn serve(&self, door: Door, until: UnixStream) {
+        capabilities::give_up_or_warn(Work::Ordinary);
+        let Some(listener) = self.listener(&until) else { return };
+        let settings = take(&self.settings).unwrap_or_default();
+        let control = Arc::new(Way(door));
+        if let Err(cause) = panel::serve(listener, settings, control, Arc::clone(&self.counts), until) {
+            let _ = writeln!(io::stderr(), "warning: the panel has ended: {cause}");
+        }
+    }
+
+    /// Waits for its address; `None`: the session ends before that.
+    fn listener(&self, until: &UnixStream) -> Option<Listener> {
+        if let Some(listener) = take(&self.listener) {
+            return Some(listener);
+        }
+        loop {
+            let mut end = [PollFd::new(until.as_fd(), PollFlags::POLLIN)];
+            // An interrupted wait is a short one.
+            let _ = poll(&mut end, PollTimeout::from(RETRY_MS));
+            if end[0].any().unwrap_or(false) {
+                return None;
+            }
+            if let Ok(listener) = Listener::bind(self.wanted.address) {
+                let _ = writeln!(io::stderr(), "panel: {}/", address(&listener));
+                return Some(listener);
+            }
+        }
+    }
+}
+
+fn take<T>(of: &Mutex<Option<T>>) -> Option<T> {
+    of.lock().unwrap_or_else(PoisonError::into_inner).take()
+}
+
+fn wanted(config: &Config, asked: Asked) -> Option<Wanted> {
+    let of_file = config.panel.clone();
+    match (asked, of_file) {
+        (None, of_file) => of_file,
+        (Some(None), Some(of_file)) => Some(of_file),
+        (Some(Some(address)), Some(of_file)) => Some(Wanted { address, ..of_file }),
+        (Some(address), None) => Some(Wanted::at(
+            address.unwrap_or(Wanted::loopback()),
+            config.state_directory.as_deref(),
+        )),
+    }
+}
+
+fn address(listener: &Listener) -> String {
+    format!("http://{}", listener.address())
+}
+
+/// The way into the service.
+struct Way(Door);
+
+impl panel::Control for Way {
+    fn connect(&self, guest: &Guest) -> io::Result<UnixStream> {
+        let role = match guest.role {
+            Role::Watch => roles::Role::Watch,
+            Role::Operate => roles::Role::Operate,
+            Role::SetUp => roles::Role::SetUp,
+        };
+        self.0.enter(role, &guest.name)
+    }
+}

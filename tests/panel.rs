@@ -1,0 +1,476 @@
+//! The operator panel from outside: a control with a panel as a process of its own, and clients of HTTP and WebSockets at it.
+
+use serde_json::{Value, json};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{SocketAddr, TcpStream};
+use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+use tungstenite::client::IntoClientRequest;
+use tungstenite::{Message, WebSocket};
+
+const MACHINE: &str = include_str!("../configs/mill3-demo.toml");
+
+/// A control in memory with a panel.
+struct Control {
+    process: Child,
+    address: SocketAddr,
+    folder: tempfile::TempDir,
+}
+
+impl Drop for Control {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+impl Control {
+    fn start(name: &str, panel: &str) -> Control {
+        let folder = tempfile::tempdir().unwrap();
+        let text = MACHINE
+            .replace("\"mill3-demo\"", &format!("\"panel-{name}-{}\"", std::process::id()))
+            .replace("\nlock_memory = true", "\noverruns_stop = 0\nlock_memory = true")
+            .replace("pres_lost_max = 20", "pres_lost_max = 1000")
+            .replacen("kind = \"powerlink\"", "kind = \"memory\"", 1);
+        let file = folder.path().join("machine.toml");
+        let programs = "programs = \"programs\"\ntokens = \"tokens.json\"\n";
+        std::fs::write(&file, format!("{text}\n[panel]\n{panel}\n{programs}")).unwrap();
+        let mut process = Command::new(env!("CARGO_BIN_EXE_isocnc"))
+            .arg("run")
+            .arg(&file)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let mut output = BufReader::new(process.stdout.take().unwrap());
+        let address = loop {
+            let mut line = String::new();
+            assert!(output.read_line(&mut line).unwrap() > 0, "the control has ended");
+            if let Some(rest) = line.strip_prefix("panel: http://") {
+                break rest.split('/').next().unwrap().parse().unwrap();
+            }
+        };
+        // What it prints has to go somewhere.
+        std::thread::spawn(move || std::io::copy(&mut output, &mut std::io::sink()));
+        Control {
+            process,
+            address,
+            folder,
+        }
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn token(&self, name: &str, role: &str) -> String {
+        let output = Command::new(env!("CARGO_BIN_EXE_isocnc"))
+            .args(["panel", "token"])
+            .arg(self.path("machine.toml"))
+            .args(["--name", name, "--role", role])
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap().trim().to_owned()
+    }
+
+    /// An address of this PC by which a client of it reaches the panel.
+    fn local(&self) -> SocketAddr {
+        SocketAddr::new([127, 0, 0, 1].into(), self.address.port())
+    }
+
+    /// Answers with status, head and body.
+    fn http(&self, method: &str, path: &str, headers: &[(&str, &str)], body: &[u8]) -> (u16, String, Vec<u8>) {
+        let local = self.local();
+        let mut stream = TcpStream::connect(local).unwrap();
+        stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+        let mut head = format!("{method} {path} HTTP/1.1\r\nConnection: close\r\n");
+        let own_host = ("Host", local.to_string());
+        if !headers.iter().any(|(name, _)| *name == "Host") {
+            head += &format!("{}: {}\r\n", own_host.0, own_host.1);
+        }
+        for (name, value) in headers {
+            head += &format!("{name}: {value}\r\n");
+        }
+        if !body.is_empty() && !headers.iter().any(|(name, _)| *name == "Content-Length") {
+            head += &format!("Content-Length: {}\r\n", body.len());
+        }
+        stream.write_all(format!("{head}\r\n").as_bytes()).unwrap();
+        // It may answer and close before it has all.
+        let _ = stream.write_all(body);
+        let mut answer = Vec::new();
+        let _ = stream.read_to_end(&mut answer);
+        let end = answer
+            .windows(4)
+            .position(|octets| octets == b"\r\n\r\n")
+            .expect("a head");
+        let head = String::from_utf8(answer[..end].to_vec()).unwrap().to_ascii_lowercase();
+        let status = head.split(' ').nth(1).unwrap().parse().unwrap();
+        let mut body = answer[end + 4..].to_vec();
+        if head.contains("transfer-encoding: chunked") {
+            body = unchunked(&body);
+        }
+        (status, head, body)
+    }
+
+    fn json(&self, method: &str, path: &str, headers: &[(&str, &str)], body: &[u8]) -> (u16, Value) {
+        let (status, _, body) = self.http(method, path, headers, body);
+        (status, serde_json::from_slice(&body).unwrap_or(Value::Null))
+    }
+
+    fn rpc(&self) -> Rpc {
+        let mut request = format!("ws://{}/rpc", self.local()).into_client_request().unwrap();
+        let origin = format!("http://{}", self.local());
+        request.headers_mut().insert("Origin", origin.parse().unwrap());
+        let stream = TcpStream::connect(self.local()).unwrap();
+        stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+        let (socket, _) = tungstenite::client(request, stream).unwrap();
+        Rpc { socket, last: 0 }
+    }
+}
+
+fn unchunked(mut body: &[u8]) -> Vec<u8> {
+    let mut whole = Vec::new();
+    loop {
+        let end = body.windows(2).position(|octets| octets == b"\r\n").expect("a length");
+        let length = usize::from_str_radix(std::str::from_utf8(&body[..end]).unwrap(), 16).unwrap();
+        if length == 0 {
+            return whole;
+        }
+        whole.extend_from_slice(&body[end + 2..end + 2 + length]);
+        body = &body[end + 4 + length..];
+    }
+}
+
+struct Rpc {
+    socket: WebSocket<TcpStream>,
+    last: u64,
+}
+
+impl Rpc {
+    fn call(&mut self, method: &str, params: Value) -> Result<Value, Value> {
+        self.last += 1;
+        let request = json!({ "jsonrpc": "2.0", "id": self.last, "method": method, "params": params });
+        self.socket.send(Message::text(request.to_string())).unwrap();
+        loop {
+            let message = self.message();
+            if message["id"] == self.last {
+                return match message.get("error") {
+                    Some(error) => Err(error.clone()),
+                    None => Ok(message["result"].clone()),
+                };
+            }
+        }
+    }
+
+    fn message(&mut self) -> Value {
+        loop {
+            if let Message::Text(text) = self.socket.read().unwrap() {
+                return serde_json::from_str(&text).unwrap();
+            }
+        }
+    }
+
+    /// The code and the reason with which the other end closes.
+    fn closed(&mut self) -> (u16, String) {
+        loop {
+            match self.socket.read() {
+                Ok(Message::Close(Some(frame))) => return (frame.code.into(), frame.reason.to_string()),
+                Ok(_) => {}
+                Err(error) => panic!("closed without a reason: {error}"),
+            }
+        }
+    }
+
+    /// Waits until the state is as wanted.
+    fn until(&mut self, wanted: impl Fn(&Value) -> bool) -> Value {
+        loop {
+            let status = self.call("status", json!({})).unwrap();
+            if wanted(&status) {
+                return status;
+            }
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+}
+
+const LOOPBACK: &str = "address = \"127.0.0.1:0\"";
+
+#[test]
+fn pages_are_for_whoever_started_it_and_for_no_page_of_another_site() {
+    let control = Control::start("pages", LOOPBACK);
+    let (status, head, _) = control.http("GET", "/", &[], b"");
+    assert_eq!(status, 200);
+    for header in [
+        "content-security-policy: default-src 'self'; object-src 'none'",
+        "x-content-type-options: nosniff",
+        "referrer-policy: no-referrer",
+        "cross-origin-opener-policy: same-origin",
+        "cross-origin-resource-policy: same-origin",
+    ] {
+        assert!(head.contains(header), "{header} is not in {head}");
+    }
+    assert!(
+        !head.contains("access-control") && !head.contains("set-cookie"),
+        "{head}"
+    );
+    let error = |headers: &[(&str, &str)], path: &str| {
+        let (status, told) = control.json("GET", path, headers, b"");
+        (status, told["error"].as_str().unwrap_or_default().to_owned())
+    };
+    let (status, told) = error(&[("Host", "evil.example:8402")], "/");
+    assert_eq!(status, 421);
+    assert!(told.contains("no name of this PC"), "{told}");
+    let upgrade = [
+        ("Upgrade", "websocket"),
+        ("Connection", "Upgrade"),
+        ("Sec-WebSocket-Version", "13"),
+        ("Sec-WebSocket-Key", "dGhlIHNhbXBsZSBub25jZQ=="),
+        ("Origin", "http://evil.example"),
+    ];
+    let foreign = (403, "a page of another site must not ask this".to_owned());
+    assert_eq!(error(&upgrade, "/rpc"), foreign);
+    assert_eq!(error(&[("Origin", "null")], "/files/"), foreign);
+    assert_eq!(error(&[("Sec-Fetch-Site", "cross-site")], "/files/"), foreign);
+    // A link to the page itself leads there.
+    assert_eq!(error(&[("Sec-Fetch-Site", "cross-site")], "/").0, 200);
+    assert_eq!(error(&[], "/no-such-page").0, 404);
+    assert_eq!(error(&[], "/../Cargo.toml").0, 404);
+    assert_eq!(error(&[], "/%2e%2e/Cargo.toml").0, 404);
+}
+
+#[test]
+fn an_order_with_an_id_is_carried_out_once_and_figures_are_told() {
+    let control = Control::start("orders", LOOPBACK);
+    let mut rpc = control.rpc();
+    let me = rpc.call("client.identify", json!({ "name": "test" })).unwrap();
+    assert_eq!(me["role"], "set-up");
+    let order = json!({ "count": 5, "request_id": "one" });
+    assert_eq!(rpc.call("parts.set", order.clone()), Ok(json!({})));
+    rpc.call("parts.set", json!({ "count": 7, "request_id": "two" }))
+        .unwrap();
+    // Again, also after a new connection.
+    assert_eq!(rpc.call("parts.set", order.clone()), Ok(json!({})));
+    let mut again = control.rpc();
+    assert_eq!(again.call("parts.set", order), Ok(json!({})));
+    assert_eq!(again.call("status", json!({})).unwrap()["parts"]["count"], 7);
+    let other = again
+        .call("parts.set", json!({ "count": 6, "request_id": "one" }))
+        .unwrap_err();
+    assert_eq!(other["code"], -32602);
+    // One message of several lines is one, and two messages in one frame are none.
+    let text = "{\"jsonrpc\":\"2.0\",\n\"id\":99,\"method\":\"ping\"}";
+    again.socket.send(Message::text(text)).unwrap();
+    assert_eq!(again.message()["id"], 99);
+    again.socket.send(Message::text("{}\n{}")).unwrap();
+    assert_eq!(again.message()["error"]["code"], -32700);
+
+    let (status, head, body) = control.http("GET", "/metrics", &[], b"");
+    let text = String::from_utf8(body).unwrap();
+    assert!(status == 200 && head.contains("text/plain; version=0.0.4"), "{head}");
+    assert!(
+        text.ends_with('\n') && text.contains("\nisocnc_parts_total{result=\"completed\"} 7\n"),
+        "{text}"
+    );
+    assert!(text.contains("\nisocnc_api_clients 2\n"), "{text}");
+}
+
+#[test]
+fn programs_arrive_checked_and_nothing_else_does() {
+    let control = Control::start("files", LOOPBACK);
+    let mut rpc = control.rpc();
+    rpc.until(|status| status["power"] == "off");
+    let part = b"G21 G90 G94 G54\nG0 X5\nG1 X10 Y5 F600\nM2\n";
+    let (status, told) = control.json("PUT", "/files/part.ngc", &[], part);
+    assert_eq!(status, 201, "{told}");
+    assert_eq!(
+        (&told["name"], &told["octets"], &told["lines"]),
+        (&json!("part.ngc"), &json!(part.len()), &json!(4))
+    );
+    let (_, list) = control.json("GET", "/files/", &[], b"");
+    assert_eq!(list["files"].as_array().unwrap().len(), 1);
+    assert_eq!(list["files"][0]["sha256"], told["sha256"]);
+    assert_eq!(
+        rpc.call("status", json!({})).unwrap()["program"],
+        Value::Null,
+        "nothing is loaded by its arrival"
+    );
+    let (status, head, body) = control.http("GET", "/files/part.ngc", &[("Range", "bytes=4-6")], b"");
+    assert_eq!((status, body.as_slice()), (206, &part[4..7]));
+    assert!(head.contains("content-range: bytes 4-6/"), "{head}");
+    assert_eq!(control.http("GET", "/files/part.ngc", &[], b"").2, part);
+
+    // What is refused, and with which word.
+    let too_long = (10_u64 << 30).to_string();
+    let sum = "0".repeat(64);
+    type Headers<'a> = [(&'a str, &'a str)];
+    let refused: [(&str, &Headers<'_>, &[u8], u16, &str); 7] = [
+        ("/files/..%2Fmachine.toml", &[], part, 400, "without a folder"),
+        ("/files/%2e%2e", &[], part, 400, "a name is one word"),
+        ("/files/.hidden", &[], part, 400, "dot"),
+        (
+            "/files/big.ngc",
+            &[("Content-Length", &too_long)],
+            b"",
+            413,
+            "a program has up to",
+        ),
+        (
+            "/files/zip.ngc",
+            &[("Content-Encoding", "gzip")],
+            part,
+            415,
+            "compressed",
+        ),
+        ("/files/sum.ngc", &[("X-SHA256", &sum)], part, 422, "SHA-256"),
+        ("/files/wrong.ngc", &[], b"G21\nG0 X1Q\n", 422, "wrong.ngc:2"),
+    ];
+    for (path, headers, body, wanted, word) in refused {
+        let (status, told) = control.json("PUT", path, headers, body);
+        let why = told["error"].as_str().unwrap_or_default();
+        assert!(status == wanted && why.contains(word), "{path}: {status} {told}");
+    }
+    std::os::unix::fs::symlink(control.path("machine.toml"), control.path("programs/link.ngc")).unwrap();
+    assert_eq!(control.json("GET", "/files/link.ngc", &[], b"").0, 403);
+    let left: Vec<_> = std::fs::read_dir(control.path("programs"))
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name())
+        .collect();
+    assert_eq!(left.len(), 2, "{left:?}");
+
+    // By its name.
+    let loaded = rpc.call("program.load", json!({ "file": "part.ngc" })).unwrap();
+    assert_eq!(loaded["lines"], 4);
+    for name in ["../machine.toml", "link.ngc", "none.ngc", "/etc/passwd"] {
+        assert!(rpc.call("program.load", json!({ "file": name })).is_err(), "{name}");
+    }
+    let (status, _, body) = control.http("GET", "/path?tolerance_mm=0.1", &[], b"");
+    assert_eq!(status, 200);
+    let end = body.iter().position(|octet| *octet == b'\n').unwrap();
+    let head: Value = serde_json::from_slice(&body[..end]).unwrap();
+    let (mut rest, mut records) = (&body[end + 1..], 0);
+    loop {
+        let (length, after) = rest.split_at(4);
+        let length = u32::from_le_bytes(length.try_into().unwrap()) as usize;
+        if length == 0 {
+            assert_eq!(after, b"{\"error\":null}");
+            break;
+        }
+        records += length / head["record_octets"].as_u64().unwrap() as usize;
+        rest = &after[length..];
+    }
+    assert!(records >= 3, "{records}");
+
+    assert_eq!(control.json("DELETE", "/files/part.ngc", &[], b"").0, 204);
+    assert_eq!(control.json("DELETE", "/files/part.ngc", &[], b"").0, 404);
+}
+
+#[test]
+fn from_elsewhere_a_token_says_what_somebody_may_do() {
+    let control = Control::start("tokens", "address = \"0.0.0.0:0\"");
+    assert_eq!(control.http("GET", "/", &[], b"").0, 200, "pages hold nothing secret");
+    for path in ["/files/", "/metrics", "/path"] {
+        assert_eq!(control.json("GET", path, &[], b"").0, 401, "{path}");
+    }
+    let (watch, operate) = (control.token("wall", "watch"), control.token("tablet", "operate"));
+    let mode =
+        std::os::unix::fs::PermissionsExt::mode(&std::fs::metadata(control.path("tokens.json")).unwrap().permissions());
+    assert_eq!(mode & 0o777, 0o600);
+    let bearer = |token: &str| format!("Bearer {token}");
+    let (status, _) = control.json("GET", "/files/", &[("Authorization", &bearer(&watch))], b"");
+    assert_eq!(status, 200);
+    let (status, told) = control.json("PUT", "/files/a.ngc", &[("Authorization", &bearer(&watch))], b"M2\n");
+    assert_eq!(status, 403, "{told}");
+
+    let mut watcher = control.rpc();
+    let me = watcher
+        .call("client.identify", json!({ "token": watch, "name": "wall" }))
+        .unwrap();
+    assert_eq!(me["role"], "watch");
+    let refused = watcher.call("home", json!({})).unwrap_err();
+    assert_eq!(
+        (&refused["code"], &refused["data"]["needed"]),
+        (&json!(-32006), &json!("operate"))
+    );
+    assert_eq!(
+        watcher.call("override", json!({ "feed": 110 })).unwrap_err()["code"],
+        -32006
+    );
+    assert_eq!(
+        watcher.call("override", json!({ "feed": 50 })).unwrap()["feed_percent"],
+        50.0
+    );
+    // For everybody; at rest there is nothing to stop.
+    assert_eq!(watcher.call("stop", json!({})).unwrap_err()["code"], -32000);
+    let mut operator = control.rpc();
+    assert_eq!(
+        operator.call("client.identify", json!({ "token": operate })).unwrap()["role"],
+        "operate"
+    );
+    let write = json!({ "node": 1, "index": 0x6083, "sub": 0, "value": "01000000" });
+    assert_eq!(operator.call("bus.sdo_write", write).unwrap_err()["code"], -32006);
+    assert_eq!(
+        operator
+            .call("program.load", json!({ "path": "/etc/passwd" }))
+            .unwrap_err()["code"],
+        -32006
+    );
+
+    // Nobody in particular.
+    let mut nobody = control.rpc();
+    nobody
+        .socket
+        .send(Message::text(
+            json!({ "jsonrpc": "2.0", "id": 1, "method": "stop" }).to_string(),
+        ))
+        .unwrap();
+    let (code, why) = nobody.closed();
+    assert!(code == 4401 && why.contains("client.identify"), "{code} {why}");
+    // A token that was revoked ends what it began.
+    let revoked = Command::new(env!("CARGO_BIN_EXE_isocnc"))
+        .args(["panel", "revoke"])
+        .arg(control.path("machine.toml"))
+        .arg("tablet")
+        .status()
+        .unwrap();
+    assert!(revoked.success());
+    assert_eq!(operator.closed(), (4401, "this token was revoked".into()));
+    // Guessing is slow.
+    for _ in 0..5 {
+        assert_eq!(
+            control
+                .json("GET", "/metrics", &[("Authorization", "Bearer guess")], b"")
+                .0,
+            401
+        );
+    }
+    assert_eq!(
+        control
+            .json("GET", "/metrics", &[("Authorization", &bearer(&watch))], b"")
+            .0,
+        429
+    );
+}
+
+#[test]
+fn a_jog_of_a_lost_client_comes_to_rest() {
+    let control = Control::start("jog", LOOPBACK);
+    let mut rpc = control.rpc();
+    rpc.until(|status| status["power"] == "off");
+    rpc.call("home", json!({})).unwrap();
+    rpc.until(|status| status["job"] == "completed");
+    let begin = rpc.call("status", json!({})).unwrap()["position_mm"][0]
+        .as_f64()
+        .unwrap();
+    rpc.call("jog", json!({ "axis": "X", "velocity_mm_s": 5 })).unwrap();
+    let mut other = control.rpc();
+    // Its hand is on the key.
+    let refused = other.call("mdi", json!({ "line": "G0 X1" })).unwrap_err();
+    assert_eq!(refused["code"], -32004);
+    drop(rpc);
+    let rest = other.until(|status| status["state"] == "ready");
+    let end = rest["position_mm"][0].as_f64().unwrap();
+    assert!((end - begin).abs() < 5.0, "{begin} to {end}");
+    assert_eq!(rest["control"], Value::Null);
+}
