@@ -18,6 +18,7 @@ const REAL_TIME: &[&str] = &[
     "src/rt/drives/mod.rs",
     "src/rt/encoder.rs",
     "src/rt/components.rs",
+    "hal-pins/src/scope/sampler.rs",
     "components/src/instance.rs",
     "src/rt/joint_jog.rs",
     "src/rt/homing.rs",

@@ -15,6 +15,7 @@ pub mod openrpc;
 pub mod orders;
 pub mod paths;
 pub mod rpc;
+pub mod scopes;
 pub mod server;
 pub mod socket;
 pub mod uploads;
