@@ -66,6 +66,8 @@ pub struct Config {
     pub nets: Vec<Net>,
     /// In the order in which they run.
     pub components: Vec<Component>,
+    /// Those whose outputs other processes write.
+    pub external: Vec<External>,
     /// What the simulated machine is made of.
     pub sim: Sim,
 }
@@ -858,6 +860,28 @@ pub enum Place {
     BeforeMotion,
     /// Behind the set-points, before the outputs of nodes.
     AfterMotion,
+}
+
+/// `[[hal.external]]`
+#[derive(Clone, Debug, PartialEq)]
+pub struct External {
+    /// Name before the names of its pins.
+    pub name: String,
+    /// How long its process may write nothing, ms.
+    pub heartbeat_ms: u32,
+    pub on_loss: OnLoss,
+    pub pins: Vec<hal_pins::ExternalPin>,
+}
+
+/// What a process that writes no more does to the machine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OnLoss {
+    /// The journal tells it.
+    Journal,
+    /// The operator is warned.
+    Warn,
+    /// Alarm and controlled stop.
+    Stop,
 }
 
 /// `[[hal.net]]`

@@ -158,6 +158,7 @@ pub(super) fn test_config() -> Config {
         mains: Mains::default(),
         nets: Vec::new(),
         components: Vec::new(),
+        external: Vec::new(),
         sim: Sim {
             natural_frequency_hz: 60.0,
             damping: 0.8,

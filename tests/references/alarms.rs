@@ -38,7 +38,7 @@ fn the_alarms() {
                 Fault::LinkFailed { error } => cause(&links, error),
                 other => cause(&faults, other),
             };
-            let said = fault.text(|_| "x-drive".into(), |_| "x-drive".into());
+            let said = fault.text(|_| "x-drive".into(), |_| "x-drive".into(), |_| "vfd".into());
             let name = format!("{fault:?}");
             let name = code(name.split(' ').next().unwrap_or_default());
             text += &row(&[fault.code(), &said, &cause, &name, words(fault.reaction())]);

@@ -92,6 +92,8 @@ pub struct Methods {
     /// Its axes: what does not change.
     axes: Value,
     pins: Box<Pins>,
+    /// Names of external components.
+    external: Vec<String>,
     now_ns: fn() -> u64,
 }
 
@@ -116,6 +118,7 @@ impl Methods {
             time_of_day: || 0.0,
             axes: json!([]),
             pins: Box::new(|_| None),
+            external: Vec::new(),
             now_ns,
         }
     }
@@ -138,6 +141,7 @@ impl Methods {
         Methods {
             axes: axes.collect(),
             pins: Box::new(pins),
+            external: config.external.iter().map(|of| of.name.clone()).collect(),
             time_of_day,
             ..self
         }
@@ -154,6 +158,15 @@ impl Methods {
     fn coolant(&self) -> Value {
         let is_on = |name: &str| (self.pins)(name) == Some(1.0);
         json!({ "flood": is_on("iocontrol.0.coolant-flood"), "mist": is_on("iocontrol.0.coolant-mist") })
+    }
+
+    /// Whether processes write the outputs of external components.
+    fn external(&self) -> Value {
+        let shown = self.external.iter().map(|name| {
+            let pin = |of: &str| (self.pins)(&format!("{name}.{of}")).unwrap_or_default();
+            json!({ "name": name, "alive": pin("alive") == 1.0, "losses": pin("losses") as u64 })
+        });
+        shown.collect()
     }
 
     fn status(&mut self) -> Value {
@@ -185,6 +198,7 @@ impl Methods {
             "position_mm": live.position.0,
             "spindle": self.spindle(),
             "coolant": self.coolant(),
+            "external": self.external(),
             "override": self.overrides(),
             "step": shown.step,
             "power": shown.power,

@@ -14,7 +14,7 @@ use files::read::PROGRAM_MAX;
 
 /// Version of what is served here: the first number changes when something is gone or means something else, the second when
 /// something is new.
-pub const API_VERSION: &str = "2.0";
+pub const API_VERSION: &str = "2.1";
 
 /// What can be asked for.
 pub struct Method {

@@ -241,6 +241,7 @@ impl<B: CyclicBus> MotionController<B> {
         self.parts.pins.show_inputs(&self.parts.inputs);
         self.parts.pins.inputs.look();
         self.parts.pins.see_prepared_tool();
+        self.parts.pins.external.take(skipped);
         self.parts.pins.components.run_before_motion(skipped);
         self.laps.end(Part::Pins);
         if report.lost > 0 {
@@ -266,6 +267,7 @@ impl<B: CyclicBus> MotionController<B> {
         self.parts.pins.show_steps(&self.parts.steps);
         self.show();
         self.parts.pins.components.run_after_motion(skipped);
+        self.parts.pins.external.give();
         self.parts.pins.write_outputs(may_turn, &mut self.parts.outputs);
         self.parts.analog.write(&mut self.parts.outputs);
         self.laps.end(Part::Pins);
