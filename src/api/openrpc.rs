@@ -107,7 +107,7 @@ fn kind(param: &Param) -> Value {
     }
 }
 
-const ALL: [Gives; 23] = [
+const ALL: [Gives; 28] = [
     Gives::Nothing,
     Gives::Methods,
     Gives::OpenRpc,
@@ -131,6 +131,11 @@ const ALL: [Gives; 23] = [
     Gives::Kept,
     Gives::Lines,
     Gives::Report,
+    Gives::LogicTasks,
+    Gives::LogicVariables,
+    Gives::LogicForced,
+    Gives::LogicReleased,
+    Gives::LogicReloaded,
 ];
 
 fn name(gives: Gives) -> &'static str {
@@ -158,6 +163,11 @@ fn name(gives: Gives) -> &'static str {
         Gives::Kept => "Kept",
         Gives::Lines => "Lines",
         Gives::Report => "Report",
+        Gives::LogicTasks => "LogicTasks",
+        Gives::LogicVariables => "LogicVariables",
+        Gives::LogicForced => "LogicForced",
+        Gives::LogicReleased => "LogicReleased",
+        Gives::LogicReloaded => "LogicReloaded",
     }
 }
 
@@ -384,6 +394,29 @@ fn result(gives: Gives) -> Value {
         }),
         Gives::Lines => object(json!({ "lines": list(text()) })),
         Gives::Report => report(),
+        Gives::LogicTasks => object(json!({
+            "programs": list(object(json!({
+                "name": text(), "file": text(), "period_ms": number(), "steps_max": whole(), "scans": whole(), "overruns": whole(),
+                "overflows": whole(), "scan_us": number(), "scan_max_us": number(), "stands": flag(), "forced": whole(),
+            }))),
+        })),
+        Gives::LogicVariables => object(json!({
+            "program": text(),
+            "time_ms": number(),
+            "variables": list(object(json!({
+                "name": text(),
+                "type": text(),
+                "value": text(),
+                "line": whole(),
+                "role": { "type": "string", "enum": ["input", "output", "internal"] },
+                "retain": flag(),
+                "pin": or_null(text()),
+                "forced": flag(),
+            }))),
+        })),
+        Gives::LogicForced => object(json!({ "forced": text() })),
+        Gives::LogicReleased => object(json!({ "released": whole() })),
+        Gives::LogicReloaded => object(json!({ "carried": whole() })),
         Gives::Journal => object(json!({ "entries": list(refer("Entry")), "more": flag(), "last": whole() })),
     }
 }

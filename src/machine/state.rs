@@ -45,6 +45,14 @@ pub enum State {
 }
 
 impl State {
+    /// Whether programs in Structured Text may be replaced: nothing moves.
+    pub fn may_replace_logic(self) -> bool {
+        matches!(
+            self,
+            State::Booting | State::Disabled | State::Ready | State::Faulted | State::Estop
+        )
+    }
+
     const ALL: [State; 17] = [
         State::Booting,
         State::Disabled,

@@ -235,6 +235,7 @@ fn run_on(
         pin_values(&hal),
         time_of_day,
     );
+    let methods = methods.with_logic(desk.clone());
     let socket = control_socket(hal.path(), &config.name)?;
 
     let (recorder, windows) = cycle_stats::recorder(grid.period_ns);

@@ -25,6 +25,7 @@ use crate::machine::faults::SILENCED;
 use crate::machine::state::State;
 use crate::program::outline::Left;
 use crate::rt::joint_jog::JogMotion;
+use crate::rt::logic::Desk as LogicDesk;
 use crate::rt::overrides::Overridden;
 use crate::rt::shared::RtStatus;
 use files::read::PROGRAM_MAX;
@@ -92,6 +93,7 @@ pub struct Methods {
     /// Its axes: what does not change.
     axes: Value,
     pins: Box<Pins>,
+    logic: Arc<LogicDesk>,
     now_ns: fn() -> u64,
 }
 
@@ -116,6 +118,7 @@ impl Methods {
             time_of_day: || 0.0,
             axes: json!([]),
             pins: Box::new(|_| None),
+            logic: Arc::default(),
             now_ns,
         }
     }
@@ -141,6 +144,88 @@ impl Methods {
             time_of_day,
             ..self
         }
+    }
+
+    /// Shows its programs in Structured Text.
+    pub fn with_logic(self, logic: Arc<LogicDesk>) -> Methods {
+        Methods { logic, ..self }
+    }
+
+    fn logic_tasks(&self) -> Value {
+        let tasks = self.logic.told().into_iter().map(|told| {
+            json!({
+                "name": told.name, "file": told.file, "period_ms": told.period_ms, "steps_max": told.steps_max,
+                "scans": told.scans, "overruns": told.overruns, "overflows": told.overflows, "scan_us": told.scan_us,
+                "scan_max_us": told.scan_max_us, "stands": told.stands, "forced": told.forced,
+            })
+        });
+        json!({ "programs": tasks.collect::<Value>() })
+    }
+
+    /// The program that a call means.
+    fn logic_task(&self, call: &Call<'_>) -> Result<usize, RpcError> {
+        let name = call.params.text("program")?;
+        self.logic
+            .find(name)
+            .map_err(|what| RpcError::new(code::INVALID_PARAMS, what))
+    }
+
+    fn logic_look(&self, call: &Call<'_>) -> Result<Value, RpcError> {
+        let task = self.logic_task(call)?;
+        let names: Vec<String> = call.params.text("variable")?.map(str::to_owned).into_iter().collect();
+        let invalid = |what| RpcError::new(code::INVALID_PARAMS, what);
+        let (time_ns, shown) = self.logic.look(task, &names).map_err(invalid)?;
+        let variables = shown.into_iter().map(|shown| {
+            let role = match shown.role {
+                logic::Role::Input => "input",
+                logic::Role::Output => "output",
+                logic::Role::Internal => "internal",
+            };
+            json!({
+                "name": shown.name, "type": shown.ty, "value": shown.value, "line": shown.line, "role": role,
+                "retain": shown.retain, "pin": shown.pin, "forced": shown.forced,
+            })
+        });
+        let name = self.logic.names()[task];
+        Ok(json!({ "program": name, "time_ms": time_ns as f64 / 1e6, "variables": variables.collect::<Value>() }))
+    }
+
+    fn logic_force(&mut self, call: &Call<'_>) -> Result<Value, RpcError> {
+        let task = self.logic_task(call)?;
+        let variable = arguments::needed(call.params.text("variable")?, "variable", "a text")?;
+        let value = arguments::needed(call.params.text("value")?, "value", "a text")?;
+        let invalid = |what| RpcError::new(code::INVALID_PARAMS, what);
+        let forced = self.logic.force(task, variable, value).map_err(invalid)?;
+        self.note_logic(task, &format!("forced: {forced}"));
+        Ok(json!({ "forced": forced }))
+    }
+
+    fn logic_release(&mut self, call: &Call<'_>) -> Result<Value, RpcError> {
+        let task = self.logic_task(call)?;
+        let variable = call.params.text("variable")?;
+        let invalid = |what| RpcError::new(code::INVALID_PARAMS, what);
+        let released = self.logic.release(task, variable).map_err(invalid)?;
+        self.note_logic(task, &format!("released: {}", variable.unwrap_or("all that was forced")));
+        Ok(json!({ "released": released }))
+    }
+
+    fn logic_reload(&mut self, call: &Call<'_>) -> Answer {
+        let begun = self.logic_task(call).and_then(|task| {
+            let refused = |what| RpcError::new(code::REFUSED, what);
+            let state = self.live.snapshot().state;
+            if !state.may_replace_logic() {
+                let what = format!("the machine is {}: a program is only replaced while it rests", state.name());
+                return Err(refused(what));
+            }
+            self.logic.replace(task, call.ticket).map_err(refused)
+        });
+        begun.err().map(Err)
+    }
+
+    /// For the journal; nobody waits for its answer.
+    fn note_logic(&mut self, task: usize, what: &str) {
+        let name = self.logic.names()[task].to_owned();
+        let _ = self.operator.put(0, Order::Note(format!("warning: logic {name}: {what}")));
     }
 
     /// What the first spindle is told, if there is one.
@@ -477,6 +562,15 @@ impl Serve for Methods {
             if let Err(error) = &result {
                 tracing::info!(ticket, error = error.message, "refused");
             }
+            return Some((ticket, result));
+        }
+        if let Some((ticket, replaced)) = self.logic.replaced() {
+            let result = replaced
+                .map(|(task, carried)| {
+                    self.note_logic(task, "replaced by its changed file");
+                    json!({ "carried": carried })
+                })
+                .map_err(|what| RpcError::new(code::REFUSED, what));
             return Some((ticket, result));
         }
         if let Some(part) = self.paths.later() {

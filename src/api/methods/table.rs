@@ -14,7 +14,7 @@ use files::read::PROGRAM_MAX;
 
 /// Version of what is served here: the first number changes when something is gone or means something else, the second when
 /// something is new.
-pub const API_VERSION: &str = "2.0";
+pub const API_VERSION: &str = "2.1";
 
 /// What can be asked for.
 pub struct Method {
@@ -99,6 +99,11 @@ pub enum Gives {
     Kept,
     Lines,
     Report,
+    LogicTasks,
+    LogicVariables,
+    LogicForced,
+    LogicReleased,
+    LogicReloaded,
 }
 
 const fn needed(name: &'static str, kind: Kind) -> Param {
@@ -130,6 +135,7 @@ const PROGRAM: [Param; 4] = [
     optional("name", Kind::Text),
     optional("text", Kind::Text),
 ];
+const LOGIC: Param = optional("program", Kind::Text);
 const JOGGED: [Param; 2] = [optional("axis", Kind::Axis), optional("joint", JOINT)];
 
 /// A method that only asks, for all.
@@ -640,6 +646,48 @@ pub const METHODS: &[Method] = &[
         name: "alarm.acknowledge",
         does: "allows motion again after a fault whose cause is gone; moves nothing and switches nothing on",
         call: |methods, call| methods.order(call, Order::Acknowledge),
+        ..ORDER
+    },
+    Method {
+        name: "logic.list",
+        does: "programs in Structured Text: periods, scans, how many were left out as the one before was not over, what a scan takes",
+        gives: Gives::LogicTasks,
+        call: |methods, _| Some(Ok(methods.logic_tasks())),
+        ..LOOK
+    },
+    Method {
+        name: "logic.look",
+        params: &[LOGIC, optional("variable", Kind::Text)],
+        does: "variables of a \"program\" (its name or file; left out: the only one) as they were behind one scan: all, or those of a \
+               \"variable\", which may be a structure, an array or a block",
+        gives: Gives::LogicVariables,
+        call: |methods, call| Some(methods.logic_look(call)),
+        ..LOOK
+    },
+    Method {
+        name: "logic.force",
+        params: &[LOGIC, needed("variable", Kind::Text), needed("value", Kind::Text)],
+        does: "a \"variable\" has this \"value\" from the next scan on, whatever pins and the program make of it, until it is released, \
+               the program is changed or the control ends; the journal tells it",
+        gives: Gives::LogicForced,
+        call: |methods, call| Some(methods.logic_force(call)),
+        ..ORDER
+    },
+    Method {
+        name: "logic.release",
+        params: &[LOGIC, optional("variable", Kind::Text)],
+        does: "a \"variable\" that was forced, or without it all of them, are again what pins and the program make of them",
+        gives: Gives::LogicReleased,
+        call: |methods, call| Some(methods.logic_release(call)),
+        ..ORDER
+    },
+    Method {
+        name: "logic.reload",
+        params: &[LOGIC],
+        does: "reads the file of a program anew and lets it take the place of the one that runs, between two scans, with the values of \
+               all variables that have the same name and type; only while the machine rests and no program of parts is under way",
+        gives: Gives::LogicReloaded,
+        call: |methods, call| methods.logic_reload(call),
         ..ORDER
     },
 ];

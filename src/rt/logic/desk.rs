@@ -50,6 +50,8 @@ pub struct Told {
     pub period_ms: f64,
     pub steps_max: u64,
     pub scans: u64,
+    /// Scans that were left out, as the one before was not over.
+    pub overruns: u64,
     pub overflows: u64,
     pub scan_us: f64,
     pub scan_max_us: f64,
@@ -289,9 +291,10 @@ impl Desk {
         Ok(())
     }
 
-    /// What has come of a program that was sent to replace another: the ticket, and how many variables go on.
-    pub fn replaced(&self) -> Option<(u64, Result<usize, String>)> {
-        self.tasks.iter().find_map(|desk| {
+    /// What has come of a program that was sent to replace another: the ticket, the program, and how many variables
+    /// go on.
+    pub fn replaced(&self) -> Option<(u64, Result<(usize, usize), String>)> {
+        self.tasks.iter().enumerate().find_map(|(task, desk)| {
             let mut inner = desk.inner();
             let back = inner.back.pop().ok()?;
             let (logic, image, count, ticket) = inner.new.take()?;
@@ -300,7 +303,7 @@ impl Desk {
                     inner.forced.clear();
                     inner.before = Some(std::mem::replace(&mut inner.logic, logic));
                     inner.image = image;
-                    Ok(count)
+                    Ok((task, count))
                 }
                 Back::Refused(_) => Err("the machine is not at rest any more: stop it, and once more".into()),
             };
@@ -398,6 +401,7 @@ impl TaskDesk {
             period_ms: self.period_ns as f64 / 1e6,
             steps_max: inner.logic.steps_max(),
             scans: exchange.scans.load(Relaxed),
+            overruns: exchange.overruns.load(Relaxed),
             overflows: exchange.overflows.load(Relaxed),
             scan_us: exchange.scan_ns.load(Relaxed) as f64 / 1e3,
             scan_max_us: exchange.scan_max_ns.load(Relaxed) as f64 / 1e3,

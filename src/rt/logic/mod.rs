@@ -353,6 +353,7 @@ impl Port {
     fn leave_out(&mut self) {
         self.overruns += 1;
         self.pins.overruns.set(self.overruns);
+        self.exchange.overruns.store(self.overruns, Relaxed);
         self.late_in_row += 1;
         self.is_late = true;
         if self.late_in_row >= LATE_MAX && self.standing.is_none() {

@@ -305,7 +305,7 @@ fn a_changed_program_goes_on_where_the_old_one_was() {
     assert_eq!(desk.replaced(), None);
     played.cycles(11);
     // n, sum, on, et, a, b, and the six of the timer.
-    assert_eq!(desk.replaced(), Some((5, Ok(12))));
+    assert_eq!(desk.replaced(), Some((5, Ok((0, 12)))));
     // Forced is nothing any more; the timer has gone on.
     assert_eq!(["n", "sum", "et"].map(|pin| played.number(pin)), [103.0, 5.0, 0.03]);
     assert_eq!(desk.look(0, &["new".into()]).unwrap().1[0].value, "4");
