@@ -1,6 +1,6 @@
 //! CANopen over EtherCAT: objects of a device by mailbox.
 //!
-//! In and out: the data of mails of [`Protocol::CoE`](super::mailbox::Protocol::CoE).
+//! In and out: the data of mails of [`Protocol::CoE`].
 
 pub mod abort;
 mod info;
