@@ -566,8 +566,8 @@ mod tests {
         let methods = document["methods"].as_array().unwrap();
         let named = |name: &str| methods.iter().find(|method| method["name"] == name).unwrap();
         assert_eq!(
-            named("single_block")["params"],
-            json!([{ "name": "on", "required": true, "schema": { "type": "boolean" } }])
+            named("single_block")["params"][0],
+            json!({ "name": "on", "required": true, "schema": { "type": "boolean" } })
         );
         let codes = |name: &str| -> Vec<i64> {
             let errors = named(name)["errors"].as_array().unwrap();

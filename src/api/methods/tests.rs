@@ -353,7 +353,7 @@ fn overrides_are_turned_at_once_all_or_none() {
         ),
         (
             json!({ "speed": 50 }),
-            "unknown parameter \"speed\": known are feed, rapid, spindle",
+            "unknown parameter \"speed\": known are feed, rapid, spindle, request_id",
         ),
     ] {
         assert_eq!(refusal(&mut methods, "override", params), refused);
@@ -391,7 +391,10 @@ fn orders_of_others_are_refused_and_what_slows_down_or_looks_is_for_everyone() {
             "control.release" => assert!(others),
             name => assert_eq!(
                 others,
-                method.looks || for_everyone.contains(&name) || name.starts_with("program.upload"),
+                method.looks
+                    || for_everyone.contains(&name)
+                    || name.starts_with("program.upload")
+                    || name == "program.check",
                 "{name}"
             ),
         }
