@@ -606,8 +606,8 @@ fn rules_of_the_rest() {
             "m.toml:33:15: sim.probe.cylinder[0].diameter_mm = 0: must be above 0",
             "m.toml:35:1: sim.probe.cylinder[0].radius_mm: unknown key; known here: x_mm, y_mm, diameter_mm, z_mm, hole",
         ]),
-        (end, "joints = [0]\n[logic]\nperiod_ms = 10\n[hmi]\n[spindel]\n", &[
-            "m.toml:28:2: logic: is not supported yet",
+        (end, "joints = [0]\n[service]\nperiod_ms = 10\n[hmi]\n[spindel]\n", &[
+            "m.toml:28:2: service: is not supported yet",
             "m.toml:30:2: hmi: is not supported yet",
             "m.toml:31:2: spindel: unknown key; did you mean `spindle`?",
         ]),
