@@ -575,7 +575,7 @@ mod tests {
         };
         assert_eq!(codes("status"), [-32602]);
         assert_eq!(codes("stop"), [-32602, -32000]);
-        assert_eq!(codes("mdi"), [-32602, -32000, -32004]);
-        assert_eq!(codes("override"), [-32602, -32000, -32004]);
+        assert_eq!(codes("mdi"), [-32602, -32000, -32006, -32004]);
+        assert_eq!(codes("override"), [-32602, -32000, -32006, -32004]);
     }
 }
