@@ -75,7 +75,8 @@ fn errors(method: &Method) -> Value {
             "it cannot be done now; the message says why, and what would help",
         ));
     }
-    if method.role != Role::Watch {
+    // Overrides may be turned down by everyone, and up by who may give orders.
+    if method.role != Role::Watch || method.gives == Gives::Overrides {
         codes.push((
             code::NOT_ALLOWED,
             "this client has not the role for it; the data say which",
