@@ -354,7 +354,7 @@ fn programs_arrive_checked_and_nothing_else_does() {
         let (length, after) = rest.split_at(4);
         let length = u32::from_le_bytes(length.try_into().unwrap()) as usize;
         if length == 0 {
-            assert_eq!(after, b"{\"error\":null}");
+            assert_eq!(after, b"{\"error\":null}\n");
             break;
         }
         records += length / head["record_octets"].as_u64().unwrap() as usize;

@@ -1,7 +1,7 @@
 //! `/path`: the way of the program that is loaded, as octets.
 //!
 //! In:  a tolerance. Out: a line of JSON (axes, octets of a record, program), then blocks: how many octets follow (u32, little end
-//! first), whole records; 0 is the end, behind which a JSON object says whether the program was wrong somewhere.
+//! first), whole records; 0 is the end, behind which a line of JSON says whether the program was wrong somewhere.
 
 use crate::ask::Asker;
 use crate::guard::{Visitor, refuse};
@@ -90,7 +90,7 @@ fn block(part: Result<Value, String>) -> (Bytes, bool) {
     let is_over = end.is_some();
     if let Some(error) = end {
         octets.extend(0_u32.to_le_bytes());
-        octets.extend(json!({ "error": error }).to_string().into_bytes());
+        octets.extend(format!("{}\n", json!({ "error": error })).into_bytes());
     }
     (octets.into(), is_over)
 }
@@ -106,7 +106,7 @@ mod tests {
         let (octets, is_over) = block(Ok(json!({ "base64": "", "end": true, "error": "line 7" })));
         assert_eq!(
             (&octets[..4], &octets[4..], is_over),
-            (&[0; 4][..], &b"{\"error\":\"line 7\"}"[..], true)
+            (&[0; 4][..], &b"{\"error\":\"line 7\"}\n"[..], true)
         );
         assert!(block(Err("gone".into())).1);
     }
