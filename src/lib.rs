@@ -20,4 +20,5 @@ pub mod operator;
 pub mod plot;
 pub mod program;
 pub mod rt;
+pub mod scope;
 pub mod sim;

@@ -22,6 +22,8 @@ mod program_grammar;
 mod program_text;
 #[path = "../fuzz/src/request.rs"]
 mod request;
+#[path = "../fuzz/src/scope_memory.rs"]
+mod scope_memory;
 #[path = "../fuzz/src/sdo_server.rs"]
 mod sdo_server;
 #[path = "../fuzz/src/state_file.rs"]
@@ -30,6 +32,8 @@ mod state_file;
 mod structured_text;
 #[path = "../fuzz/src/tool_table.rs"]
 mod tool_table;
+#[path = "../fuzz/src/trigger.rs"]
+mod trigger;
 #[path = "../fuzz/src/uploads.rs"]
 mod uploads;
 
@@ -171,6 +175,16 @@ fn uploads() {
 #[test]
 fn request() {
     replay("request", request::run);
+}
+
+#[test]
+fn trigger() {
+    replay("trigger", trigger::run);
+}
+
+#[test]
+fn scope_memory() {
+    replay("scope_memory", scope_memory::run);
 }
 
 #[test]

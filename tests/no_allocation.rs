@@ -184,6 +184,20 @@ fn the_cycle_never_allocates() {
     let mut hal = hal_pins::Hal::create_in(&[std::env::temp_dir()], &name, capacity(&config)).expect("pins");
     let (control, endpoints) = assemble(&config, &plans, bus, &mut hal).expect("a control");
     let mut control = Box::new(control);
+    // Watched by an oscilloscope whose reader keeps up, one whose ring is full, and one that begins anew again and again.
+    let period_ns = u64::from(config.cycle_us) * 1000;
+    control.set_scope(hal_pins::scope::Sampler::new(&hal, period_ns).expect("an oscilloscope"));
+    let pins = hal_pins::Attached::attach_in(&[std::env::temp_dir()], &name).expect("the pins");
+    let all: Vec<String> = pins
+        .list()
+        .expect("pins")
+        .into_iter()
+        .map(|pin| pin.name)
+        .take(32)
+        .collect();
+    let begin = || hal_pins::scope::Capture::begin(&pins, &all).expect("a capture");
+    let (mut keeps_up, falls_behind, mut begins_anew) = (begin(), begin(), begin());
+    let mut sampled = 0;
     let mut operator = Operator::new(&config, endpoints, 0);
 
     let grid = grid(&config);
@@ -237,6 +251,7 @@ fn the_cycle_never_allocates() {
     let mut feeder = None;
     for _ in 0..20_000 {
         cycle(&mut control, 0);
+        sampled += keeps_up.read(100, |_| ()).expect("records");
         let now_ns = control.bus_mut().now_ns();
         if let Some(position) = operator.poll(now_ns) {
             let (producer, consumer) = ring::channel(ring_capacity(&config));
@@ -322,7 +337,14 @@ fn the_cycle_never_allocates() {
             control.state()
         );
         cycles += 1;
+        sampled += keeps_up.read(100, |_| ()).expect("records");
+        if cycles.is_multiple_of(500) {
+            // A capture that is dropped gives its ring back.
+            let _ = std::mem::replace(&mut begins_anew, begin());
+        }
     }
+    assert!(sampled >= 12_000 && keeps_up.lost() == 0, "{sampled}");
+    assert!(falls_behind.lost() > 1000, "a full ring was part of it");
     let live = operator.live();
     assert!(live.line > 10 && live.cycles_skipped == 6, "{live:?}");
     assert!(control.trace_lost() > 0, "a full ring was part of it");

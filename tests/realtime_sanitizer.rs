@@ -110,6 +110,16 @@ fn rehearsed(seed: u64, act: impl FnOnce(&mut Rehearsal<'_>)) {
     let machine = machine + "[[logic]]\nfile = \"configs/cell/plant.st\"\nperiod_ms = 2\n";
     let config = config::parse(&machine, Path::new("mill3-demo.toml")).expect("a good machine");
     rehearse(&config, PART.as_bytes(), NetConfig::clean(seed), |run| {
+        // With an oscilloscope whose ring is soon full.
+        run.control
+            .set_scope(hal_pins::scope::Sampler::new(&run.hal, 1_000_000).expect("an oscilloscope"));
+        let file = run.hal.path().to_owned();
+        let machine = file.file_name().and_then(|name| name.to_str()).expect("a name");
+        let machine = machine.trim_start_matches("isocnc-hal.");
+        let pins =
+            hal_pins::Attached::attach_in(&[file.parent().expect("a folder").to_owned()], machine).expect("the pins");
+        let names = vec!["joint.0.f-error"; hal_pins::scope::CHANNELS_MAX];
+        let _capture = hal_pins::scope::Capture::begin(&pins, &names).expect("a capture");
         act(run);
         Ok(())
     })

@@ -23,6 +23,7 @@ const REAL_TIME: &[&str] = &[
     "src/rt/logic/ends.rs",
     "src/rt/logic/scanner.rs",
     "src/rt/logic/shared.rs",
+    "hal-pins/src/scope/sampler.rs",
     "components/src/instance.rs",
     "src/rt/joint_jog.rs",
     "src/rt/homing.rs",

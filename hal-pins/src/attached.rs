@@ -132,7 +132,7 @@ impl Attached {
         set_cell(&self.words, index, &entries[index], net, value)
     }
 
-    fn entries(&self) -> Result<Vec<Entry>, HalError> {
+    pub(crate) fn entries(&self) -> Result<Vec<Entry>, HalError> {
         let read = || -> Result<Vec<Entry>, String> {
             let count = self.words.count()?;
             (0..count).map(|index| self.words.read(index, count)).collect()
@@ -148,7 +148,7 @@ impl Attached {
     }
 }
 
-fn index_of(entries: &[Entry], name: &str) -> Result<usize, HalError> {
+pub(crate) fn index_of(entries: &[Entry], name: &str) -> Result<usize, HalError> {
     entries
         .iter()
         .position(|entry| entry.name == name)

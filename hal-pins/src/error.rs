@@ -128,6 +128,26 @@ pub enum HalError {
         /// A running machine of a similar name.
         hint: Option<String>,
     },
+    /// More channels than a capture has, or none.
+    #[error("{count} channels: a capture has 1 to {}", crate::scope::CHANNELS_MAX)]
+    Channels {
+        /// What was asked for.
+        count: usize,
+    },
+    /// Nobody can have one more.
+    #[error(
+        "all {} captures of the oscilloscope are in use, by the processes {readers}: end one of them",
+        crate::scope::CAPTURES
+    )]
+    CapturesInUse {
+        /// Processes that have them.
+        readers: String,
+    },
+    /// A control that samples nothing.
+    #[error(
+        "the control has no oscilloscope: it has ended, or had no memory for one when it started, which its log says"
+    )]
+    NoScope,
     /// A file of somebody else.
     #[error("{} belongs to user {owner}: run as that user, or as root", .path.display())]
     Foreign {

@@ -17,7 +17,9 @@ use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-const PREFIX: &str = "isocnc-hal.";
+pub(crate) const PREFIX: &str = "isocnc-hal.";
+/// What is being made has no name yet; whoever makes it holds the lock of the folder.
+pub(crate) const DRAFT_PREFIX: &str = ".isocnc-hal.";
 /// Tries of taking a name over from dead processes while others do the same.
 const ATTEMPTS: u32 = 16;
 
@@ -86,7 +88,7 @@ fn is_memory(folder: &Path) -> bool {
 }
 
 /// A folder and its lock: one process at a time makes and sweeps files there.
-struct Folder {
+pub(crate) struct Folder {
     file: File,
     path: PathBuf,
 }
@@ -127,7 +129,7 @@ impl Folder {
         Ok(())
     }
 
-    fn open(path: &Path, doing: &'static str) -> Result<Folder, HalError> {
+    pub(crate) fn open(path: &Path, doing: &'static str) -> Result<Folder, HalError> {
         let system = |cause| HalError::System {
             path: path.to_owned(),
             doing,
@@ -145,7 +147,7 @@ impl Folder {
     }
 
     /// Until it is dropped, no other process makes or sweeps files here. It is held for moments.
-    fn lock(&self) -> Result<(), HalError> {
+    pub(crate) fn lock(&self) -> Result<(), HalError> {
         self.file.lock().map_err(|cause| HalError::System {
             path: self.path.clone(),
             doing: "lock the folder",
@@ -168,7 +170,7 @@ impl Folder {
             };
             let left_over = match name.to_str() {
                 // Whoever makes one holds the lock.
-                Some(name) if name.starts_with(&format!(".{PREFIX}")) => true,
+                Some(name) if name.starts_with(DRAFT_PREFIX) => true,
                 Some(name) if name.starts_with("isocnc-") => {
                     name.split_once('.').is_some_and(|(_, machine)| is_dead(machine))
                 }
@@ -261,7 +263,7 @@ impl OwnFile {
         let path = path_in(directory, machine);
         // Hidden, so that `find` passes it by; unique, so that processes and threads do not meet.
         let unique = format!(
-            ".{PREFIX}{machine}.{}.{:?}",
+            "{DRAFT_PREFIX}{machine}.{}.{:?}",
             std::process::id(),
             std::thread::current().id()
         );
@@ -457,7 +459,27 @@ pub(crate) fn is_locked(file: &File) -> std::io::Result<bool> {
     Ok(i32::from(answer.l_type) != libc::F_UNLCK)
 }
 
-fn same_file(file: &File, path: &Path) -> bool {
+/// The same of one octet.
+pub(crate) fn lock_octet(file: &File, octet: i64) -> std::io::Result<()> {
+    fcntl(file, FcntlArg::F_OFD_SETLK(&one_octet(octet)))?;
+    Ok(())
+}
+
+pub(crate) fn is_octet_locked(file: &File, octet: i64) -> std::io::Result<bool> {
+    let mut answer = one_octet(octet);
+    fcntl(file, FcntlArg::F_OFD_GETLK(&mut answer))?;
+    Ok(i32::from(answer.l_type) != libc::F_UNLCK)
+}
+
+fn one_octet(octet: i64) -> libc::flock {
+    libc::flock {
+        l_start: octet,
+        l_len: 1,
+        ..whole_file(libc::F_WRLCK)
+    }
+}
+
+pub(crate) fn same_file(file: &File, path: &Path) -> bool {
     match (file.metadata(), std::fs::symlink_metadata(path)) {
         (Ok(a), Ok(b)) => (a.dev(), a.ino()) == (b.dev(), b.ino()),
         _ => false,

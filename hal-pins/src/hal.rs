@@ -11,15 +11,15 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 /// All pins and nets of one control. Dropping it removes the file; handles stay usable.
 pub struct Hal {
-    shared: Arc<Shared>,
+    pub(crate) shared: Arc<Shared>,
     /// What the descriptors say, kept here so that nothing is ever believed that another process could have changed.
     entries: Vec<Entry>,
     file: OwnFile,
 }
 
 /// What handles hold.
-struct Shared {
-    words: Words,
+pub(crate) struct Shared {
+    pub(crate) words: Words,
     /// Per entry: the entry whose cell an input reads. In this process's own memory.
     source: Box<[AtomicU32]>,
 }

@@ -45,6 +45,7 @@ mod hal;
 mod kind;
 mod layout;
 mod name;
+pub mod scope;
 mod value;
 
 pub use attached::{Attached, PinInfo};

@@ -76,6 +76,18 @@ impl AnyValue {
         }
     }
 
+    /// The value as a number: 0 or 1 for a bit; integers beyond 2^53 are rounded.
+    pub fn to_f64(self) -> f64 {
+        match self {
+            AnyValue::Bit(value) => f64::from(u8::from(value)),
+            AnyValue::S32(value) => value.into(),
+            AnyValue::U32(value) => value.into(),
+            AnyValue::S64(value) => value as f64,
+            AnyValue::U64(value) => value as f64,
+            AnyValue::Float(value) => value,
+        }
+    }
+
     /// Reads the text of a command line: `1`, `0`, `true`, `false` for a bit; decimal or `0x` for integers.
     ///
     /// # Errors

@@ -18,6 +18,7 @@ pub mod paths;
 pub mod repeats;
 pub mod roles;
 pub mod rpc;
+pub mod scopes;
 pub mod server;
 pub mod socket;
 mod text_lines;

@@ -108,6 +108,7 @@ fn kind(param: &Param) -> Value {
     match param.kind {
         Kind::Whole(least, most) => whole(least, most),
         Kind::Wholes(least, most) => list(whole(least, most)),
+        Kind::Texts(most) => json!({ "type": "array", "items": text(), "minItems": 1, "maxItems": most }),
         Kind::Number => json!({ "type": "number" }),
         Kind::Percent(least, most) => json!({ "type": "number", "minimum": least, "maximum": most }),
         Kind::Flag => json!({ "type": "boolean" }),
@@ -121,7 +122,7 @@ fn kind(param: &Param) -> Value {
     }
 }
 
-const ALL: [Gives; 27] = [
+const ALL: [Gives; 30] = [
     Gives::Nothing,
     Gives::Methods,
     Gives::OpenRpc,
@@ -149,6 +150,9 @@ const ALL: [Gives; 27] = [
     Gives::Kept,
     Gives::Lines,
     Gives::Report,
+    Gives::Pins,
+    Gives::ScopeBegun,
+    Gives::ScopePart,
 ];
 
 fn name(gives: Gives) -> &'static str {
@@ -180,6 +184,9 @@ fn name(gives: Gives) -> &'static str {
         Gives::Kept => "Kept",
         Gives::Lines => "Lines",
         Gives::Report => "Report",
+        Gives::Pins => "Pins",
+        Gives::ScopeBegun => "ScopeBegun",
+        Gives::ScopePart => "ScopePart",
     }
 }
 
@@ -209,6 +216,11 @@ fn or_null(mut of: Value) -> Value {
 
 fn text() -> Value {
     json!({ "type": "string" })
+}
+
+fn pin_type() -> Value {
+    let names: Vec<&str> = hal_pins::Type::ALL.iter().map(|kind| kind.name()).collect();
+    json!({ "type": "string", "enum": names })
 }
 
 fn number() -> Value {
@@ -396,6 +408,34 @@ fn result(gives: Gives) -> Value {
         Gives::PathPart => object(json!({
             "base64": { "type": "string", "contentEncoding": "base64" },
             "end": flag(),
+            "error": or_null(text()),
+        })),
+        Gives::Pins => object(json!({
+            "pins": list(object(json!({
+                "name": text(),
+                "type": pin_type(),
+                "direction": { "type": "string", "enum": ["in", "out", "net"] },
+                "value": { "type": ["boolean", "number", "null"] },
+                "net": or_null(text()),
+                "source": or_null(text()),
+                "alias_of": or_null(text()),
+                "unit": or_null(text()),
+            }))),
+            "more": flag(),
+        })),
+        Gives::ScopeBegun => object(json!({
+            "scope": whole(),
+            "period_us": number(),
+            "channels": list(object(json!({ "name": text(), "type": pin_type(), "unit": text() }))),
+        })),
+        Gives::ScopePart => object(json!({
+            "record": whole(),
+            "rows": whole(),
+            "base64": { "type": "string", "contentEncoding": "base64" },
+            "record_ends": flag(),
+            "state": { "type": "string", "enum": ["waiting", "recording", "done"] },
+            "lost": whole(),
+            "more": flag(),
             "error": or_null(text()),
         })),
         Gives::Offsets => object(json!({

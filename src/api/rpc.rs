@@ -165,6 +165,21 @@ impl Params {
             .ok_or_else(|| invalid(format!("parameter \"{name}\": expected a text, got {value}")))
     }
 
+    /// Texts in a list.
+    ///
+    /// # Errors
+    /// It is missing, is no list of texts, is empty, or has more than `most`.
+    pub fn texts(&self, name: &str, most: usize) -> Result<Vec<String>, RpcError> {
+        let expected = || format!("parameter \"{name}\": expected a list of 1 to {most} texts");
+        let value = self
+            .0
+            .get(name)
+            .ok_or_else(|| invalid(format!("{}, it is missing", expected())))?;
+        let texts = value.as_array().filter(|list| (1..=most).contains(&list.len()));
+        let texts = texts.and_then(|list| list.iter().map(|text| text.as_str().map(str::to_owned)).collect());
+        texts.ok_or_else(|| invalid(format!("{}, got {value}", expected())))
+    }
+
     /// Yes or no.
     pub fn flag(&self, name: &str) -> Result<bool, RpcError> {
         let expected = || format!("parameter \"{name}\": expected true or false");

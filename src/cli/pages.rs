@@ -42,8 +42,54 @@ pub struct ManArgs {
 pub fn completions(args: &CompletionsArgs, mut all: Command) -> anyhow::Result<ExitCode> {
     let mut script = Vec::new();
     clap_complete::generate(args.shell, &mut all, "isocnc", &mut script);
-    say(&String::from_utf8_lossy(&script));
+    say(&with_pins(args.shell, &String::from_utf8_lossy(&script)));
     Ok(ExitCode::SUCCESS)
+}
+
+/// The script with the names of pins behind `hal get` and the like, as a running control has them.
+fn with_pins(shell: Shell, script: &str) -> String {
+    const BASH: &str = r#"
+_isocnc_pins() {
+    local cur=${COMP_WORDS[COMP_CWORD]}
+    case "${COMP_WORDS[1]} ${COMP_WORDS[2]}" in
+        "hal get"|"hal set"|"hal watch"|"hal scope"|"hal show"|"hal list")
+            if (( COMP_CWORD > 2 )) && [[ $cur != -* ]]; then
+                COMPREPLY=( $(compgen -W "$(isocnc hal list --names 2>/dev/null)" -- "$cur") )
+                return 0
+            fi
+            ;;
+    esac
+    _isocnc "$@"
+}
+complete -F _isocnc_pins -o bashdefault -o default isocnc
+"#;
+    const ZSH: &str = r#"
+_isocnc_pins() {
+    if (( CURRENT > 3 )) && [[ ${words[2]} == hal && ${words[3]} == (get|set|watch|scope|show|list) && ${words[CURRENT]} != -* ]]; then
+        local -a pins
+        pins=(${(f)"$(isocnc hal list --names 2>/dev/null)"})
+        compadd -a pins
+    else
+        _isocnc "$@"
+    fi
+}
+compdef _isocnc_pins isocnc
+"#;
+    const FISH: &str = r#"
+complete -c isocnc -n "__fish_seen_subcommand_from hal; and __fish_seen_subcommand_from get set watch scope show list" -f -a "(isocnc hal list --names 2>/dev/null)"
+"#;
+    match shell {
+        Shell::Bash => format!("{script}{BASH}"),
+        // The first time, the script is the body of the function that is called.
+        Shell::Zsh => script.replacen(
+            "if [ \"$funcstack[1]\" = \"_isocnc\" ]; then\n    _isocnc \"$@\"\nelse\n    compdef _isocnc isocnc\nfi",
+            &format!("{ZSH}if [ \"$funcstack[1]\" = \"_isocnc\" ]; then\n    _isocnc_pins \"$@\"\nfi"),
+            1,
+        ),
+        Shell::Fish => format!("{script}{FISH}"),
+        // Elvish and PowerShell have the names of commands and options.
+        _ => script.to_owned(),
+    }
 }
 
 /// Prints the schema of the machine file, or the methods of the control socket.

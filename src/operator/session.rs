@@ -46,6 +46,7 @@ use crate::sim::paced::{Paced, run_paced};
 use crate::sim::stepper;
 use anyhow::{Context, anyhow};
 use gcode::PinReader;
+use hal_pins::scope::Sampler;
 use hal_pins::{AnyValue, Hal};
 use motion::rt::Peaks;
 use std::io::Write;
@@ -239,10 +240,16 @@ fn run_on(
         config,
         pin_values(&hal),
         time_of_day,
+        hal.path(),
     );
     let methods = methods.with_programs(session.panel.as_ref().and_then(Panel::programs).map(Path::to_owned));
     let socket = control_socket(hal.path(), &config.name)?;
     let (door, guests) = door(methods.wake());
+    match Sampler::new(&hal, grid.period_ns) {
+        Ok(scope) => control.set_scope(scope),
+        // The machine runs as well without.
+        Err(cause) => tracing::warn!("no oscilloscope: {cause}"),
+    }
 
     let (recorder, windows) = cycle_stats::recorder(grid.period_ns);
     let (reports, watch_reports) = rtrb::RingBuffer::new(timeout::REPORTS);
@@ -408,16 +415,7 @@ pub(super) fn pin_reader(hal: &Hal) -> PinReader {
 
 fn pin_values(hal: &Hal) -> impl Fn(&str) -> Option<f64> + Send + Sync + 'static + use<> {
     let pins = hal.view();
-    move |name| {
-        Some(match pins.value(name)? {
-            AnyValue::Bit(on) => f64::from(on),
-            AnyValue::S32(number) => f64::from(number),
-            AnyValue::U32(number) => f64::from(number),
-            AnyValue::S64(number) => number as f64,
-            AnyValue::U64(number) => number as f64,
-            AnyValue::Float(number) => number,
-        })
-    }
+    move |name| pins.value(name).map(AnyValue::to_f64)
 }
 
 /// Seconds since 1970.

@@ -105,6 +105,7 @@ pub struct Pins {
     network_up: Output<bool>,
 
     machine_state: Output<u32>,
+    fault: Output<bool>,
     program_line: Output<u32>,
     current_vel: Output<f64>,
     feed_hold: Input<bool>,
@@ -449,6 +450,7 @@ impl Pins {
             memory: hal.memory(),
             network_up: hal.output("plk.operational")?,
             machine_state: hal.output("motion.machine-state")?,
+            fault: hal.output("motion.fault")?,
             program_line: hal.output("motion.program-line")?,
             current_vel: hal.output("motion.current-vel")?,
             feed_hold: hal.input("motion.feed-hold", false)?,
@@ -750,6 +752,11 @@ impl Pins {
         }
         self.io.write(outputs);
         self.spindle.write(outputs);
+    }
+
+    /// Shows whether a fault has stopped the machine and is not acknowledged.
+    pub fn show_fault(&mut self, is_fault: bool) {
+        self.fault.set(is_fault);
     }
 
     /// Shows joints with step pulses.

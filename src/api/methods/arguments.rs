@@ -6,6 +6,11 @@ use crate::config::JOINTS_MAX;
 use crate::program::Change;
 use crate::program::tool_path::TOLERANCE_MIN_MM;
 use crate::rt::joint_jog::JogMotion;
+use crate::scope::record::Mode;
+use crate::scope::stream::Wanted;
+use crate::scope::trigger::Trigger;
+use glob::Pattern;
+use hal_pins::scope::CHANNELS_MAX;
 use motion::canon::Axis;
 
 /// Longest line of MDI, octets.
@@ -34,6 +39,32 @@ pub(super) fn jog(params: &Params) -> Result<Jog, RpcError> {
         what: Some(what),
         motion,
     })
+}
+
+/// What "scope.begin" is to show.
+pub(super) fn wanted(params: &Params) -> Result<Wanted, RpcError> {
+    let invalid = |what: String| RpcError::new(code::INVALID_PARAMS, what);
+    let mode = match params.text("mode")? {
+        None => None,
+        Some(name) => Some(Mode::from_name(name).ok_or_else(|| {
+            let what = format!("parameter \"mode\": expected auto, normal, single or roll, got {name:?}");
+            invalid(what)
+        })?),
+    };
+    let trigger = params.text("trigger")?.map(Trigger::parse).transpose();
+    Ok(Wanted {
+        pins: params.texts("pins", CHANNELS_MAX)?,
+        trigger: trigger.map_err(|error| invalid(error.to_string()))?,
+        mode,
+        seconds: params.real("seconds")?,
+        before_percent: params.real("before_percent")?.unwrap_or(0.0),
+    })
+}
+
+/// The pattern of "hal.list".
+pub(super) fn pattern(params: &Params) -> Result<Option<Pattern>, RpcError> {
+    let pattern = params.text("pattern")?.map(Pattern::new).transpose();
+    pattern.map_err(|error| RpcError::new(code::INVALID_PARAMS, format!("parameter \"pattern\": {error}")))
 }
 
 /// How far the way of a program may be off, mm.

@@ -16,6 +16,7 @@ use super::paths::Paths;
 use super::repeats::{self, REQUEST_ID, Repeats, Seen};
 use super::roles::Role;
 use super::rpc::{Params, Request, RpcError, code, from_hex, to_hex};
+use super::scopes::Scopes;
 use super::server::subscription::{self, RATE_MAX_HZ, Subscription};
 use super::server::{Caller, ClientId, Serve, Ticket};
 use super::text_lines::{LINES_MAX, Place, lines};
@@ -32,13 +33,17 @@ use crate::rt::joint_jog::JogMotion;
 use crate::rt::overrides::Overridden;
 use crate::rt::shared::RtStatus;
 use files::read::PROGRAM_MAX;
+use hal_pins::{AnyValue, PinInfo};
 use motion::canon::LengthUnit;
 use nix::sys::eventfd::EventFd;
 use obd::AbortCode;
 use serde_json::{Map, Value, json};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use table::METHODS;
+
+/// Pins in an answer.
+const PINS_PER_PAGE: usize = 500;
 
 /// Values of pins, by name.
 type Pins = dyn Fn(&str) -> Option<f64> + Send;
@@ -96,6 +101,7 @@ pub struct Methods {
     paths: Paths,
     /// Orders that carry an id.
     repeats: Repeats,
+    scopes: Scopes,
     time_of_day: fn() -> f64,
     /// Its axes: what does not change.
     axes: Value,
@@ -133,6 +139,7 @@ impl Methods {
             control: Control::default(),
             uploads: Uploads::default(),
             paths,
+            scopes: Scopes::default(),
             repeats: Repeats::default(),
             time_of_day: || 0.0,
             axes: json!([]),
@@ -148,12 +155,13 @@ impl Methods {
     }
 
     /// Shows its axes, and its spindle and coolant as the pins have them; states are stamped with this time of day, too, s since
-    /// 1970.
+    /// 1970. `file`: that of its pins.
     pub fn of_machine(
         self,
         config: &Config,
         pins: impl Fn(&str) -> Option<f64> + Send + 'static,
         time_of_day: fn() -> f64,
+        file: &Path,
     ) -> Methods {
         let axes = config.axes.iter().map(|map| {
             let (letter, unit) = (
@@ -175,6 +183,10 @@ impl Methods {
                 .is_some_and(|panel| panel.on_lost_control == OnLostControl::Hold),
             pins: Box::new(pins),
             time_of_day,
+            scopes: match file.parent() {
+                Some(folder) => Scopes::new(folder.to_owned(), &config.name),
+                None => Scopes::default(),
+            },
             ..self
         }
     }
@@ -427,6 +439,30 @@ impl Methods {
         (self.paths).next(call.caller.client, number, call.ticket, (self.now_ns)())
     }
 
+    fn begin_scope(&mut self, call: &Call<'_>) -> Result<Value, RpcError> {
+        let wanted = arguments::wanted(call.params)?;
+        let per_row = match call.params.has("cycles_per_row") {
+            true => call.params.number("cycles_per_row", 1, u64::from(u32::MAX))?,
+            false => 1,
+        };
+        self.scopes.begin(call.caller.client, &wanted, per_row, (self.now_ns)())
+    }
+
+    /// Pins and nets that a pattern fits, a page of them.
+    fn list_pins(&self, call: &Call<'_>) -> Result<Value, RpcError> {
+        let pattern = arguments::pattern(call.params)?;
+        let from = match call.params.has("from") {
+            true => call.params.number("from", 0, u64::from(u32::MAX))? as usize,
+            false => 0,
+        };
+        let all = self.scopes.pins()?.list();
+        let all = all.map_err(|error| RpcError::new(code::REFUSED, error.to_string()))?;
+        let fits = |pin: &&PinInfo| pattern.as_ref().is_none_or(|pattern| pattern.matches(&pin.name));
+        let mut fitting = all.iter().filter(fits).skip(from);
+        let pins: Vec<Value> = fitting.by_ref().take(PINS_PER_PAGE).map(pin_json).collect();
+        Ok(json!({ "pins": pins, "more": fitting.next().is_some() }))
+    }
+
     /// The program of "program.load" and "program.run".
     fn source(&mut self, call: &Call<'_>) -> Result<Source, RpcError> {
         if let Some(name) = call.params.text("file")? {
@@ -585,6 +621,7 @@ impl Methods {
             }
             return Some((ticket, result));
         }
+        self.scopes.pump((self.now_ns)());
         if let Some(part) = self.paths.later() {
             return Some(part);
         }
@@ -696,6 +733,7 @@ impl Serve for Methods {
         }
         self.uploads.left(client);
         self.paths.left(client);
+        self.scopes.left(client);
     }
 
     fn state(&mut self) -> subscription::State {
@@ -768,6 +806,32 @@ fn client_name(params: &Params) -> Result<Option<&str>, RpcError> {
             Err(RpcError::new(code::INVALID_PARAMS, what))
         }
         name => Ok(name),
+    }
+}
+
+/// A pin or net as JSON, as of "hal.list" and of `isocnc hal list --json`.
+pub fn pin_json(pin: &PinInfo) -> Value {
+    json!({
+        "name": pin.name,
+        "type": pin.value_type().name(),
+        "direction": pin.kind.short(),
+        "value": value_json(pin.value),
+        "net": pin.net,
+        "source": pin.source,
+        "alias_of": pin.alias_of,
+        "unit": if pin.unit.is_empty() { Value::Null } else { pin.unit.as_str().into() },
+    })
+}
+
+/// The value of a pin; null: no number.
+pub fn value_json(value: AnyValue) -> Value {
+    match value {
+        AnyValue::Bit(value) => value.into(),
+        AnyValue::S32(value) => value.into(),
+        AnyValue::U32(value) => value.into(),
+        AnyValue::S64(value) => value.into(),
+        AnyValue::U64(value) => value.into(),
+        AnyValue::Float(value) => value.into(),
     }
 }
 

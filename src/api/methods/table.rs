@@ -13,10 +13,11 @@ use crate::bus::SDO_VALUE_MAX;
 use crate::config::JOINTS_MAX;
 use crate::rt::joint_jog::JogMotion;
 use files::read::PROGRAM_MAX;
+use hal_pins::scope::CHANNELS_MAX;
 
 /// Version of what is served here: the first number changes when something is gone or means something else, the second when
 /// something is new.
-pub const API_VERSION: &str = "2.1";
+pub const API_VERSION: &str = "2.2";
 
 /// What can be asked for.
 pub struct Method {
@@ -62,6 +63,8 @@ pub enum Kind {
     Whole(u64, u64),
     /// A list of them.
     Wholes(u64, u64),
+    /// A list of so many texts at the most.
+    Texts(usize),
     Number,
     /// A number from the first to the second.
     Percent(u32, u32),
@@ -107,6 +110,9 @@ pub enum Gives {
     Kept,
     Lines,
     Report,
+    Pins,
+    ScopeBegun,
+    ScopePart,
 }
 
 const fn needed(name: &'static str, kind: Kind) -> Param {
@@ -469,6 +475,59 @@ pub const METHODS: &[Method] = &[
         call: |methods, call| {
             methods.paths.left(call.caller.client);
             done()
+        },
+        ..LOOK
+    },
+    Method {
+        name: "hal.list",
+        params: &[optional("pattern", Kind::Text), optional("from", NUMBER_32)],
+        does: "pins and nets with their values, those that a \"pattern\" with * and ? fits, up to 500, from number \"from\" of them on; \
+               \"more\": there are others behind them",
+        gives: Gives::Pins,
+        call: |methods, call| Some(methods.list_pins(call)),
+        ..LOOK
+    },
+    Method {
+        name: "scope.begin",
+        params: &[
+            needed("pins", Kind::Texts(CHANNELS_MAX)),
+            optional("trigger", Kind::Text),
+            optional("mode", Kind::Text),
+            optional("seconds", Kind::Number),
+            optional("before_percent", Kind::Percent(0, 100)),
+            optional("cycles_per_row", Kind::Whole(1, u32::MAX as u64)),
+        ],
+        does: "an oscilloscope: samples up to 32 \"pins\" or nets in every cycle, from now on. A row has the least and the greatest value \
+               of \"cycles_per_row\" cycles (1 without it). With a \"trigger\", records of so many \"seconds\" (1) around it, of which \
+               \"before_percent\" (0) lie before; \"mode\" is auto, normal, single or roll (single with a trigger or seconds, else \
+               roll). Rows are fetched with \"scope.next\"; given up when its client goes or asks for nothing for a minute. Four at \
+               a time, with those of other processes",
+        gives: Gives::ScopeBegun,
+        call: |methods, call| Some(methods.begin_scope(call)),
+        ..LOOK
+    },
+    Method {
+        name: "scope.next",
+        params: &[needed("scope", NUMBER_32)],
+        does: "the rows that have come since the last call, at once, of one record, 24 KiB at the most; \"more\": others are there \
+               already. \"lost\": cycles since the beginning that nobody fetched in time",
+        gives: Gives::ScopePart,
+        call: |methods, call| {
+            let scope = call.params.number("scope", 0, u64::from(u32::MAX));
+            Some(scope.and_then(|scope| methods.scopes.next(call.caller.client, scope, (methods.now_ns)())))
+        },
+        ..LOOK
+    },
+    Method {
+        name: "scope.end",
+        params: &[needed("scope", NUMBER_32)],
+        does: "nobody wants more of it",
+        call: |methods, call| {
+            let scope = call.params.number("scope", 0, u64::from(u32::MAX));
+            Some(scope.map(|scope| {
+                methods.scopes.end(call.caller.client, scope);
+                serde_json::json!({})
+            }))
         },
         ..LOOK
     },

@@ -32,6 +32,7 @@ use crate::rt::steps::StepDrives;
 use crate::rt::waiting::Waiting;
 use crate::rt::way_back::{Place, Progress, Retract, WayBack};
 use cia402::axis::{AxisFault, Request, Status};
+use hal_pins::scope::Sampler;
 use motion::canon::Position;
 use motion::element::Action;
 use motion::kinematics::{Kinematics, ToolFrame};
@@ -159,6 +160,10 @@ pub struct MotionController<B> {
     notices_lost: u64,
     trace_lost: u64,
     laps: Laps,
+    /// Shows pins to those who watch them cycle by cycle.
+    scope: Option<Sampler>,
+    /// Date of the cycle that is made ready.
+    begin_ns: u64,
 }
 
 impl<B: CyclicBus> MotionController<B> {
@@ -199,6 +204,8 @@ impl<B: CyclicBus> MotionController<B> {
             notices_lost: 0,
             trace_lost: 0,
             laps: Laps::default(),
+            scope: None,
+            begin_ns: 0,
         }
     }
 
@@ -207,6 +214,7 @@ impl<B: CyclicBus> MotionController<B> {
     #[cfg_attr(feature = "rtsan", rtsan_standalone::nonblocking)]
     pub fn prepare(&mut self, begin_ns: u64) {
         self.laps.begin();
+        self.begin_ns = begin_ns;
         self.bus.prepare(begin_ns, &self.parts.outputs);
         self.laps.end(Part::Bus);
     }
@@ -272,6 +280,9 @@ impl<B: CyclicBus> MotionController<B> {
         self.parts.pins.logic.sample(skipped, may_replace);
         self.parts.pins.write_outputs(may_turn, &mut self.parts.outputs);
         self.parts.analog.write(&mut self.parts.outputs);
+        if let Some(scope) = &mut self.scope {
+            scope.sample(self.begin_ns);
+        }
         self.laps.end(Part::Pins);
         self.bus.publish(self.cycle);
         self.laps.end(Part::Bus);
@@ -283,6 +294,11 @@ impl<B: CyclicBus> MotionController<B> {
     #[cfg_attr(feature = "rtsan", rtsan_standalone::nonblocking)]
     pub fn show_timing(&mut self, timing: &Timing) {
         self.parts.pins.show_timing(timing);
+    }
+
+    /// From now on pins are sampled at the end of each cycle, for those who ask for it.
+    pub fn set_scope(&mut self, scope: Sampler) {
+        self.scope = Some(scope);
     }
 
     /// Joints with step pulses, before the first cycle.
@@ -774,6 +790,7 @@ impl<B: CyclicBus> MotionController<B> {
         self.parts
             .pins
             .publish(&mut self.bus, &self.parts.drives, &self.sample, self.state);
+        self.parts.pins.show_fault(self.fault_seen);
         let (elapsed_s, remaining_s) = match &self.program {
             Some(program) => (self.program_cycles as f64 * self.parts.cycle_s, program.remaining_s()),
             None => (0.0, 0.0),

@@ -3,13 +3,23 @@
 //! In:  the shared memory of the control, found by the name of its machine.
 //! Out: lines or JSON on standard output; `set` changes an input that no net reaches.
 
+mod graph;
+mod scope;
+mod show;
+
 use super::hal_import::{self, ImportArgs};
+use crate::api::methods::{pin_json as to_json, value_json};
+use crate::bus;
 use crate::host::terminal::table;
-use anyhow::{Context, bail};
+use crate::operator::refusal::Refusal;
+use anyhow::{Context, anyhow, bail};
 use glob::Pattern;
-use hal_pins::{AnyValue, Attached, Found, PinInfo};
+use graph::Graph;
+use hal_pins::{AnyValue, Attached, Found, HalError, Kind, PinInfo, nearest};
+use scope::ScopeArgs;
 use serde_json::{Value as Json, json};
 use std::io::{ErrorKind, Write};
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
@@ -35,6 +45,9 @@ pub enum HalCommand {
     List {
         /// Only names that begin so, or that a pattern fits: 'joint.*.f-error', '*in-0?'
         names: Vec<String>,
+        /// Print names alone, one a line: for scripts, and for completion in shells
+        #[arg(long = "names")]
+        only_names: bool,
     },
     /// The value of pins or nets, one a line; of those that a pattern fits, with their names and units
     #[command(after_help = "Example: isocnc hal get joint.0.motor-pos-cmd motion.feed-hold")]
@@ -45,15 +58,30 @@ pub enum HalCommand {
     },
     /// Translate HAL files of LinuxCNC into components and nets of a machine file; no control is needed
     Import(ImportArgs),
-    /// Set an input that no net reaches
+    /// Set an input that no net reaches, or all that a pattern fits
     #[command(after_help = "Example: isocnc hal set motion.feed-hold 1")]
     Set {
-        /// Name of the pin
+        /// Name of the pin, or a pattern as with list: then all that it fits, or none
         name: String,
         /// New value: 0, 1, false or true for a bit, else a number
         #[arg(allow_hyphen_values = true)]
         value: String,
     },
+    /// Everything of pins or nets: type, direction, value, unit, net, writer, readers, aliases
+    #[command(after_help = "Example: isocnc hal show motion.feed-hold")]
+    Show {
+        /// Names, or patterns as with list
+        #[arg(required = true)]
+        names: Vec<String>,
+    },
+    /// Show or record pins cycle by cycle, as an oscilloscope
+    #[command(
+        after_help = "Example: isocnc hal scope joint.0.f-error --trigger 'joint.0.f-error>0.05' --seconds 2 --svg error.svg"
+    )]
+    Scope(ScopeArgs),
+    /// Draw nets and components, of a machine file or of a running control
+    #[command(after_help = "Example: isocnc hal graph machine.toml --svg nets.svg")]
+    Graph(GraphArgs),
     /// Print values as they change, until Ctrl-C or the end of the control
     #[command(after_help = "Example: isocnc hal watch joint.0.motor-pos-cmd --interval-ms 500")]
     Watch {
@@ -65,6 +93,19 @@ pub enum HalCommand {
     },
 }
 
+/// Arguments of `isocnc hal graph`.
+#[derive(Clone, Debug, clap::Args)]
+pub struct GraphArgs {
+    /// Machine file; without it the nets of a running control
+    file: Option<PathBuf>,
+    /// Write a picture
+    #[arg(long, value_name = "FILE")]
+    svg: Option<PathBuf>,
+    /// Write the graph for graphviz; without --svg and --dot it is printed
+    #[arg(long, value_name = "FILE")]
+    dot: Option<PathBuf>,
+}
+
 /// Runs the command.
 ///
 /// # Errors
@@ -73,19 +114,60 @@ pub fn hal(args: &HalArgs) -> anyhow::Result<ExitCode> {
     if let HalCommand::Import(import) = &args.command {
         return hal_import::import(import, args.json);
     }
+    let mut out = std::io::stdout().lock();
+    let done = match &args.command {
+        HalCommand::Graph(GraphArgs {
+            file: Some(file),
+            svg,
+            dot,
+        }) => {
+            let config = bus::read(file).map_err(Refusal::from)?;
+            write_graph(&Graph::of_file(&config), svg.as_deref(), dot.as_deref(), &mut out)
+        }
+        command => on_a_control(args, command, &mut out),
+    };
+    match done {
+        // The reader of a pipe may have seen enough.
+        Err(error)
+            if error
+                .downcast_ref::<std::io::Error>()
+                .is_some_and(|cause| cause.kind() == ErrorKind::BrokenPipe) =>
+        {
+            Ok(ExitCode::SUCCESS)
+        }
+        done => done,
+    }
+}
+
+fn on_a_control(args: &HalArgs, command: &HalCommand, out: &mut impl Write) -> anyhow::Result<ExitCode> {
     let machine = match &args.machine {
         Some(machine) => machine.clone(),
         None => the_only_one(hal_pins::find())?,
     };
     let pins = Attached::attach(&machine)?;
-    let mut out = std::io::stdout().lock();
-    match run(&args.command, args.json, &pins, &mut out) {
-        // The reader of a pipe may have seen enough.
-        Err(error)
-            if error
-                .downcast_ref::<std::io::Error>()
-                .is_some_and(|cause| cause.kind() == ErrorKind::BrokenPipe) => {}
-        done => done?,
+    match command {
+        HalCommand::Scope(wanted) => scope::scope(wanted, &machine, &pins, args.json, out),
+        HalCommand::Graph(GraphArgs { svg, dot, .. }) => {
+            let graph = Graph::of_pins(&machine, &pins.list()?);
+            write_graph(&graph, svg.as_deref(), dot.as_deref(), out)
+        }
+        command => run(command, args.json, &pins, out).map(|()| ExitCode::SUCCESS),
+    }
+}
+
+fn write_graph(
+    graph: &Graph,
+    svg: Option<&Path>,
+    dot: Option<&Path>,
+    out: &mut impl Write,
+) -> anyhow::Result<ExitCode> {
+    if let Some(path) = svg {
+        files::write(path, graph.svg()).with_context(|| path.display().to_string())?;
+    }
+    match dot {
+        Some(path) => files::write(path, graph.dot()).with_context(|| path.display().to_string())?,
+        None if svg.is_none() => out.write_all(graph.dot().as_bytes())?,
+        None => {}
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -109,17 +191,31 @@ fn the_only_one(running: Vec<Found>) -> anyhow::Result<String> {
 
 fn run(command: &HalCommand, as_json: bool, pins: &Attached, out: &mut impl Write) -> anyhow::Result<()> {
     match command {
-        HalCommand::List { names } => {
-            let patterns = names.iter().map(|name| pattern(name)).collect::<Result<Vec<_>, _>>()?;
-            let is_wanted = |pin: &PinInfo| {
-                let fits = |(name, pattern): (&String, &Option<Pattern>)| match pattern {
+        HalCommand::List { names, only_names } => {
+            let all = pins.list()?;
+            let mut is_wanted = vec![names.is_empty(); all.len()];
+            for name in names {
+                let pattern = pattern(name)?;
+                let fits = |pin: &PinInfo| match &pattern {
                     Some(pattern) => pattern.matches(&pin.name),
                     None => pin.name.starts_with(name.as_str()),
                 };
-                names.is_empty() || names.iter().zip(&patterns).any(fits)
-            };
-            let list: Vec<PinInfo> = pins.list()?.into_iter().filter(is_wanted).collect();
-            if as_json {
+                let mut found = false;
+                for (pin, is_wanted) in all.iter().zip(&mut is_wanted) {
+                    let fits = fits(pin);
+                    (found, *is_wanted) = (found || fits, *is_wanted || fits);
+                }
+                if !found {
+                    return Err(nothing_fits(name, &all));
+                }
+            }
+            let wanted = all.into_iter().zip(is_wanted).filter(|(_, is_wanted)| *is_wanted);
+            let list: Vec<PinInfo> = wanted.map(|(pin, _)| pin).collect();
+            if *only_names {
+                for pin in &list {
+                    writeln!(out, "{}", pin.name)?;
+                }
+            } else if as_json {
                 writeln!(out, "{:#}", Json::from_iter(list.iter().map(to_json)))?;
             } else {
                 write_table(&list, out)?;
@@ -135,16 +231,41 @@ fn run(command: &HalCommand, as_json: bool, pins: &Attached, out: &mut impl Writ
                 }
             }
         }
-        // Needs no control: it is done before one is looked for.
-        HalCommand::Import(_) => {}
+        HalCommand::Show { names } => {
+            let all = pins.list()?;
+            for pin in chosen(pins, names)? {
+                match as_json {
+                    true => writeln!(out, "{}", show::json(&pin, &all))?,
+                    false => out.write_all(show::text(&pin, &all).as_bytes())?,
+                }
+            }
+        }
+        // Done by `hal` and `on_a_control`.
+        HalCommand::Import(_) | HalCommand::Scope(_) | HalCommand::Graph(_) => {}
         HalCommand::Set { name, value } => {
-            let value_type = pins.get(name)?.value_type();
-            pins.set(
-                name,
-                AnyValue::parse(value_type, value).with_context(|| format!("pin '{name}'"))?,
-            )?;
-            if as_json {
-                writeln!(out, "{}", to_json(&pins.get(name)?))?;
+            let found = chosen(pins, std::slice::from_ref(name))?;
+            let mut values = Vec::new();
+            for pin in &found {
+                let value = AnyValue::parse(pin.value_type(), value).with_context(|| format!("pin '{}'", pin.name))?;
+                // Of several, all are set or none.
+                if found.len() > 1 && (pin.kind != Kind::Input || pin.net.is_some()) {
+                    let why = match &pin.net {
+                        Some(net) if pin.kind == Kind::Input => format!("it is on net '{net}'"),
+                        _ => format!("it is {}", pin.kind),
+                    };
+                    return Err(HalError::NotSettable {
+                        name: pin.name.clone(),
+                        why,
+                    }
+                    .into());
+                }
+                values.push(value);
+            }
+            for (pin, value) in found.iter().zip(values) {
+                pins.set(&pin.name, value)?;
+                if as_json {
+                    writeln!(out, "{}", to_json(&pins.get(&pin.name)?))?;
+                }
             }
         }
         HalCommand::Watch { names, interval_ms } => {
@@ -166,6 +287,18 @@ fn pattern(name: &str) -> anyhow::Result<Option<Pattern>> {
         .transpose()
 }
 
+/// Nothing fits a pattern, or begins so; with the nearest name or beginning of one.
+fn nothing_fits(name: &str, all: &[PinInfo]) -> anyhow::Error {
+    let plain: String = name.chars().filter(|letter| !matches!(letter, '*' | '?')).collect();
+    let plain = plain.trim_end_matches('.');
+    let beginnings = all.iter().flat_map(|pin| {
+        let ends = pin.name.match_indices('.').map(|(end, _)| end);
+        ends.chain([pin.name.len()]).map(|end| &pin.name[..end])
+    });
+    let hint = nearest(plain, beginnings).map_or_else(String::new, |near| format!("; did you mean '{near}'?"));
+    anyhow!("no pin or net fits '{name}'{hint}")
+}
+
 /// The pins and nets that names and patterns mean, each once.
 fn chosen(pins: &Attached, names: &[String]) -> anyhow::Result<Vec<PinInfo>> {
     let mut chosen: Vec<PinInfo> = Vec::new();
@@ -174,11 +307,11 @@ fn chosen(pins: &Attached, names: &[String]) -> anyhow::Result<Vec<PinInfo>> {
             None => vec![pins.get(name)?],
             Some(pattern) => {
                 let fits = |pin: &PinInfo| pattern.matches(&pin.name);
-                let found: Vec<PinInfo> = pins.list()?.into_iter().filter(fits).collect();
-                if found.is_empty() {
-                    bail!("no pin or net fits '{name}'");
+                let all = pins.list()?;
+                if !all.iter().any(fits) {
+                    return Err(nothing_fits(name, &all));
                 }
-                found
+                all.into_iter().filter(fits).collect()
             }
         };
         let is_new = |pin: &PinInfo| !chosen.iter().any(|other| other.name == pin.name);
@@ -263,30 +396,6 @@ fn with_unit(pin: &PinInfo) -> String {
     }
 }
 
-fn to_json(pin: &PinInfo) -> Json {
-    json!({
-        "name": pin.name,
-        "type": pin.value_type().name(),
-        "direction": pin.kind.short(),
-        "value": value_json(pin.value),
-        "net": pin.net,
-        "source": pin.source,
-        "alias_of": pin.alias_of,
-        "unit": if pin.unit.is_empty() { Json::Null } else { pin.unit.as_str().into() },
-    })
-}
-
-fn value_json(value: AnyValue) -> Json {
-    match value {
-        AnyValue::Bit(value) => value.into(),
-        AnyValue::S32(value) => value.into(),
-        AnyValue::U32(value) => value.into(),
-        AnyValue::S64(value) => value.into(),
-        AnyValue::U64(value) => value.into(),
-        AnyValue::Float(value) => value.into(),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -359,13 +468,98 @@ x-pos-cmd              float  net  -12.5  from joint.0.motor-pos-cmd
         );
         assert_eq!(said[2].as_deref(), Ok("drive.0.target  -12.5\nx-pos-cmd  -12.5\n"));
         assert_eq!(said[3].as_ref().unwrap().lines().count(), 2);
-        assert_eq!(said[4].as_ref().unwrap_err(), "no pin or net fits 'joint.1.*'");
+        assert_eq!(
+            said[4].as_ref().unwrap_err(),
+            "no pin or net fits 'joint.1.*'; did you mean 'joint.0'?"
+        );
         assert!(
             said[5].as_ref().unwrap_err().starts_with("'joint.[': "),
             "{:?}",
             said[5]
         );
-        assert_eq!(names(&said[6]), Vec::<String>::new());
+        assert_eq!(said[6].as_ref().unwrap_err(), "no pin or net fits 'nothing.*'");
+    }
+
+    #[test]
+    fn names_alone_are_for_scripts_and_a_miss_has_a_hint() {
+        let said = on_a_control(&[
+            "list --names joint",
+            "list motoin",
+            "get motion.feed-hodl.*",
+            "list x-pos-cmd --names",
+        ]);
+        assert_eq!(said[0].as_deref(), Ok("joint.0.motor-pos-cmd\n"));
+        assert_eq!(
+            said[1].as_ref().unwrap_err(),
+            "no pin or net fits 'motoin'; did you mean 'motion'?"
+        );
+        let near = "no pin or net fits 'motion.feed-hodl.*'; did you mean 'motion.feed-hold'?";
+        assert_eq!(said[2].as_ref().unwrap_err(), near);
+        assert_eq!(said[3].as_deref(), Ok("x-pos-cmd\n"));
+    }
+
+    #[test]
+    fn show_tells_everything_of_a_pin() {
+        let said = on_a_control(&[
+            "show drive.0.target",
+            "show x-pos-cmd joint.0.motor-pos-cmd --json",
+            "show motion.*",
+            "show motion.feed-hodl",
+        ]);
+        let text = "\
+drive.0.target
+  type       float
+  direction  in
+  value      -12.5
+  unit       none is known
+  net        x-pos-cmd
+  writer     joint.0.motor-pos-cmd
+  readers    drive.0.target
+";
+        assert_eq!(said[0].as_deref(), Ok(text));
+        let lines: Vec<Json> = said[1]
+            .as_ref()
+            .unwrap()
+            .lines()
+            .map(|line| serde_json::from_str(line).unwrap())
+            .collect();
+        for line in &lines {
+            assert_eq!(
+                (&line["writer"], &line["readers"]),
+                (&json!("joint.0.motor-pos-cmd"), &json!(["drive.0.target"]))
+            );
+        }
+        assert!(
+            said[2]
+                .as_ref()
+                .unwrap()
+                .contains("writer     none: isocnc hal set changes it")
+        );
+        assert!(
+            said[3]
+                .as_ref()
+                .unwrap_err()
+                .contains("did you mean 'motion.feed-hold'?")
+        );
+    }
+
+    #[test]
+    fn a_pattern_sets_all_that_it_fits_or_none() {
+        let said = on_a_control(&[
+            "set motion.* 1",
+            "get motion.feed-hold",
+            "set *o*n* 0",
+            "get motion.feed-hold",
+            "set nothing.* 1",
+        ]);
+        assert_eq!(said[1].as_deref(), Ok("true\n"));
+        let refused = said[2].as_ref().unwrap_err();
+        assert!(
+            refused.starts_with("'joint.0.motor-pos-cmd' cannot be set: it is an output"),
+            "{refused}"
+        );
+        assert_eq!(said[3].as_deref(), Ok("true\n"));
+        assert!(said[4].is_err());
     }
 
     #[test]
