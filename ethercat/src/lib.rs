@@ -1,4 +1,4 @@
-//! EtherCAT: frames, registers, mailboxes, simulated devices, the beginning of a main device.
+//! EtherCAT: frames, registers, mailboxes, simulated devices, a main device.
 //!
 //! In:  octets of Ethernet frames with EtherType 0x88A4, the time. Out: what they say; what devices make of them.
 //!

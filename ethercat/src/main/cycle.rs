@@ -254,8 +254,9 @@ impl<const N: usize, const F: usize> CyclicFrames<N, F> {
         (AlState::from(self.states), self.states & 0x10 != 0)
     }
 
-    /// The next cycle: its frames get ready to be sent at their date. Each is sent once, whatever comes.
-    pub fn make_ready(&mut self) {
+    /// The next cycle: its frames get ready to be sent at their date. Each is sent once, whatever comes. `bus_ns`: time of the bus
+    /// then, by which clocks go that lie before the reference.
+    pub fn make_ready(&mut self, bus_ns: u64) {
         self.index = (self.index + 1) % INDEX_END;
         self.bus_ns = None;
         for answered in &mut self.answered[..self.used] {
@@ -265,7 +266,7 @@ impl<const N: usize, const F: usize> CyclicFrames<N, F> {
             slot.awaited = true;
         }
         let first = &mut self.slots[0].octets;
-        first[TIME_AT..TIME_AT + TIME_LEN].fill(0);
+        first[TIME_AT..TIME_AT + TIME_LEN].copy_from_slice(&bus_ns.to_le_bytes());
         for at in [TIME_AT, STATES_AT] {
             first[at - DATAGRAM_HEADER_LEN + 1] = self.index;
         }

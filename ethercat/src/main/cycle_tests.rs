@@ -47,7 +47,7 @@ fn cyclic(count: u16) -> CyclicFrames<8, 2> {
 
 /// Sends what is ready; what comes back.
 fn pass(segment: &mut Segment, cyclic: &mut CyclicFrames<8, 2>, now_ns: u64) -> Option<Vec<u8>> {
-    cyclic.make_ready();
+    cyclic.make_ready(0);
     let mut frame = cyclic.frame(0).to_vec();
     segment.receive(now_ns, &mut frame).map(|_| frame)
 }
@@ -109,7 +109,7 @@ fn late_doubled_and_foreign_frames_change_nothing() {
     assert_eq!(cyclic.receive(&second), Came::Answer);
     assert_eq!(cyclic.receive(&second), Came::Late, "once more");
     assert_eq!(cyclic.finish(), 0);
-    cyclic.make_ready();
+    cyclic.make_ready(0);
     let own = cyclic.frame(0).to_vec();
     assert_eq!(cyclic.receive(&own), Came::Other, "it has been nowhere");
     let mut other = pass(&mut segment, &mut cyclic, 3_000_000).unwrap();
@@ -243,7 +243,7 @@ fn each_frame_stands_for_itself() {
     });
     let mut cyclic = CyclicFrames::<100, 2>::new(MAC, members).unwrap();
     assert_eq!(cyclic.len(), 2);
-    cyclic.make_ready();
+    cyclic.make_ready(0);
     let mut frames = [cyclic.frame(0).to_vec(), cyclic.frame(1).to_vec()];
     for frame in &mut frames {
         segment.receive(1_000_000, frame).unwrap();

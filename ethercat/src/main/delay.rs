@@ -30,7 +30,7 @@ impl DcDevice {
 /// The device and its port before each device, by the open ports: the first one has none.
 ///
 /// Devices are found in the order in which a frame passes them: one with a further open port has what follows behind it.
-fn parents<const N: usize>(devices: &[DcDevice]) -> [Option<(usize, usize)>; N] {
+pub(super) fn parents<const N: usize>(devices: &[DcDevice]) -> [Option<(usize, usize)>; N] {
     let mut parents = [None; N];
     let mut used = [0_u8; N];
     for (number, parent) in parents.iter_mut().enumerate().take(devices.len()).skip(1) {

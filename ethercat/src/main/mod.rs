@@ -1,15 +1,28 @@
-//! Parts of the main device: the frame of a cycle, how the cycle follows the clock of the bus, how far devices are from the
-//! reference clock.
+//! The main device: frames of cycles and of services, how its cycle follows the clock of the bus, set-up and recovery of devices.
 //!
-//! In:  outputs, and what comes back. Out: frames to be sent, inputs; corrections of dates, delays.
+//! In:  the configuration, outputs, frames that come, the time. Out: frames to be sent, inputs, events; corrections of dates.
 //! RT: no allocation, no locks, bounded.
 
+mod clocks;
+pub mod config;
 mod cycle;
 mod delay;
+mod device;
+mod eeprom;
+mod event;
+mod mail;
+mod mapping;
+mod network;
+mod orders;
 mod phase;
+mod survey;
 
 pub use cycle::{Answered, Came, CyclicFrames, Member};
 pub use delay::{DcDevice, delays};
+pub use eeprom::Found;
+pub use event::{Break, Event, SetUp, SetupError};
+pub use network::{Counters, DeviceState, MainDevice, Received};
+pub use orders::{ORDERS, VALUE_MAX};
 pub use phase::{PhaseConfig, PhaseLoop, phase_ns};
 
 #[cfg(test)]

@@ -265,6 +265,11 @@ impl<'a> FrameWriter<'a> {
         Ok(at)
     }
 
+    /// Data of a datagram, by what [`FrameWriter::push`] has returned.
+    pub fn data_mut(&mut self, at: usize, length: usize) -> &mut [u8] {
+        &mut self.buffer[at..at + length]
+    }
+
     /// Adds a datagram as it was read.
     fn push_datagram(&mut self, datagram: &Datagram<'_>) -> Result<(), WireError> {
         let at = self.push_data(datagram.command, datagram.index, datagram.address, datagram.data)?;

@@ -265,6 +265,8 @@ pub struct General {
 impl General {
     /// Octets of the category.
     pub const LEN: usize = 32;
+    /// LRW is not supported, in `flags`.
+    pub const NO_LRW: u8 = 1 << 1;
     /// Complete access is supported.
     pub const COMPLETE_ACCESS: u8 = 1 << 5;
 
@@ -342,7 +344,7 @@ pub struct SyncManagerEntry {
 }
 
 impl SyncManagerEntry {
-    fn parse(entry: &[u8]) -> Result<SyncManagerEntry, WireError> {
+    pub(crate) fn parse(entry: &[u8]) -> Result<SyncManagerEntry, WireError> {
         slice(entry, 0, 8)?;
         Ok(SyncManagerEntry {
             start: u16_at(entry, 0)?,

@@ -1,0 +1,946 @@
+//! One device on the wire, from its station address to OP, and back to OP where it has left it.
+//!
+//! In:  its part of the configuration, what its datagrams bring back. Out: its next datagram; what has become of it.
+//!
+//! One datagram of a device is under way at a time. Devices know nothing of each other, so that all come up at once.
+
+use super::config::{Config, DeviceConfig, Times};
+use super::eeprom::{self, Found, Next, Progress, REPLY_LEN, Reader};
+use super::event::{SetUp, SetupError};
+use super::mail::{Mailbox, Outcome};
+use super::mapping::{Mapping, Task};
+use super::orders::Orders;
+use crate::wire::coe::{Emergency, Object};
+use crate::wire::register::{
+    self, AlControl, AlState, AlStatus, AlStatusCode, DlStatus, Fmmu, SyncManager, feature, sync,
+};
+use crate::wire::sii::{Area, Mailboxes, Usage};
+use crate::wire::{Command, DATA_MAX, FrameWriter, WireError, u16_at, u32_at};
+
+/// Station addresses begin here.
+pub(super) const STATION_FIRST: u16 = 0x1000;
+/// Cycles with process data before OP is asked for, so that outputs are what the application wants.
+const SETTLE_CYCLES: u32 = 5;
+/// A device is tried again after twice the time each time, so often.
+const BACKOFF_MAX: u32 = 5;
+/// Ticks of the watchdog in a millisecond, as 0400h comes out of the box.
+const WATCHDOG_TICKS: u16 = 10;
+
+/// Where a device is on its way; those from [`Step::Clock`] on are in the order in which they are taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Step {
+    /// Gets its station address by its position.
+    Address,
+    Features,
+    Ports,
+    EepromForce,
+    EepromOwner,
+    Eeprom,
+    /// What it is is known; the network goes on with it.
+    Identified,
+    /// Nobody asks for it.
+    Stranger,
+    /// The network measures its clock.
+    Clock,
+    ToInit,
+    ClearFmmus,
+    ClearManagers,
+    SyncOff,
+    MailOut,
+    MailIn,
+    EepromLend,
+    ToPreOp,
+    StartValues,
+    MapOutputs,
+    MapInputs,
+    Watchdog,
+    ManagerOut,
+    ManagerIn,
+    FmmuOut,
+    FmmuIn,
+    Near,
+    SyncCycle,
+    SyncStart,
+    SyncOn,
+    ToSafeOp,
+    Settle,
+    ToOp,
+    /// It is in OP.
+    Run,
+    /// It was in OP; where is it now?
+    Look,
+    /// It is left alone until the network tries it again.
+    Away,
+    /// Does it answer at its station address?
+    Find,
+    /// What is at its position?
+    FindPosition,
+    /// It has left OP with an error, which is acknowledged before it is asked for anything.
+    Acknowledge,
+}
+
+impl Step {
+    /// The steps that follow each other.
+    const ORDER: [Step; 24] = [
+        Step::Clock,
+        Step::ToInit,
+        Step::ClearFmmus,
+        Step::ClearManagers,
+        Step::SyncOff,
+        Step::MailOut,
+        Step::MailIn,
+        Step::EepromLend,
+        Step::ToPreOp,
+        Step::StartValues,
+        Step::MapOutputs,
+        Step::MapInputs,
+        Step::Watchdog,
+        Step::ManagerOut,
+        Step::ManagerIn,
+        Step::FmmuOut,
+        Step::FmmuIn,
+        Step::Near,
+        Step::SyncCycle,
+        Step::SyncStart,
+        Step::SyncOn,
+        Step::ToSafeOp,
+        Step::Settle,
+        Step::ToOp,
+    ];
+}
+
+/// What a device has become, for the network.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Notice {
+    /// It is in OP.
+    Up,
+    /// It has left OP by itself.
+    Left(AlState, AlStatusCode),
+    /// It does not come up.
+    Failed(SetupError),
+    /// It reports an error.
+    Emergency(Emergency),
+    /// Another one is at its position.
+    Other(u16),
+}
+
+/// What all devices have in common at a time.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Now<'a> {
+    pub(super) config: &'a Config<'a>,
+    pub(super) ns: u64,
+    /// Time of the bus, where it is known.
+    pub(super) bus_ns: Option<u64>,
+    /// Where the dates of cycles lie in it: so much behind whole cycles.
+    pub(super) grid_ns: u64,
+    /// Cycles so far.
+    pub(super) cycle: u32,
+}
+
+/// Who has asked for the SDO that is under way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Purpose {
+    /// Nobody.
+    None,
+    /// A value of the start.
+    Start,
+    /// Process data.
+    Mapping,
+    /// An order of the application, by its number.
+    Order(usize),
+}
+
+/// A device.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Device<'a> {
+    pub(super) position: u16,
+    /// Its number in the configuration, and its part of it.
+    pub(super) config: Option<(usize, &'a DeviceConfig<'a>)>,
+    /// Where its process data lie in the logical image.
+    pub(super) logical: u32,
+    pub(super) found: Found,
+    pub(super) features: u16,
+    pub(super) ports: DlStatus,
+    pub(super) delay_ns: u32,
+    pub(super) step: Step,
+    /// Why it is not up, as it was told last.
+    pub(super) told: Option<SetupError>,
+    /// Station address of another one at its position, as it was told last.
+    pub(super) told_other: Option<u16>,
+    /// The step has to be done by then.
+    until_ns: u64,
+    not_before_ns: u64,
+    /// The state was asked for; its answer is awaited.
+    asked: bool,
+    counts: (u8, u8),
+    reader: Reader,
+    mailbox: Mailbox,
+    purpose: Purpose,
+    /// Number of the start value, of the cycle in which it began to settle.
+    item: u32,
+    mapping: Mapping,
+    small: [u8; 4],
+    tries: u32,
+    /// All that it was told since it was identified is in force.
+    was_up: bool,
+    /// Its clock shows the time of the bus.
+    pub(super) clock_is_right: bool,
+    /// When its mailbox is looked at next.
+    mail_ns: u64,
+}
+
+impl<'a> Device<'a> {
+    pub(super) fn new(position: u16) -> Device<'a> {
+        Device {
+            position,
+            config: None,
+            logical: 0,
+            found: Found::default(),
+            features: 0,
+            ports: DlStatus::default(),
+            delay_ns: 0,
+            step: Step::Address,
+            told: None,
+            told_other: None,
+            until_ns: u64::MAX,
+            not_before_ns: 0,
+            asked: false,
+            counts: (0, 0),
+            reader: Reader::new(),
+            mailbox: Mailbox::new(Mailboxes::default(), 0),
+            purpose: Purpose::None,
+            item: 0,
+            mapping: Mapping::new(Usage::Outputs),
+            small: [0; 4],
+            tries: 0,
+            was_up: false,
+            clock_is_right: false,
+            mail_ns: 0,
+        }
+    }
+
+    pub(super) fn station(&self) -> u16 {
+        STATION_FIRST.wrapping_add(self.position)
+    }
+
+    pub(super) fn has_clock(&self) -> bool {
+        self.features & feature::DC != 0
+    }
+
+    pub(super) fn has_wide_clock(&self) -> bool {
+        self.features & feature::DC_64 != 0
+    }
+
+    /// It is on its way to OP, or there, and answers.
+    pub(super) fn is_coming(&self) -> bool {
+        (Step::Clock..=Step::Look).contains(&self.step)
+    }
+
+    /// It takes SDOs of the application.
+    pub(super) fn takes_orders(&self) -> bool {
+        self.found.has_coe() && self.step == Step::Run
+    }
+
+    /// Begins a step.
+    pub(super) fn enter(&mut self, step: Step, now: &Now<'_>) {
+        let times = &now.config.times;
+        self.step = step;
+        self.asked = false;
+        self.not_before_ns = 0;
+        let limit_ns = match step {
+            Step::Identified | Step::Stranger | Step::Run => u64::MAX,
+            // Where it does not answer, its data do not come either.
+            Step::Look => u64::MAX,
+            // These have limits of their own.
+            Step::StartValues | Step::MapOutputs | Step::MapInputs | Step::Settle => u64::MAX,
+            Step::Eeprom => times.eeprom_ns,
+            Step::Near => times.clock_ns,
+            Step::ToOp => times.op_ns,
+            Step::Away => times.retry_ns << self.tries.min(BACKOFF_MAX),
+            _ => times.step_ns,
+        };
+        self.until_ns = now.ns.saturating_add(limit_ns);
+        match step {
+            Step::Features => (self.was_up, self.clock_is_right) = (false, false),
+            Step::Eeprom => self.reader = Reader::new(),
+            Step::StartValues => self.item = 0,
+            Step::MapOutputs => self.mapping = Mapping::new(Usage::Outputs),
+            Step::MapInputs => self.mapping = Mapping::new(Usage::Inputs),
+            Step::Settle => self.item = now.cycle,
+            Step::MailOut => self.mailbox = Mailbox::new(self.found.mailboxes, times.pause_ns),
+            Step::ToInit => self.purpose = Purpose::None,
+            Step::Run => {
+                self.tries = 0;
+                self.told = None;
+                self.was_up = true;
+                self.mail_ns = now.ns;
+            }
+            _ => {}
+        }
+    }
+
+    /// Whether a step is one for this device.
+    fn applies(&self, step: Step) -> bool {
+        let Some((_, config)) = self.config else { return false };
+        let clock = config.clock;
+        match step {
+            Step::Clock | Step::SyncOff => self.has_clock(),
+            Step::ClearFmmus => self.counts.0 > 0,
+            Step::ClearManagers => self.counts.1 > 0,
+            Step::MailOut | Step::MailIn => self.found.mailboxes.receive.length > 0,
+            Step::StartValues => !config.start.is_empty(),
+            Step::MapOutputs => self.found.has_coe() && !config.outputs.pdos.is_empty(),
+            Step::MapInputs => self.found.has_coe() && !config.inputs.pdos.is_empty(),
+            Step::Watchdog => config.watchdog_ms.is_some(),
+            Step::ManagerOut | Step::FmmuOut => config.outputs.octets > 0,
+            Step::ManagerIn | Step::FmmuIn => config.inputs.octets > 0,
+            Step::Near => clock.is_some_and(|clock| clock.activate >> 8 != 0),
+            // SYNC0 of one that was up runs on.
+            Step::SyncCycle | Step::SyncStart | Step::SyncOn => self.applies(Step::Near) && !self.was_up,
+            _ => true,
+        }
+    }
+
+    /// Goes on with the step behind this one.
+    fn advance(&mut self, now: &Now<'_>) {
+        let at = Step::ORDER.iter().position(|step| *step == self.step);
+        let from = at.map_or(0, |at| at + 1);
+        let mut rest = Step::ORDER[from..].iter().copied();
+        let next = rest.find(|step| self.applies(*step)).unwrap_or(Step::Run);
+        self.enter(next, now);
+    }
+
+    /// It was identified: it is set up, unless it cannot be as the configuration has it.
+    pub(super) fn set_up(&mut self, now: &Now<'_>) -> Result<(), SetupError> {
+        self.check()?;
+        let first = Step::ORDER.iter().copied().find(|step| self.applies(*step));
+        self.enter(first.unwrap_or(Step::ToInit), now);
+        Ok(())
+    }
+
+    /// Its clock was measured.
+    pub(super) fn clock_is_set(&mut self, now: &Now<'_>) {
+        self.clock_is_right = true;
+        if self.step == Step::Clock {
+            self.advance(now);
+        }
+    }
+
+    /// What can be known of the configuration before anything is written.
+    fn check(&self) -> Result<(), SetupError> {
+        let Some((_, config)) = self.config else { return Ok(()) };
+        let found = &self.found;
+        if !config.expected.matches(&found.identity) {
+            return Err(SetupError::WrongIdentity {
+                expected: config.expected,
+                found: found.identity,
+            });
+        }
+        if found.refuses_lrw() || self.features & feature::NO_LRW != 0 {
+            return Err(SetupError::NoLrw);
+        }
+        let octets = found.mailboxes.receive.length.max(found.mailboxes.send.length);
+        if usize::from(octets) > DATA_MAX {
+            return Err(SetupError::MailboxTooLong { octets });
+        }
+        if !found.has_coe() && !config.start.is_empty() {
+            return Err(SetupError::NoMailbox);
+        }
+        if config.clock.is_some() && !self.has_clock() {
+            return Err(SetupError::NoClock);
+        }
+        for (usage, data) in [(Usage::Outputs, &config.outputs), (Usage::Inputs, &config.inputs)] {
+            let octets = data.octets;
+            if octets == 0 {
+                continue;
+            }
+            let (_, manager) = found.manager(usage).ok_or(SetupError::NoSyncManager(usage))?;
+            if !found.has_coe() && manager.length != octets {
+                return Err(SetupError::Length {
+                    usage,
+                    expected: manager.length,
+                    octets,
+                });
+            }
+            let end = u32::from(manager.start) + 3 * u32::from(octets);
+            let is_kept = manager.control & 3 == 0 && manager.start >= register::MEMORY;
+            if let Some(next) = found
+                .next_start(manager.start)
+                .filter(|next| end > u32::from(*next) && is_kept)
+            {
+                return Err(SetupError::NoRoom {
+                    octets,
+                    start: manager.start,
+                    next,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    fn times(now: &Now<'_>) -> Times {
+        now.config.times
+    }
+
+    /// Time passes: what has not come by now does not come.
+    pub(super) fn poll(&mut self, now: &Now<'_>, orders: &mut Orders) -> Option<Notice> {
+        if self.step == Step::Settle && now.cycle.wrapping_sub(self.item) >= SETTLE_CYCLES {
+            self.advance(now);
+        }
+        if let Some(error) = self.mailbox.expired(now.ns) {
+            return self.sdo_ended(now, Err(error), orders);
+        }
+        if now.ns < self.until_ns || self.step == Step::Away {
+            return None;
+        }
+        let late = |state| SetupError::Late {
+            state,
+            at: AlState::from(self.small[0]),
+        };
+        let error = match self.step {
+            Step::Eeprom => SetupError::Eeprom(None),
+            Step::Near => {
+                let ns = register::difference_ns(u32::from_le_bytes(self.small));
+                SetupError::ClockApart { ns }
+            }
+            _ => match self.target() {
+                Some(state) if self.asked => late(state),
+                _ => SetupError::Gone,
+            },
+        };
+        Some(self.fail(now, error))
+    }
+
+    /// The network may try a device again that was away.
+    pub(super) fn is_due(&self, now_ns: u64) -> bool {
+        self.step == Step::Away && now_ns >= self.until_ns
+    }
+
+    /// It does not come up: left alone for a while.
+    pub(super) fn fail(&mut self, now: &Now<'_>, error: SetupError) -> Notice {
+        self.enter(Step::Away, now);
+        self.tries += 1;
+        self.mailbox.give_up();
+        self.purpose = Purpose::None;
+        if error != SetupError::Gone {
+            // All of it once more.
+            (self.was_up, self.clock_is_right) = (false, false);
+        }
+        Notice::Failed(error)
+    }
+
+    /// The state that a step goes to.
+    fn target(&self) -> Option<AlState> {
+        match self.step {
+            Step::ToInit => Some(AlState::Init),
+            Step::ToPreOp => Some(AlState::PreOp),
+            Step::ToSafeOp => Some(AlState::SafeOp),
+            Step::ToOp => Some(AlState::Op),
+            Step::Acknowledge => Some(AlState::from(self.small[0])),
+            _ => None,
+        }
+    }
+
+    /// The register that a step writes, and what.
+    fn write(&self, now: &Now<'_>) -> Option<(u16, [u8; 16], usize)> {
+        let config = self.config.map(|(_, config)| config);
+        let mut octets = [0; 16];
+        let clock = config.and_then(|config| config.clock);
+        let manager = |usage: Usage, length: u16| {
+            let (number, manager) = self.found.manager(usage)?;
+            Some((number, manager.start, length, manager.control))
+        };
+        let mailbox = |usage: Usage, number: u8, area: Area, control: u8| {
+            let known = self.found.manager(usage);
+            let control = known.map_or(control, |(_, manager)| manager.control);
+            Some((
+                known.map_or(number, |(number, _)| number),
+                area.start,
+                area.length,
+                control,
+            ))
+        };
+        let boxes = &self.found.mailboxes;
+        let managed = match self.step {
+            Step::MailOut => mailbox(Usage::MailboxOut, 0, boxes.receive, SyncManager::MAILBOX_OUT),
+            Step::MailIn => mailbox(Usage::MailboxIn, 1, boxes.send, SyncManager::MAILBOX_IN),
+            Step::ManagerOut => manager(Usage::Outputs, config?.outputs.octets),
+            Step::ManagerIn => manager(Usage::Inputs, config?.inputs.octets),
+            _ => None,
+        };
+        if let Some((number, start, length, control)) = managed {
+            let manager = SyncManager {
+                start,
+                length,
+                control,
+                activate: 1,
+                ..SyncManager::default()
+            };
+            manager.emit(&mut octets).ok()?;
+            // Status and PDI control are not written with it.
+            return Some((register::sync_manager(number), octets, SyncManager::LEN - 1));
+        }
+        let fmmu = |usage: Usage, length: u16, kind: u8, octets: &mut [u8]| {
+            let (_, manager) = self.found.manager(usage)?;
+            Fmmu::octets(self.logical, length, manager.start, kind)
+                .emit(octets)
+                .ok()?;
+            Some((register::fmmu(self.found.fmmu(usage)), Fmmu::LEN))
+        };
+        let (register, length) = match self.step {
+            Step::EepromForce => {
+                octets[0] = 2;
+                (register::EEPROM_OWNER, 1)
+            }
+            Step::EepromOwner => (register::EEPROM_OWNER, 1),
+            Step::EepromLend => {
+                octets[0] = 1;
+                (register::EEPROM_OWNER, 1)
+            }
+            Step::SyncOff => (register::DC_SYNC_OWNER, 2),
+            Step::Watchdog => {
+                let ticks = config?.watchdog_ms?.saturating_mul(WATCHDOG_TICKS);
+                octets[..2].copy_from_slice(&ticks.to_le_bytes());
+                (register::WATCHDOG_DATA, 2)
+            }
+            Step::FmmuOut => fmmu(Usage::Outputs, config?.outputs.octets, Fmmu::WRITE, &mut octets)?,
+            Step::FmmuIn => fmmu(Usage::Inputs, config?.inputs.octets, Fmmu::READ, &mut octets)?,
+            Step::SyncCycle => {
+                octets[..4].copy_from_slice(&now.config.cycle_ns.to_le_bytes());
+                octets[4..8].copy_from_slice(&clock?.sync1_ns.to_le_bytes());
+                (register::DC_SYNC0_CYCLE, 8)
+            }
+            Step::SyncStart => {
+                octets[..8].copy_from_slice(&self.sync_start(now)?.to_le_bytes());
+                (register::DC_SYNC0_START, 8)
+            }
+            Step::SyncOn => {
+                // Some drives bear no write to 0980h where its octet is 0 anyway.
+                let [owner, activation] = clock?.activate.to_le_bytes();
+                let activation = activation | sync::CYCLIC;
+                if owner == 0 {
+                    octets[0] = activation;
+                    (register::DC_SYNC_ACTIVATION, 1)
+                } else {
+                    octets[..2].copy_from_slice(&[owner, activation]);
+                    (register::DC_SYNC_OWNER, 2)
+                }
+            }
+            _ => return None,
+        };
+        Some((register, octets, length))
+    }
+
+    /// The first SYNC0: a date of the cycle, and the shift.
+    fn sync_start(&self, now: &Now<'_>) -> Option<u64> {
+        let shift_ns = i64::from(self.config?.1.clock?.shift_ns);
+        let cycle_ns = u64::from(now.config.cycle_ns);
+        let earliest = now.bus_ns?.wrapping_add(Device::times(now).sync_start_ns);
+        Some((earliest / cycle_ns * cycle_ns + now.grid_ns).wrapping_add_signed(shift_ns))
+    }
+
+    /// Adds its datagram, where it has one to send.
+    ///
+    /// # Errors
+    /// [`WireError::NoRoom`]: it has to wait for another frame.
+    pub(super) fn ask(
+        &mut self,
+        now: &Now<'_>,
+        orders: &mut Orders,
+        writer: &mut FrameWriter<'_>,
+        index: u8,
+    ) -> Result<bool, WireError> {
+        if now.ns < self.not_before_ns {
+            return Ok(false);
+        }
+        let at = |register: u16| register::station(self.station(), register);
+        let mut read =
+            |register: u16, octets: usize| writer.push(Command::Fprd, index, at(register), octets).map(|_| true);
+        match self.step {
+            Step::Identified | Step::Stranger | Step::Clock | Step::Settle | Step::Away => return Ok(false),
+            Step::Features => return read(register::TYPE, 10),
+            Step::Ports => return read(register::DL_STATUS, 2),
+            Step::Near => return read(register::DC_DIFFERENCE, 4),
+            Step::Look | Step::Find => return read(register::AL_STATUS, 6),
+            Step::ToInit | Step::ToPreOp | Step::ToSafeOp | Step::ToOp | Step::Acknowledge if self.asked => {
+                return read(register::AL_STATUS, 6);
+            }
+            Step::Address => {
+                let address = register::position(self.position, register::STATION);
+                writer.push_data(Command::Apwr, index, address, &self.station().to_le_bytes())?;
+            }
+            Step::FindPosition => {
+                writer.push(
+                    Command::Aprd,
+                    index,
+                    register::position(self.position, register::STATION),
+                    2,
+                )?;
+            }
+            Step::Eeprom => match self.reader.next() {
+                Next::Look => return read(register::EEPROM_CONTROL, REPLY_LEN),
+                Next::Command(octets) => {
+                    writer.push_data(Command::Fpwr, index, at(register::EEPROM_CONTROL), &octets)?;
+                }
+            },
+            Step::ClearFmmus => {
+                writer.push(
+                    Command::Fpwr,
+                    index,
+                    at(register::FMMU),
+                    Fmmu::LEN * usize::from(self.counts.0),
+                )?;
+            }
+            Step::ClearManagers => {
+                let octets = SyncManager::LEN * usize::from(self.counts.1);
+                writer.push(Command::Fpwr, index, at(register::SYNC_MANAGER), octets)?;
+            }
+            Step::StartValues | Step::MapOutputs | Step::MapInputs | Step::Run => {
+                return self.ask_mailbox(now, orders, writer, index);
+            }
+            _ => {
+                if let Some(state) = self.target() {
+                    let control = AlControl {
+                        state,
+                        acknowledge: true,
+                        ask_id: false,
+                    };
+                    writer.push_data(
+                        Command::Fpwr,
+                        index,
+                        at(register::AL_CONTROL),
+                        &u16::from(control).to_le_bytes(),
+                    )?;
+                } else {
+                    let Some((register, octets, length)) = self.write(now) else {
+                        return Ok(false); // The time of the bus is not known yet.
+                    };
+                    writer.push_data(Command::Fpwr, index, at(register), &octets[..length])?;
+                }
+            }
+        }
+        Ok(true)
+    }
+
+    fn ask_mailbox(
+        &mut self,
+        now: &Now<'_>,
+        orders: &mut Orders,
+        writer: &mut FrameWriter<'_>,
+        index: u8,
+    ) -> Result<bool, WireError> {
+        let Some((number, config)) = self.config else {
+            return Ok(false);
+        };
+        if self.step == Step::Run && !self.found.has_coe() {
+            return Ok(false);
+        }
+        if self.mailbox.is_free() {
+            self.next_sdo(now, orders, number, config);
+        }
+        let source = match self.purpose {
+            Purpose::Start => config
+                .start
+                .get(self.item as usize)
+                .map_or(&[][..], |start| start.value),
+            Purpose::Order(order) => orders.value(order),
+            _ => &self.small,
+        };
+        self.mailbox.ask(now.ns, self.station(), source, writer, index)
+    }
+
+    /// Begins what comes next, if there is something.
+    fn next_sdo(&mut self, now: &Now<'_>, orders: &mut Orders, number: usize, config: &DeviceConfig<'_>) {
+        let until_ns = now.ns + now.config.times.mail_ns;
+        match self.step {
+            Step::StartValues => {
+                if let Some(start) = config.start.get(self.item as usize) {
+                    let object = Object {
+                        index: start.index,
+                        sub: start.sub,
+                        complete: start.complete,
+                    };
+                    self.purpose = Purpose::Start;
+                    self.mailbox.begin(object, Some(start.value.len()), until_ns);
+                }
+            }
+            Step::MapOutputs | Step::MapInputs => {
+                let data = if self.step == Step::MapOutputs {
+                    &config.outputs
+                } else {
+                    &config.inputs
+                };
+                let Task { object, write } = self.mapping.task(data);
+                self.purpose = Purpose::Mapping;
+                if let Some((value, _)) = write {
+                    self.small = value.to_le_bytes();
+                }
+                self.mailbox.begin(object, write.map(|(_, octets)| octets), until_ns);
+            }
+            _ => match orders.take(number) {
+                Some((order, object, write)) => {
+                    self.purpose = Purpose::Order(order);
+                    self.mailbox.begin(object, write, until_ns);
+                }
+                None if now.ns >= self.mail_ns => {
+                    self.mail_ns = now.ns + now.config.times.mailbox_ns;
+                    self.mailbox.look();
+                }
+                None => {}
+            },
+        }
+    }
+
+    /// The frame with its datagram was lost.
+    pub(super) fn lost(&mut self) {
+        if matches!(
+            self.step,
+            Step::StartValues | Step::MapOutputs | Step::MapInputs | Step::Run
+        ) {
+            self.mailbox.lost();
+        }
+    }
+
+    /// Its datagram came back.
+    pub(super) fn answer(
+        &mut self,
+        now: &Now<'_>,
+        working_counter: u16,
+        data: &[u8],
+        orders: &mut Orders,
+    ) -> Option<Notice> {
+        let acted = working_counter > 0;
+        match self.step {
+            Step::StartValues | Step::MapOutputs | Step::MapInputs | Step::Run => {
+                return self.mailed(now, working_counter, data, orders);
+            }
+            Step::Find => return self.was_found(now, acted, data),
+            Step::FindPosition => return self.was_at_position(now, acted, data),
+            _ if !acted => {
+                // Once more, until the step is over.
+                self.pause(now);
+                return None;
+            }
+            Step::Features => {
+                self.features = u16_at(data, 8).unwrap_or(0);
+                self.counts = (
+                    data.get(4).map_or(0, |count| (*count).min(16)),
+                    data.get(5).map_or(0, |count| (*count).min(16)),
+                );
+                self.enter(Step::Ports, now);
+            }
+            Step::Ports => {
+                self.ports = DlStatus(u16_at(data, 0).unwrap_or(0));
+                self.enter(Step::EepromForce, now);
+            }
+            Step::Address => self.enter(Step::Features, now),
+            Step::EepromForce => self.enter(Step::EepromOwner, now),
+            Step::EepromOwner => self.enter(Step::Eeprom, now),
+            Step::Eeprom => return self.read_eeprom(now, data),
+            Step::Near => {
+                let register = u32_at(data, 0).unwrap_or(u32::MAX);
+                self.small = register.to_le_bytes();
+                if register & 0x7FFF_FFFF <= now.config.times.clock_limit_ns {
+                    self.advance(now);
+                } else {
+                    self.pause(now);
+                }
+            }
+            Step::Look => return self.looked(now, data),
+            Step::ToInit | Step::ToPreOp | Step::ToSafeOp | Step::ToOp | Step::Acknowledge => {
+                return self.stepped(now, data);
+            }
+            Step::Identified | Step::Stranger | Step::Clock | Step::Settle | Step::Away => {}
+            _ => self.advance(now),
+        }
+        None
+    }
+
+    fn pause(&mut self, now: &Now<'_>) {
+        self.not_before_ns = now.ns + now.config.times.pause_ns;
+    }
+
+    fn read_eeprom(&mut self, now: &Now<'_>, data: &[u8]) -> Option<Notice> {
+        let Next::Look = self.reader.next() else {
+            self.reader.commanded();
+            return None;
+        };
+        let octets = data.first_chunk::<{ eeprom::REPLY_LEN }>()?;
+        match self.reader.look(octets) {
+            Ok(Progress::Busy) => {}
+            Ok(Progress::More) => self.until_ns = now.ns + now.config.times.eeprom_ns,
+            Ok(Progress::Done(found)) => {
+                self.found = found;
+                self.enter(Step::Identified, now);
+            }
+            Err(error) => return Some(self.fail(now, error)),
+        }
+        None
+    }
+
+    /// The answer to a request of a state, or to a look at it.
+    fn stepped(&mut self, now: &Now<'_>, data: &[u8]) -> Option<Notice> {
+        if !self.asked {
+            self.asked = true;
+            return None;
+        }
+        let target = self.target()?;
+        let status = AlStatus::from(u16_at(data, 0).ok()?);
+        if self.step == Step::Acknowledge {
+            if status.error {
+                self.pause(now);
+            } else {
+                self.resume(now);
+            }
+            return None;
+        }
+        self.small[0] = status.state.into();
+        if status.error {
+            let code = AlStatusCode(u16_at(data, 4).unwrap_or(0));
+            let error = SetupError::Refused {
+                state: target,
+                at: status.state,
+                code,
+                set_up: self.was_set_up(),
+            };
+            return Some(self.fail(now, error));
+        }
+        if status.state != target {
+            self.pause(now);
+            return None;
+        }
+        self.advance(now);
+        (self.step == Step::Run).then_some(Notice::Up)
+    }
+
+    fn was_set_up(&self) -> SetUp {
+        let config = self.config.map(|(_, config)| config);
+        SetUp {
+            octets: config.map_or((0, 0), |config| (config.outputs.octets, config.inputs.octets)),
+            receive: self.found.mailboxes.receive,
+            send: self.found.mailboxes.send,
+            values: config.map_or(0, |config| config.start.len() as u16),
+        }
+    }
+
+    /// Something is wrong with its process data: where is it?
+    pub(super) fn look(&mut self, now: &Now<'_>) {
+        if self.step == Step::Run {
+            self.enter(Step::Look, now);
+        }
+    }
+
+    fn looked(&mut self, now: &Now<'_>, data: &[u8]) -> Option<Notice> {
+        let status = AlStatus::from(u16_at(data, 0).ok()?);
+        if status.state == AlState::Op && !status.error {
+            self.enter(Step::Run, now);
+            return None;
+        }
+        let code = AlStatusCode(u16_at(data, 4).unwrap_or(0));
+        self.enter(Step::Away, now);
+        Some(Notice::Left(status.state, code))
+    }
+
+    /// Away: is it still there, and where?
+    fn was_found(&mut self, now: &Now<'_>, acted: bool, data: &[u8]) -> Option<Notice> {
+        if !acted {
+            self.enter(Step::FindPosition, now);
+            return None;
+        }
+        let status = AlStatus::from(u16_at(data, 0).ok()?);
+        // One that was only without outputs needs no set-up.
+        let code = AlStatusCode(u16_at(data, 4).unwrap_or(0));
+        let only_starved = status.state == AlState::SafeOp && (!status.error || code == AlStatusCode::WATCHDOG);
+        self.was_up &= only_starved;
+        self.small[0] = status.state.into();
+        if status.error {
+            self.enter(Step::Acknowledge, now);
+        } else {
+            self.resume(now);
+        }
+        None
+    }
+
+    /// It is there and shows no error: what it still knows is not told again.
+    fn resume(&mut self, now: &Now<'_>) {
+        let step = match (self.was_up, self.applies(Step::Near)) {
+            (false, _) => Step::Features,
+            (true, true) => Step::Near,
+            (true, false) => Step::ToSafeOp,
+        };
+        self.enter(step, now);
+    }
+
+    fn was_at_position(&mut self, now: &Now<'_>, acted: bool, data: &[u8]) -> Option<Notice> {
+        let station = u16_at(data, 0).unwrap_or(0);
+        match (acted, station) {
+            // Out of the box, or without power for a while.
+            (true, 0) => {
+                self.enter(Step::Address, now);
+                None
+            }
+            (true, other) if other != self.station() => {
+                self.enter(Step::Away, now);
+                self.tries += 1;
+                Some(Notice::Other(other))
+            }
+            _ => Some(self.fail(now, SetupError::Gone)),
+        }
+    }
+
+    fn mailed(&mut self, now: &Now<'_>, working_counter: u16, data: &[u8], orders: &mut Orders) -> Option<Notice> {
+        let sink = match self.purpose {
+            Purpose::Order(order) => orders.value_mut(order),
+            _ => &mut self.small[..],
+        };
+        match self.mailbox.answer(now.ns, working_counter, data, sink) {
+            Outcome::Nothing => None,
+            Outcome::Emergency(emergency) => Some(Notice::Emergency(emergency)),
+            Outcome::Done(octets) => self.sdo_ended(now, Ok(octets), orders),
+            Outcome::Failed(error) => self.sdo_ended(now, Err(error), orders),
+        }
+    }
+
+    fn sdo_ended(&mut self, now: &Now<'_>, result: Result<usize, SetupError>, orders: &mut Orders) -> Option<Notice> {
+        match core::mem::replace(&mut self.purpose, Purpose::None) {
+            Purpose::None => None,
+            Purpose::Order(order) => {
+                orders.finish(order, result);
+                None
+            }
+            Purpose::Start => match result {
+                Ok(_) => {
+                    self.item += 1;
+                    let count = self.config.map_or(0, |(_, config)| config.start.len());
+                    if self.item as usize >= count {
+                        self.advance(now);
+                    }
+                    None
+                }
+                Err(error) => Some(self.fail(now, error)),
+            },
+            Purpose::Mapping => {
+                let (_, config) = self.config?;
+                let data = if self.step == Step::MapOutputs {
+                    &config.outputs
+                } else {
+                    &config.inputs
+                };
+                let done = result.and_then(|octets| {
+                    let mut value = [0; 4];
+                    let octets = octets.min(4);
+                    value[..octets].copy_from_slice(&self.small[..octets]);
+                    self.mapping.done(data, u32::from_le_bytes(value))
+                });
+                match done {
+                    Ok(true) => {
+                        self.advance(now);
+                        None
+                    }
+                    Ok(false) => None,
+                    Err(error) => Some(self.fail(now, error)),
+                }
+            }
+        }
+    }
+}
