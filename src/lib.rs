@@ -22,3 +22,15 @@ pub mod program;
 pub mod rt;
 pub mod scope;
 pub mod sim;
+
+/// What components are made of, for those that are compiled in: [`main_with`].
+pub use ::components;
+
+/// The command line of a control with components of its own beside those of the catalogue; `examples/own-component` is one.
+pub fn main_with(own: &'static [components::Kind]) -> std::process::ExitCode {
+    if let Err(error) = components::register(own) {
+        eprintln!("isocnc: {error}");
+        return std::process::ExitCode::from(2);
+    }
+    cli::main()
+}

@@ -1,6 +1,7 @@
 //! All components, by name.
 
 use crate::component::Kind;
+use std::sync::OnceLock;
 
 /// All kinds, in alphabetical order.
 pub static CATALOGUE: [Kind; 93] = [
@@ -102,5 +103,52 @@ pub static CATALOGUE: [Kind; 93] = [
 /// The kind of that name, with `-` or `_`.
 pub fn find(name: &str) -> Option<&'static Kind> {
     let name = name.replace('-', "_");
-    CATALOGUE.iter().find(|kind| kind.name == name)
+    kinds().find(|kind| kind.name == name)
+}
+
+/// Kinds from outside of this crate.
+static OWN: OnceLock<&'static [Kind]> = OnceLock::new();
+
+/// All kinds: those of the catalogue, then those that were registered.
+pub fn kinds() -> impl Iterator<Item = &'static Kind> {
+    let own: &[Kind] = OWN.get().copied().unwrap_or_default();
+    CATALOGUE.iter().chain(own)
+}
+
+/// A kind that cannot be registered.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum RegisterError {
+    /// Another one has its name.
+    #[error("component {name:?}: there is one of this name")]
+    Taken {
+        /// The name.
+        name: &'static str,
+    },
+    /// A name that no machine file could ask for.
+    #[error("component {name:?}: a name has small letters, digits and `_`, a letter first")]
+    Name {
+        /// The name.
+        name: &'static str,
+    },
+    /// Kinds were registered before.
+    #[error("components are registered once, all of them together")]
+    Again,
+}
+
+/// Adds kinds of a program that uses this crate, once, before machine files are read.
+///
+/// # Errors
+/// Names that are taken or that machine files could not ask for; a second call.
+pub fn register(own: &'static [Kind]) -> Result<(), RegisterError> {
+    for (at, kind) in own.iter().enumerate() {
+        let name = kind.name;
+        let legal = |octet: u8| octet.is_ascii_lowercase() || octet.is_ascii_digit() || octet == b'_';
+        if !name.starts_with(|first: char| first.is_ascii_lowercase()) || !name.bytes().all(legal) {
+            return Err(RegisterError::Name { name });
+        }
+        if CATALOGUE.iter().chain(&own[..at]).any(|other| other.name == name) {
+            return Err(RegisterError::Taken { name });
+        }
+    }
+    OWN.set(own).map_err(|_| RegisterError::Again)
 }

@@ -93,7 +93,7 @@ pub struct PinSpec {
     pub doc: &'static str,
 }
 
-/// The pins of a component: `component!` writes this.
+/// The pins of a component: [`component!`](crate::component!) writes this.
 pub trait Pins {
     /// Visits all inputs, or all outputs, always in the same order. RT: no allocation, no lock.
     fn visit(&mut self, direction: Direction, visitor: &mut dyn FnMut(Pin<'_>));
@@ -214,7 +214,8 @@ pub struct Kind {
     pub doc: &'static str,
     /// Options of its instances.
     pub options: &'static [OptionSpec],
-    pub(crate) new: fn() -> Box<dyn Component>,
+    /// Makes one without options.
+    pub new: fn() -> Box<dyn Component>,
 }
 
 impl Kind {
@@ -249,8 +250,8 @@ impl Kind {
     }
 }
 
-/// A field that is a pin, or several.
-pub(crate) trait Field {
+/// A field that is a pin, or several: `bool`, `i32`, `u32`, `f64`, and arrays and vectors of them.
+pub trait Field {
     /// Visits it. RT.
     fn visit(&mut self, pattern: &'static str, doc: &'static str, visitor: &mut dyn FnMut(Pin<'_>));
 }

@@ -14,6 +14,7 @@
 /// ```
 ///
 /// A pin has the name of its field, or the pattern behind `as`; fields of a `Vec` have as many pins as items.
+#[macro_export]
 macro_rules! component {
     (
         $(#[doc = $doc:literal])+
@@ -32,10 +33,10 @@ macro_rules! component {
         }
 
         impl $Name {
-            pub(crate) const KIND: $crate::component::Kind = $crate::component::Kind {
+            pub(crate) const KIND: $crate::Kind = $crate::Kind {
                 name: $kind,
                 doc: concat!($($doc),+),
-                options: &[$($($crate::component::OptionSpec {
+                options: &[$($($crate::OptionSpec {
                     name: stringify!($option),
                     doc: $option_doc,
                     default: $option_default,
@@ -50,19 +51,19 @@ macro_rules! component {
             };
         }
 
-        impl $crate::component::Pins for $Name {
+        impl $crate::Pins for $Name {
             fn visit(
                 &mut self,
-                direction: $crate::component::Direction,
-                visitor: &mut dyn FnMut($crate::component::Pin<'_>),
+                direction: $crate::Direction,
+                visitor: &mut dyn FnMut($crate::Pin<'_>),
             ) {
-                use $crate::component::{Direction, Field};
+                use $crate::{Direction, Field};
                 match direction {
                     Direction::In => {
-                        $($(self.$input.visit($crate::declare::pattern!($input $(as $input_pattern)?), $input_doc, visitor);)*)?
+                        $($(self.$input.visit($crate::pattern!($input $(as $input_pattern)?), $input_doc, visitor);)*)?
                     }
                     Direction::Out => {
-                        $($(self.$output.visit($crate::declare::pattern!($output $(as $output_pattern)?), $output_doc, visitor);)*)?
+                        $($(self.$output.visit($crate::pattern!($output $(as $output_pattern)?), $output_doc, visitor);)*)?
                     }
                 }
             }
@@ -70,6 +71,9 @@ macro_rules! component {
     };
 }
 
+/// Name of a pin as `component!` takes it.
+#[doc(hidden)]
+#[macro_export]
 macro_rules! pattern {
     ($field:ident) => {
         stringify!($field)
@@ -79,4 +83,4 @@ macro_rules! pattern {
     };
 }
 
-pub(crate) use {component, pattern};
+pub(crate) use component;

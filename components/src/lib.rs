@@ -58,6 +58,6 @@ mod signals;
 mod spindle;
 mod timing;
 
-pub use catalogue::{CATALOGUE, find};
-pub use component::{Component, Direction, Kind, OptionError, OptionSpec, Options, Pin, PinSpec, Pins, Slot};
+pub use catalogue::{CATALOGUE, RegisterError, find, kinds, register};
+pub use component::{Component, Direction, Field, Kind, OptionError, OptionSpec, Options, Pin, PinSpec, Pins, Slot};
 pub use instance::Instance;

@@ -148,6 +148,26 @@ pub enum HalError {
         "the control has no oscilloscope: it has ended, or had no memory for one when it started, which its log says"
     )]
     NoScope,
+    /// The control has no external component of this name.
+    #[error(
+        "the control of machine '{machine}' has no external component '{name}': [[hal.external]] of its machine file declares them"
+    )]
+    NoExternal {
+        /// Name of the machine.
+        machine: String,
+        /// Name that was asked for.
+        name: String,
+    },
+    /// Another process writes the outputs of an external component.
+    #[error(
+        "external component '{name}' is claimed by process {pid}: it has one writer at a time; end that process first"
+    )]
+    Claimed {
+        /// Name of the component.
+        name: String,
+        /// The process, 0 if it has only just begun.
+        pid: u32,
+    },
     /// A file of somebody else.
     #[error("{} belongs to user {owner}: run as that user, or as root", .path.display())]
     Foreign {

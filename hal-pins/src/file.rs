@@ -8,8 +8,9 @@
 
 use crate::HalError;
 use crate::layout::{Words, file_len};
+use crate::mapped::Mapped;
 use crate::name::check_machine;
-use memmap2::MmapOptions;
+use memmap2::{MmapOptions, MmapRaw};
 use nix::fcntl::{FcntlArg, fcntl};
 use nix::sys::statfs::{TMPFS_MAGIC, statfs};
 use std::fs::{DirBuilder, File, OpenOptions};
@@ -272,21 +273,10 @@ impl OwnFile {
             let path = draft.0.clone();
             move |cause| HalError::System { path, doing, cause }
         };
-        let file = OpenOptions::new()
-            .read(true)
-            .write(true)
-            .create_new(true)
-            .mode(0o600)
-            .custom_flags(libc::O_NOFOLLOW)
-            .open(&draft.0)
-            .map_err(failed("create"))?;
+        let file = new_file(&draft.0).map_err(failed("create"))?;
         let len = file_len(capacity);
         file.set_len(len as u64).map_err(failed("set the length of"))?;
-        let map = MmapOptions::new()
-            .len(len)
-            .populate()
-            .map_raw(&file)
-            .map_err(failed("map"))?;
+        let map = map(&file, len).map_err(failed("map"))?;
         let words = Words::format(map, &file, capacity);
         lock(&file).map_err(failed("lock"))?;
 
@@ -325,6 +315,42 @@ impl Drop for OwnFile {
             let _ = std::fs::remove_file(&self.path);
         }
     }
+}
+
+/// Makes a file of this length beside the pins of a machine, of which this process is the control; in place of what an earlier one has
+/// left there. The name of the machine stands behind the first dot of `name`, so that it is swept with what else is that machine's.
+pub(crate) fn create_beside(pins: &Path, name: &str, len: usize) -> Result<(OwnFile, Mapped), HalError> {
+    let directory = pins.parent().unwrap_or(Path::new("/"));
+    // Nobody sweeps drafts meanwhile.
+    let folder = Folder::open(directory, "create")?;
+    folder.lock()?;
+    let draft = Draft(directory.join(format!(".{PREFIX}{name}.{}", std::process::id())));
+    let failed = |doing| {
+        let path = draft.0.clone();
+        move |cause| HalError::System { path, doing, cause }
+    };
+    let file = new_file(&draft.0).map_err(failed("create"))?;
+    file.set_len(len as u64).map_err(failed("set the length of"))?;
+    let mapped = Mapped::new(map(&file, len).map_err(failed("map"))?, &file);
+    lock(&file).map_err(failed("lock"))?;
+    let path = directory.join(name);
+    std::fs::rename(&draft.0, &path).map_err(failed("rename"))?;
+    Ok((OwnFile { path, file }, mapped))
+}
+
+fn new_file(path: &Path) -> std::io::Result<File> {
+    OpenOptions::new()
+        .read(true)
+        .write(true)
+        .create_new(true)
+        .mode(0o600)
+        .custom_flags(libc::O_NOFOLLOW)
+        .open(path)
+}
+
+/// Maps a file with all its pages.
+pub(crate) fn map(file: &File, len: usize) -> std::io::Result<MmapRaw> {
+    MmapOptions::new().len(len).populate().map_raw(file)
 }
 
 /// Removes the name under which a file was filled, whatever came of it.
@@ -399,11 +425,7 @@ pub(crate) fn map_checked(file: &File, path: &Path) -> Result<Words, HalError> {
             file_len(1)
         )));
     }
-    let map = MmapOptions::new()
-        .len(len as usize)
-        .populate()
-        .map_raw(file)
-        .map_err(system("map"))?;
+    let map = map(file, len as usize).map_err(system("map"))?;
     Words::check(map, file).map_err(corrupt)
 }
 

@@ -1,7 +1,8 @@
 //! The owner's side: claiming pins, connecting them, and the handles that the cycle uses.
 
 use crate::attached::{self, Attached, PinInfo};
-use crate::file::{OwnFile, own_directories};
+use crate::cell;
+use crate::file::{OwnFile, PREFIX, own_directories};
 use crate::layout::{CAPACITY_MAX, Entry, UNIT_LEN_MAX, Words, target};
 use crate::{AnyValue, HalError, Kind, Type, Value, check_name, nearest};
 use std::marker::PhantomData;
@@ -64,6 +65,12 @@ impl Hal {
     /// The file in shared memory.
     pub fn path(&self) -> &Path {
         self.file.path()
+    }
+
+    /// Name of the machine.
+    pub fn machine(&self) -> &str {
+        let name = self.path().file_name().and_then(|name| name.to_str());
+        name.and_then(|name| name.strip_prefix(PREFIX)).unwrap_or_default()
     }
 
     /// Claims a pin to write. Its value is 0 or false until it is set.
@@ -328,15 +335,12 @@ pub struct Output<T> {
 impl<T: Value> Output<T> {
     /// RT: shows a value to all readers; they also see everything written before it.
     pub fn set(&mut self, value: T) {
-        self.shared
-            .words
-            .cell(self.index)
-            .store(value.to_cell(), Ordering::Release);
+        cell::set(self.shared.words.cell(self.index), value.to_cell());
     }
 
     /// RT: the value now.
     pub fn get(&self) -> T {
-        T::from_cell(self.shared.words.cell(self.index).load(Ordering::Acquire))
+        T::from_cell(cell::get(self.shared.words.cell(self.index)))
     }
 }
 
@@ -351,7 +355,7 @@ impl<T: Value> Input<T> {
     /// RT: the value of the net it is on, or its own.
     pub fn get(&self) -> T {
         let source = self.shared.source[self.index].load(Ordering::Acquire);
-        T::from_cell(self.shared.words.cell(source as usize).load(Ordering::Acquire))
+        T::from_cell(cell::get(self.shared.words.cell(source as usize)))
     }
 }
 

@@ -14,13 +14,13 @@
 //! `alias + 1` is the entry of which this one is another name. `net + 1` is the entry of the net a pin is on, `source + 1` the entry whose cell holds the value of an input or a net;
 //! 0 is none.
 
-use crate::guard::Guard;
 use crate::kind::{Kind, Type};
+use crate::mapped::{AtomicU64, Mapped};
 use crate::name::{NAME_LEN_MAX, check_name};
 use crate::value::AnyValue;
 use memmap2::MmapRaw;
 use std::fs::File;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::Ordering;
 
 pub(crate) const MAGIC: u64 = u64::from_le_bytes(*b"isocHAL\n");
 pub(crate) const VERSION: u64 = 2;
@@ -73,9 +73,7 @@ pub(crate) const fn file_len(capacity: usize) -> usize {
 
 /// The mapped words. The mapping stays until the last handle is gone.
 pub(crate) struct Words {
-    /// Dropped before the mapping.
-    guard: Guard,
-    map: MmapRaw,
+    mapped: Mapped,
     capacity: usize,
 }
 
@@ -83,8 +81,8 @@ impl Words {
     /// Lays out fresh, zeroed memory.
     pub(crate) fn format(map: MmapRaw, file: &File, capacity: usize) -> Words {
         assert!((1..=CAPACITY_MAX).contains(&capacity) && map.len() == file_len(capacity));
-        let guard = Guard::new(&map, file);
-        let words = Words { guard, map, capacity };
+        let mapped = Mapped::new(map, file);
+        let words = Words { mapped, capacity };
         words.word(at::VERSION).store(VERSION, Ordering::Relaxed);
         words
             .word(at::FILE_LEN)
@@ -102,12 +100,8 @@ impl Words {
         if map.len() < file_len(1) || !map.len().is_multiple_of(8) {
             return Err(format!("{} octets are no pins of a control: too short", map.len()));
         }
-        let guard = Guard::new(&map, file);
-        let words = Words {
-            guard,
-            map,
-            capacity: 0,
-        };
+        let mapped = Mapped::new(map, file);
+        let words = Words { mapped, capacity: 0 };
         let header = |index| words.word(index).load(Ordering::Acquire);
         if header(at::MAGIC) != MAGIC {
             return Err(format!(
@@ -125,7 +119,7 @@ impl Words {
         if !(1..=CAPACITY_MAX).contains(&capacity) {
             return Err(format!("damaged: capacity {capacity}, expected 1 to {CAPACITY_MAX}"));
         }
-        let len = words.map.len();
+        let len = words.mapped.len();
         if len != file_len(capacity) || header(at::FILE_LEN) != len as u64 {
             return Err(format!(
                 "damaged: {len} octets, expected {} for {capacity} entries",
@@ -142,7 +136,7 @@ impl Words {
     /// RT: whether somebody has cut the file short: what was lost reads as zeros until it is written again.
     pub(crate) fn is_lost(&self) -> bool {
         // Where somebody else was the first to touch what was gone, there is no fault here.
-        self.guard.is_lost() || self.word(at::MAGIC).load(Ordering::Relaxed) != MAGIC
+        self.mapped.is_lost() || self.word(at::MAGIC).load(Ordering::Relaxed) != MAGIC
     }
 
     /// Entries that are complete; never above the capacity.
@@ -259,9 +253,6 @@ impl Words {
     }
 
     fn word(&self, index: usize) -> &AtomicU64 {
-        assert!(index < self.map.len() / 8);
-        // SAFETY: the word lies inside the mapping, which lives as long as `self`; the mapping begins on a page, so the word
-        // is aligned; this memory is touched through atomics only, here and in every other process.
-        unsafe { &*self.map.as_mut_ptr().cast::<AtomicU64>().add(index) }
+        &self.mapped.words()[index]
     }
 }

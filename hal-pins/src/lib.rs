@@ -38,18 +38,22 @@
 #![warn(clippy::missing_errors_doc)]
 
 mod attached;
+mod cell;
 mod error;
+mod external;
 mod file;
 mod guard;
 mod hal;
 mod kind;
 mod layout;
+mod mapped;
 mod name;
 pub mod scope;
 mod value;
 
 pub use attached::{Attached, PinInfo};
 pub use error::HalError;
+pub use external::{Change, Claim, EXTERNAL_PINS_MAX, External, ExternalPin, Lost};
 pub use file::{Found, directories, find};
 pub use hal::{Hal, Input, Memory, Output, View};
 pub use kind::{Kind, Type};

@@ -525,6 +525,7 @@ fn status() -> Value {
         "position_mm": positions(),
         "spindle": or_null(object(json!({ "on": flag(), "speed_rpm": number() }))),
         "coolant": object(json!({ "flood": flag(), "mist": flag() })),
+        "external": list(object(json!({ "name": text(), "alive": flag(), "losses": whole() }))),
         "override": refer("Overrides"),
         "step": text(),
         "power": text(),

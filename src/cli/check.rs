@@ -202,6 +202,13 @@ impl fmt::Display for Summary<'_> {
             };
             writeln!(f, "       {}: {}, {place}", component.name, component.kind)?;
         }
+        if !config.external.is_empty() {
+            writeln!(f, "external components")?;
+        }
+        for external in &config.external {
+            let (pins, heartbeat) = (external.pins.len(), external.heartbeat_ms);
+            writeln!(f, "       {}: {pins} pins, heartbeat {heartbeat} ms", external.name)?;
+        }
         writeln!(f, "nets")?;
         if config.nets.is_empty() {
             writeln!(f, "       none")?;
@@ -306,6 +313,9 @@ fn to_json(config: &Config, plans: &[NodePlan]) -> Json {
         .components
         .iter()
         .map(|component| json!({ "name": component.name, "type": component.kind }));
+    let external = config.external.iter().map(
+        |external| json!({ "name": external.name, "pins": external.pins.len(), "heartbeat_ms": external.heartbeat_ms }),
+    );
     let late_reads = late_reads(config).into_iter();
     let late_reads = late_reads.map(|late| json!({ "net": late.net, "source": late.source, "target": late.target }));
     json!({
@@ -321,6 +331,7 @@ fn to_json(config: &Config, plans: &[NodePlan]) -> Json {
         "joints": joints.collect::<Vec<_>>(),
         "axes": axes.collect::<Vec<_>>(),
         "components": components.collect::<Vec<_>>(),
+        "external": external.collect::<Vec<_>>(),
         "nets": nets.collect::<Vec<_>>(),
         "late_reads": late_reads.collect::<Vec<_>>(),
     })

@@ -7,7 +7,7 @@ use super::document::{Scalar, Section};
 use super::error::nearest;
 use super::types::{Component, Net, Place};
 use super::{PIN_RULE, is_pin};
-use components::{CATALOGUE, Direction, Kind, PinSpec, find};
+use components::{Direction, Kind, PinSpec, find, kinds};
 use hal_pins::{AnyValue, Type};
 
 /// Reads them all; `None` where one is wrong.
@@ -70,7 +70,7 @@ fn kind(section: &mut Section<'_, '_>) -> Option<&'static Kind> {
         .text(&section.key("type"))?;
     let kind = find(name);
     if kind.is_none() {
-        let near = nearest(name, CATALOGUE.iter().map(|kind| kind.name));
+        let near = nearest(name, kinds().map(|kind| kind.name));
         let hint = near.map_or(String::new(), |near| format!("; did you mean {near:?}?"));
         section.wrong(
             "type",
@@ -184,7 +184,7 @@ fn values(
 }
 
 /// The value as one of the type of a pin.
-fn of_type(value: Scalar, kind: Type) -> Option<AnyValue> {
+pub(super) fn of_type(value: Scalar, kind: Type) -> Option<AnyValue> {
     Some(match (kind, value) {
         (Type::Bit, Scalar::Flag(value)) => AnyValue::Bit(value),
         (Type::S32, Scalar::Integer(value)) => AnyValue::S32(value.try_into().ok()?),
@@ -200,7 +200,7 @@ fn of_type(value: Scalar, kind: Type) -> Option<AnyValue> {
     })
 }
 
-fn wanted(kind: Type) -> &'static str {
+pub(super) fn wanted(kind: Type) -> &'static str {
     match kind {
         Type::Bit => "true or false",
         Type::S32 => "an integer from -2147483648 to 2147483647",

@@ -18,6 +18,7 @@ mod document;
 mod drive;
 mod drive_profile;
 mod error;
+mod external;
 mod homing;
 mod joints;
 mod kinematics;
@@ -230,15 +231,15 @@ pub fn net_errors(config: &Config, refused: &[(usize, HalError)]) -> ConfigError
     ConfigErrors::new(errors, more)
 }
 
-/// A component whose pins cannot be made, at the place of its name in the machine file.
-pub fn component_error(config: &Config, number: usize, error: &HalError) -> ConfigErrors {
+/// A component whose pins cannot be made, at the place of its name in the machine file; `kind`: `component` or `external`.
+pub fn component_error(config: &Config, kind: &str, number: usize, error: &HalError) -> ConfigErrors {
     let file = config.path.display().to_string();
     let text = files::read_text(&config.path, TEXT_MAX).unwrap_or_default();
     let (document, _) = DeTable::parse_recoverable(&text);
     let hal = document.get_ref().get("hal").and_then(|hal| hal.get_ref().as_table());
-    let tables = hal.and_then(|hal| hal.get("component")?.get_ref().as_array());
+    let tables = hal.and_then(|hal| hal.get(kind)?.get_ref().as_array());
     let table = tables.and_then(|tables| tables.get(number)?.get_ref().as_table());
-    let key = format!("hal.component[{number}].name");
+    let key = format!("hal.{kind}[{number}].name");
     let log = Log::new(&file, &text);
     match table.and_then(|table| table.get("name")) {
         Some(value) => log.wrong(value.span(), &key, error.to_string(), None),
@@ -363,7 +364,7 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
         tools
     });
     let hal = root.section("hal").and_then(hal);
-    let nets = hal.as_ref().map(|(nets, _)| nets);
+    let nets = hal.as_ref().map(|(nets, ..)| nets);
     let all_joints = (joints.len() == count).then_some(joints.as_slice());
     if let (Some(joints), Some(axes), Some(transform), Some(nodes), Some(nets)) =
         (all_joints, &axes, &transform, nodes, nets)
@@ -384,7 +385,7 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
     }
     let priority = rt.as_ref().map(|rt| rt.priority);
     let logics = logics::logics(&mut root, base, cycle_us, priority);
-    if let (Some(logics), Some((nets, components))) = (&logics, &hal) {
+    if let (Some(logics), Some((nets, components, _))) = (&logics, &hal) {
         logics::keep_fast_inputs(&root, logics, nets, components);
     }
     let folder = state_directory.as_ref().and_then(|folder| folder.as_deref());
@@ -395,7 +396,7 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
     root.not_yet(&["hmi", "service"]);
     root.done();
 
-    let (nets, components) = hal?;
+    let (nets, components, external) = hal?;
     Some(Config {
         path: path.to_owned(),
         name: name?,
@@ -421,6 +422,7 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
         nets,
         components,
         logics: logics?,
+        external,
         sim: sim?,
         panel: panel?,
     })
@@ -541,8 +543,8 @@ fn mains(mut section: Section<'_, '_>) -> Option<Mains> {
     })
 }
 
-/// `[[hal.net]]` and `[[hal.component]]`; whether the pins exist that nets name is found out when the pins do.
-fn hal(mut section: Section<'_, '_>) -> Option<(Vec<Net>, Vec<Component>)> {
+/// `[[hal.net]]`, `[[hal.component]]`, `[[hal.external]]`; whether the pins exist that nets name is found out when the pins do.
+fn hal(mut section: Section<'_, '_>) -> Option<(Vec<Net>, Vec<Component>, Vec<External>)> {
     let mut nets: Vec<Net> = Vec::new();
     let mut complete = true;
     for mut table in section.sections("net") {
@@ -553,9 +555,10 @@ fn hal(mut section: Section<'_, '_>) -> Option<(Vec<Net>, Vec<Component>)> {
         table.done();
     }
     let components = components::components(&mut section, &nets);
+    let external = external::external(&mut section, &nets);
     section.not_yet(&["function", "functions", "order", "set"]);
     section.done();
-    complete.then_some((nets, components?))
+    complete.then_some((nets, components?, external?))
 }
 
 const PIN_RULE: &str = "must be a name of lower-case letters, digits, dashes and dots, like \"joint.0.f-error\"";

@@ -70,6 +70,8 @@ pub struct Config {
     pub components: Vec<Component>,
     /// Programs in Structured Text.
     pub logics: Vec<LogicTask>,
+    /// Those whose outputs other processes write.
+    pub external: Vec<External>,
     /// What the simulated machine is made of.
     pub sim: Sim,
     /// The operator panel in the browser; `None`: only where the command line asks for it.
@@ -864,6 +866,28 @@ pub enum Place {
     BeforeMotion,
     /// Behind the set-points, before the outputs of nodes.
     AfterMotion,
+}
+
+/// `[[hal.external]]`
+#[derive(Clone, Debug, PartialEq)]
+pub struct External {
+    /// Name before the names of its pins.
+    pub name: String,
+    /// How long its process may write nothing, ms.
+    pub heartbeat_ms: u32,
+    pub on_loss: OnLoss,
+    pub pins: Vec<hal_pins::ExternalPin>,
+}
+
+/// What a process that writes no more does to the machine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OnLoss {
+    /// The journal tells it.
+    Journal,
+    /// The operator is warned.
+    Warn,
+    /// Alarm and controlled stop.
+    Stop,
 }
 
 /// `[[hal.net]]`

@@ -211,6 +211,15 @@ pub enum Fault {
     },
     /// A limit switch closed; `above`: the one at the upper end.
     LimitSwitch { joint: usize, above: bool },
+    /// The process of an external component has not renewed its heartbeat in time, or its file was cut short.
+    ExternalLost {
+        /// By its place in the machine file.
+        component: usize,
+        /// The file was cut short by another process.
+        cut_short: bool,
+        /// The machine file wants the machine to stop (`on_loss`).
+        stops: bool,
+    },
     /// The mains have failed: what energy is left is for a stop.
     MainsLost,
     /// The network adapter does not send or receive.
@@ -318,6 +327,7 @@ impl Fault {
             Fault::ManyOverruns { .. }
             | Fault::CountsLost { in_step: false, .. }
             | Fault::InputRange { .. }
+            | Fault::ExternalLost { stops: false, .. }
             | Fault::LogicError {
                 error: LogicError { goes_on: true, .. },
                 ..
@@ -336,6 +346,7 @@ impl Fault {
             | Fault::CountsLost { in_step: true, .. }
             | Fault::TooManyOverruns { .. }
             | Fault::PinsLost
+            | Fault::ExternalLost { stops: true, .. }
             | Fault::LimitSwitch { .. }
             | Fault::MainsLost
             | Fault::LogicError { .. }
@@ -377,6 +388,7 @@ impl Fault {
             Fault::TooManyOverruns { .. } => "C-403",
             Fault::CycleHung => "C-404",
             Fault::PinsLost => "C-406",
+            Fault::ExternalLost { .. } => "C-407",
             Fault::EmergencyStop { .. } => "E-501",
             Fault::MainsLost => "E-502",
             Fault::LogicError { .. } => "L-801",
@@ -419,6 +431,14 @@ impl Fault {
         }
     }
 
+    /// The external component that it is about.
+    pub const fn external(&self) -> Option<usize> {
+        match *self {
+            Fault::ExternalLost { component, .. } => Some(component),
+            _ => None,
+        }
+    }
+
     /// Whether boot-up goes on in spite of it: the time limit of boot-up is the operator's, and what stays wrong shows again
     /// behind it. Another managing node is no such thing: it is told of once and may only fall silent by itself.
     pub fn is_usual_in_boot(&self) -> bool {
@@ -442,6 +462,7 @@ impl Fault {
             | Fault::ManyOverruns { .. }
             | Fault::CycleHung
             | Fault::PinsLost
+            | Fault::ExternalLost { .. }
             | Fault::EmergencyStop { .. }
             | Fault::LimitSwitch { .. }
             | Fault::MainsLost
@@ -452,12 +473,13 @@ impl Fault {
         }
     }
 
-    /// A sentence for the operator; `node` and `joint` name those of the machine file, `logic` a program, or says a text of it.
+    /// A sentence for the operator; `node`, `joint` and `external` name those of the machine file, `logic` a program, or says a text of it.
     pub fn text(
         &self,
         node: impl Fn(NodeIndex) -> String,
         joint: impl Fn(usize) -> String,
         logic: impl Fn(usize, Option<u32>) -> String,
+        external: impl Fn(usize) -> String,
     ) -> String {
         match *self {
             Fault::NodeLost { node: index } => format!("{}: lost, it does not answer any more", node(index)),
@@ -553,6 +575,16 @@ impl Fault {
             Fault::CycleHung => SILENCED.into(),
             Fault::PinsLost => {
                 "the file of the pins was cut short by another process: pins are lost; end this control and start it again".into()
+            }
+            Fault::ExternalLost {
+                component, cut_short, ..
+            } => {
+                let name = external(component);
+                let why = match cut_short {
+                    true => "its file was cut short by another process; end this control and start it again",
+                    false => "its process does not renew its heartbeat: it has died or hangs",
+                };
+                format!("external component {name}: {why}; its outputs have their safe values")
             }
             Fault::EmergencyStop { cause } => match cause {
                 EstopCause::Order => "emergency stop by order".into(),

@@ -135,8 +135,12 @@ fn moment(config: &Config, pin: &str, is_source: bool) -> ((u8, usize), bool) {
         };
         return ((part, at), true);
     }
-    // Outputs of programs come with the inputs of nodes, and their inputs are read behind everything.
-    let of_nodes = ["io.", "cia402.", "logic."].iter().any(|start| pin.starts_with(start));
+    // Outputs of programs and of other processes come with the inputs of nodes, and their inputs are read behind everything.
+    let of_others = config.external.iter().any(|external| {
+        let rest = pin.strip_prefix(external.name.as_str());
+        rest.is_some_and(|rest| rest.starts_with('.'))
+    });
+    let of_nodes = of_others || ["io.", "cia402.", "logic."].iter().any(|start| pin.starts_with(start));
     let part = match (of_nodes, is_source) {
         (true, true) => INPUTS,
         (true, false) => OUTPUTS,

@@ -10,6 +10,7 @@ pub mod cycle_stats;
 pub mod desk;
 pub mod drives;
 pub mod encoder;
+pub mod external;
 pub mod homing;
 pub mod io_channels;
 pub mod io_pins;

@@ -7,6 +7,7 @@
 
 use super::components::{Lists, count_pins};
 use super::drives::{Drives, is_filled};
+use super::external::{self, ExternalPins};
 use super::io_channels::IoPins;
 use super::io_pins::{InputPins, OutputPins};
 use super::logic;
@@ -37,7 +38,8 @@ const CAPACITY: usize = 2048;
 
 /// Pins and nets that there is to be room for.
 pub fn capacity(config: &Config) -> usize {
-    (CAPACITY + count_pins(config) + logic::count_pins(config) + config.nets.len()).min(CAPACITY_MAX)
+    let declared = count_pins(config) + logic::count_pins(config) + external::count_pins(config);
+    (CAPACITY + declared + config.nets.len()).min(CAPACITY_MAX)
 }
 
 struct JointPins {
@@ -132,6 +134,8 @@ pub struct Pins {
     pub components: Lists,
     /// Programs in Structured Text.
     pub logic: logic::Ports,
+    /// Those of other processes.
+    pub external: ExternalPins,
     /// Inputs for which programs wait.
     pub inputs: InputPins,
     /// Outputs that programs set.
@@ -368,6 +372,11 @@ pub enum PinsError {
     Nets(ConfigErrors),
 }
 
+/// Pins of a component that cannot be had: at its place in the machine file.
+fn refused(config: &Config, kind: &str, number: usize, error: &HalError) -> PinsError {
+    PinsError::Nets(config::component_error(config, kind, number, error))
+}
+
 impl Pins {
     /// Makes all pins and links them as the machine file says.
     ///
@@ -471,9 +480,11 @@ impl Pins {
                 .map(|number| OtherSpindle::new(hal, config, number))
                 .collect::<Result<_, _>>()?,
             components: Lists::new(hal, config)
-                .map_err(|(number, error)| PinsError::Nets(config::component_error(config, number, &error)))?,
+                .map_err(|(number, error)| refused(config, "component", number, &error))?,
             logic: logic::Ports::claim(hal, config)
                 .map_err(|(number, error)| PinsError::Nets(config::logic_error(config, number, &error.to_string())))?,
+            external: ExternalPins::new(hal, config)
+                .map_err(|(number, error)| refused(config, "external", number, &error))?,
             inputs: InputPins::new(hal, config)?,
             outputs: OutputPins::new(hal, config)?,
             flood: hal.output("iocontrol.0.coolant-flood")?,

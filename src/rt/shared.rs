@@ -129,6 +129,15 @@ pub enum Notice {
         /// Number of its text in the program.
         text: u32,
     },
+    /// A process has taken, given up or lost an external component.
+    External {
+        /// By its place in the machine file.
+        component: usize,
+        /// What has happened.
+        change: hal_pins::Change,
+        /// Process that says it has it.
+        pid: u32,
+    },
     /// The program came to its end.
     ProgramEnded,
 }

@@ -159,6 +159,7 @@ pub(super) fn test_config() -> Config {
         nets: Vec::new(),
         components: Vec::new(),
         logics: Vec::new(),
+        external: Vec::new(),
         sim: Sim {
             natural_frequency_hz: 60.0,
             damping: 0.8,

@@ -136,6 +136,16 @@ pub(crate) fn examples() -> Vec<Fault> {
         Fault::TooManyOverruns { cycles: 201 },
         Fault::CycleHung,
         Fault::PinsLost,
+        Fault::ExternalLost {
+            component: 0,
+            cut_short: false,
+            stops: false,
+        },
+        Fault::ExternalLost {
+            component: 0,
+            cut_short: true,
+            stops: true,
+        },
         Fault::ForeignMaster {
             sign: ForeignMaster {
                 node: 240,

@@ -117,6 +117,8 @@ pub struct Methods {
     /// Folder of programs.
     programs: Option<PathBuf>,
     pins: Box<Pins>,
+    /// Names of external components.
+    external: Vec<String>,
     now_ns: fn() -> u64,
 }
 
@@ -150,6 +152,7 @@ impl Methods {
             text_place: Place::default(),
             programs: None,
             pins: Box::new(|_| None),
+            external: Vec::new(),
             now_ns,
         }
     }
@@ -182,6 +185,7 @@ impl Methods {
             holds_on_lost_control: (config.panel.as_ref())
                 .is_some_and(|panel| panel.on_lost_control == OnLostControl::Hold),
             pins: Box::new(pins),
+            external: config.external.iter().map(|of| of.name.clone()).collect(),
             time_of_day,
             scopes: match file.parent() {
                 Some(folder) => Scopes::new(folder.to_owned(), &config.name),
@@ -265,6 +269,15 @@ impl Methods {
         json!({ "flood": is_on("iocontrol.0.coolant-flood"), "mist": is_on("iocontrol.0.coolant-mist") })
     }
 
+    /// Whether processes write the outputs of external components.
+    fn external(&self) -> Value {
+        let shown = self.external.iter().map(|name| {
+            let pin = |of: &str| (self.pins)(&format!("{name}.{of}")).unwrap_or_default();
+            json!({ "name": name, "alive": pin("alive") == 1.0, "losses": pin("losses") as u64 })
+        });
+        shown.collect()
+    }
+
     fn status(&mut self) -> Value {
         let live = self.live.snapshot();
         let shown = self.operator.shown();
@@ -294,6 +307,7 @@ impl Methods {
             "position_mm": live.position.0,
             "spindle": self.spindle(),
             "coolant": self.coolant(),
+            "external": self.external(),
             "override": self.overrides(),
             "step": shown.step,
             "power": shown.power,

@@ -107,6 +107,13 @@ fn words(status: &Value) -> String {
         let (name, process) = (text(&status["control"]["name"]), &status["control"]["process"]);
         lines.push(format!("control   {name} (process {process})"));
     }
+    for external in status["external"].as_array().into_iter().flatten() {
+        let how = match external["alive"] == true {
+            true => "its process writes its outputs",
+            false => "no process writes its outputs: they have their safe values",
+        };
+        lines.push(format!("external  {}: {how}", text(&external["name"])));
+    }
     if let Some(waiting) = status["waiting"].as_object() {
         let (what, release) = (text(&waiting["text"]), text(&waiting["release"]));
         lines.push(format!("waits     {what}; {release}"));

@@ -59,8 +59,8 @@ fn kind(text: &str) -> Kind {
     }
 }
 
-/// What counts as the same warning: the fault, and the input that it is about.
-type WarningKind = (Discriminant<Fault>, Option<(usize, (u16, u8))>);
+/// What counts as the same warning: the fault, and the input or external component that it is about.
+type WarningKind = (Discriminant<Fault>, Option<(usize, (u16, u8))>, Option<usize>);
 
 /// What is wrong without stopping the machine. Told when it comes first, and again the 10th, 100th time and so on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -119,6 +119,7 @@ pub struct Operator {
     joint_names: Vec<String>,
     /// Drives of the joints on the bus.
     joint_drives: Vec<Option<String>>,
+    external_names: Vec<String>,
     nodes_up: usize,
     operational_s: Option<f64>,
     journal: Vec<Entry>,
@@ -184,6 +185,7 @@ impl Operator {
                 .collect(),
             joint_names: joint_names(config),
             joint_drives: config.joints.iter().map(|joint| config.drive_name(joint)).collect(),
+            external_names: config.external.iter().map(|of| of.name.clone()).collect(),
             nodes_up: 0,
             operational_s: None,
             journal: Vec::new(),

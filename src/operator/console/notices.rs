@@ -3,6 +3,7 @@
 //! In:  notices, in their order. Out: entries; what a program and the sequence of a job have to know.
 
 use super::*;
+use hal_pins::Change;
 
 impl Operator {
     pub(super) fn apply_notice(&mut self, TimedNotice { cycle, notice }: TimedNotice) {
@@ -44,7 +45,8 @@ impl Operator {
                     Some(text) => desk.text(task, text),
                     None => desk.file(task),
                 };
-                let cause = fault.text(node, joint, logic);
+                let external = |index: usize| self.external_names[index].clone();
+                let cause = fault.text(node, joint, logic, external);
                 if first {
                     let record = self.fault_record(&fault, true);
                     self.note_alarm(time_s, cause, record);
@@ -98,6 +100,17 @@ impl Operator {
                 self.changing_tool = None;
                 self.changed_tools.push(tool);
             }
+            Notice::External { component, change, pid } => {
+                let name = &self.external_names[component];
+                let text = match change {
+                    Change::Attached => format!("process {pid} writes its outputs"),
+                    Change::TakenOver => format!("process {pid} has taken over, its outputs went on"),
+                    Change::Released => "given up by its process; its outputs have their safe values".into(),
+                    Change::Lost => "its process does not renew its heartbeat; its outputs have their safe values".into(),
+                    Change::CutShort => "its file was cut short; its outputs have their safe values".into(),
+                };
+                self.note(time_s, format!("external component {name}: {text}"));
+            }
             Notice::StopPressed => self.stop_pressed = true,
             Notice::NotBegun => self.not_begun = true,
             Notice::ProgramEnded => {
@@ -120,7 +133,7 @@ impl Operator {
     }
 
     fn warn(&mut self, time_s: f64, fault: &Fault, cause: String) {
-        let kind = Some((discriminant(fault), fault.input()));
+        let kind = Some((discriminant(fault), fault.input(), fault.external()));
         let Some(warning) = self.warnings.iter_mut().find(|warning| warning.kind == kind) else {
             let alarm = Some(self.fault_record(fault, false));
             let more = More {

@@ -251,6 +251,7 @@ impl<B: CyclicBus> MotionController<B> {
         self.parts.pins.inputs.look();
         self.parts.pins.see_prepared_tool();
         self.parts.pins.logic.publish();
+        self.parts.pins.external.take(skipped);
         self.parts.pins.components.run_before_motion(skipped);
         self.laps.end(Part::Pins);
         if report.lost > 0 {
@@ -278,6 +279,7 @@ impl<B: CyclicBus> MotionController<B> {
         self.parts.pins.components.run_after_motion(skipped);
         let may_replace = self.may_replace_logic();
         self.parts.pins.logic.sample(skipped, may_replace);
+        self.parts.pins.external.give();
         self.parts.pins.write_outputs(may_turn, &mut self.parts.outputs);
         self.parts.analog.write(&mut self.parts.outputs);
         if let Some(scope) = &mut self.scope {

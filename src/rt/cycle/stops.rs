@@ -4,6 +4,7 @@
 //! Out: what a fault does by the table of [`crate::machine::faults`]; stops on the path, quick stops, drives off.
 
 use super::*;
+use crate::rt::external::Told;
 
 impl<B: CyclicBus> MotionController<B> {
     /// Looks for faults: lateness, the bus, the drives.
@@ -34,6 +35,11 @@ impl<B: CyclicBus> MotionController<B> {
             self.fault(fault);
         }
         self.watch_logic();
+        match self.parts.pins.external.take_told() {
+            Some(Told::Fault(fault)) => self.fault(fault),
+            Some(Told::Change { component, change, pid }) => self.notice(Notice::External { component, change, pid }),
+            None => {}
+        }
         for _ in 0..BUS_EVENTS_PER_CYCLE {
             let Some(event) = self.bus.pop_event() else { break };
             self.notice(Notice::Bus(event));
