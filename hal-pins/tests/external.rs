@@ -521,7 +521,7 @@ fn the_example_in_c_is_compiled_without_a_warning_and_runs_under_the_sanitizers(
     ];
     let mut rig = rig_of("vfd", &pins, 150);
     let program = rig.folder.path().join("vfd");
-    let strict = ["-std=c11", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O2"];
+    let strict = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O2"];
     for extra in [
         &["-O2"][..],
         &["-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"],
@@ -540,6 +540,23 @@ fn the_example_in_c_is_compiled_without_a_warning_and_runs_under_the_sanitizers(
         through_its_life(&mut rig, command, |rig| {
             rig.value("vfd.speed") == AnyValue::Float(90.0) && rig.value("vfd.at-speed") == AnyValue::Bit(true)
         });
+    }
+}
+
+#[test]
+fn the_header_is_for_later_c_and_for_cpp_too() {
+    for (compiler, standard) in [
+        ("cc", &["-std=c11"][..]),
+        ("cc", &["-std=gnu17", "-Wconversion"]),
+        ("c++", &["-x", "c++", "-std=c++11", "-Wconversion"]),
+        ("c++", &["-x", "c++", "-std=c++20"]),
+    ] {
+        if has(compiler) {
+            let mut command = Command::new(compiler);
+            command.args(standard).args(["-pedantic", "-Wall", "-Wextra", "-Werror", "-fsyntax-only"]);
+            let compiled = command.arg(clients().join("c/vfd.c")).output().unwrap();
+            assert!(compiled.status.success(), "{standard:?}: {}", String::from_utf8_lossy(&compiled.stderr));
+        }
     }
 }
 
@@ -606,7 +623,7 @@ fn values_of_all_types_cross_in_every_language() {
         let program = folder.path().join("echo");
         let mut compiler = Command::new("cc");
         compiler
-            .args(["-std=c11", "-Wall", "-Wextra", "-Werror", "-I"])
+            .args(["-std=c99", "-Wall", "-Wextra", "-Werror", "-I"])
             .arg(clients().join("c"));
         let compiled = compiler.arg("-o").arg(&program).arg(&source).output().unwrap();
         assert!(

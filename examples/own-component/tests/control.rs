@@ -1,30 +1,32 @@
 //! The control that this crate builds knows its component.
 
+use std::path::Path;
 use std::process::{Command, Output};
 
-fn check(component: &str) -> Output {
-    let folder = std::env::temp_dir().join(format!("own-component-{}-{}", std::process::id(), component.len()));
-    std::fs::create_dir_all(&folder).unwrap();
-    let machine = folder.join("machine.toml");
-    let text = include_str!("../../../configs/io-only.toml");
-    std::fs::write(&machine, format!("{text}\n[[hal.component]]\nname = \"coolant-tank\"\n{component}\n")).unwrap();
-    let output = Command::new(env!("CARGO_BIN_EXE_own-component")).arg("check").arg(&machine).output().unwrap();
-    std::fs::remove_dir_all(folder).unwrap();
-    output
+const MACHINE: &str = include_str!("../machine.toml");
+
+/// `check` of the machine with one line changed.
+fn check(line: &str, changed: &str) -> Output {
+    assert!(MACHINE.contains(line));
+    let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("machine-{}.toml", changed.len()));
+    std::fs::write(&file, MACHINE.replacen(line, changed, 1)).unwrap();
+    Command::new(env!("CARGO_BIN_EXE_own-component")).arg("check").arg(&file).output().unwrap()
 }
 
 #[test]
 fn a_machine_file_may_ask_for_it() {
-    let good = check("type = \"tank\"\nset = { low = 15.0 }");
+    let good = check("", "");
     let said = String::from_utf8_lossy(&good.stdout).into_owned();
     assert!(good.status.success(), "{}", String::from_utf8_lossy(&good.stderr));
     assert!(said.contains("coolant-tank: tank, before motion"), "{said}");
-    for (wrong, expected) in [
-        ("type = \"tnak\"", "did you mean \"tank\"?"),
-        ("type = \"tank\"\nset = { lwo = 15.0 }", "did you mean \"low\"?"),
+    for (line, wrong, expected) in [
+        ("type = \"tank\"", "type = \"tnak\"", "did you mean \"tank\"?"),
+        ("low = 15.0", "lwo = 15.0", "did you mean \"low\"?"),
+        ("low = 15.0", "low = true", "must be a number"),
+        ("source = \"coolant-tank.valve\"", "source = \"coolant-tank.valv\"", "did you mean"),
     ] {
-        let refused = check(wrong);
+        let refused = check(line, wrong);
         let said = String::from_utf8_lossy(&refused.stderr).into_owned();
-        assert!(!refused.status.success() && said.contains(expected), "{said}");
+        assert!(!refused.status.success() && said.contains(expected), "{wrong}: {said}");
     }
 }

@@ -1,4 +1,4 @@
-/* External components of isocnc in C11: one header, no library.
+/* External components of isocnc in C99 or C++11: one header, no library.
  *
  * A component whose pins the machine file declares ([[hal.external]]) belongs to the control; one process at a time writes its
  * outputs and reads its inputs:
@@ -17,7 +17,8 @@
  * heartbeat_ms has lost the component: its outputs fall to the safe values of the machine file, and isocnc_hal_update says
  * ISOCNC_HAL_ENDED; isocnc_hal_begin begins anew. One thread uses one isocnc_hal.
  *
- * Include it before other headers, or define _GNU_SOURCE: it needs flock and locks of open files. The protocol is in
+ * Include it before other headers, or define _GNU_SOURCE: it needs flock and locks of open files; and a compiler with the atomic
+ * built-in functions of GCC, as Clang has them, too. The protocol is in
  * docs/external-components.md. Licence: MIT or Apache 2.0, as isocnc. */
 #ifndef ISOCNC_HAL_H
 #define ISOCNC_HAL_H
@@ -29,7 +30,6 @@
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
-#include <stdatomic.h>
 #include <stdbool.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -41,7 +41,9 @@
 #include <time.h>
 #include <unistd.h>
 
-_Static_assert(ATOMIC_LLONG_LOCK_FREE == 2 && sizeof(_Atomic uint64_t) == 8, "64-bit atomics without a lock are needed");
+#if __GCC_ATOMIC_LLONG_LOCK_FREE != 2
+#error "words of 64 bits have to be read and written as a whole, without a lock"
+#endif
 
 enum {
     ISOCNC_HAL_PINS_MAX = 256,
@@ -92,7 +94,7 @@ typedef struct {
 
     /* All below is private. */
     int file;
-    _Atomic uint64_t *words;
+    uint64_t *words;
     size_t octets;
     uint64_t session, written, seen;
     uint64_t scratch[ISOCNC_HAL_PINS_MAX];
@@ -123,11 +125,11 @@ static inline uint64_t isocnc_hal__mix(uint64_t check, uint64_t word) {
 }
 
 static inline uint64_t isocnc_hal__load(const isocnc_hal *hal, size_t word) {
-    return atomic_load_explicit(&hal->words[word], memory_order_acquire);
+    return __atomic_load_n(&hal->words[word], __ATOMIC_ACQUIRE);
 }
 
 static inline void isocnc_hal__store(isocnc_hal *hal, size_t word, uint64_t value) {
-    atomic_store_explicit(&hal->words[word], value, memory_order_release);
+    __atomic_store_n(&hal->words[word], value, __ATOMIC_RELEASE);
 }
 
 /* First word of the place for a record: outputs first, then inputs with outputs. */
@@ -164,7 +166,10 @@ static inline bool isocnc_hal__look(isocnc_hal *hal) {
 
 /* Whether the control holds its lock on a file. */
 static inline bool isocnc_hal__runs(int file) {
-    struct flock whole = {.l_type = F_WRLCK, .l_whence = SEEK_SET};
+    struct flock whole;
+    memset(&whole, 0, sizeof whole);
+    whole.l_type = F_WRLCK;
+    whole.l_whence = SEEK_SET;
     return fcntl(file, F_OFD_GETLK, &whole) == 0 && whole.l_type != F_UNLCK;
 }
 
@@ -174,7 +179,9 @@ static inline int isocnc_hal__failed(isocnc_hal *hal, int code, const char *what
 }
 
 static inline void isocnc_hal_sleep_ms(unsigned ms) {
-    struct timespec time = {.tv_sec = ms / 1000, .tv_nsec = (long)(ms % 1000) * 1000000};
+    struct timespec time;
+    time.tv_sec = (time_t)(ms / 1000);
+    time.tv_nsec = (long)(ms % 1000) * 1000000;
     while (nanosleep(&time, &time) != 0 && errno == EINTR) {
     }
 }
@@ -345,7 +352,7 @@ static inline int isocnc_hal_claim(isocnc_hal *hal, const char *machine, const c
         hal->octets = (size_t)found.st_size;
         map = mmap(NULL, hal->octets, PROT_READ | PROT_WRITE, MAP_SHARED, hal->file, 0);
     }
-    hal->words = map != MAP_FAILED ? (_Atomic uint64_t *)map : NULL;
+    hal->words = map != MAP_FAILED ? (uint64_t *)map : NULL;
     if (hal->words == NULL || !isocnc_hal__read(hal)) {
         isocnc_hal__failed(hal, code, "the file of the component is damaged, or of another version of isocnc");
     } else if (flock(hal->file, LOCK_EX | LOCK_NB) != 0) {

@@ -12,7 +12,7 @@
  *         { name = "updates", direction = "out", type = "u32", safe = 0 },
  *     ]
  *
- * cc -std=c11 -O2 -o vfd vfd.c && ./vfd [MACHINE] */
+ * cc -std=c99 -O2 -o vfd vfd.c -lm && ./vfd [MACHINE] */
 #include "isocnc_hal.h"
 
 #include <math.h>
