@@ -152,7 +152,7 @@ fn mutants(text: &str) -> Vec<(usize, String, String)> {
 }
 
 /// Mutants that do the same as the program: program, what stands in the line, the change.
-const EQUIVALENT: [(&str, &str, &str); 5] = [
+const EQUIVALENT: [(&str, &str, &str); 6] = [
     // The way to another pocket is never 0.
     (
         "carousel",
@@ -165,6 +165,7 @@ const EQUIVALENT: [(&str, &str, &str); 5] = [
         "ELSIF way <> rest AND (pocket = wanted",
         "\"ELSIF\" to \"END_IF; IF\"",
     ),
+    ("turret", "ELSIF step = loose THEN", "\"ELSIF\" to \"END_IF; IF\""),
     ("lubrication", "ELSIF NOT pressure", "\"ELSIF\" to \"END_IF; IF\""),
     ("two-hand", "ELSIF window.Q AND armed", "\"ELSIF\" to \"END_IF; IF\""),
     ("two-hand", "ELSIF blocked OR NOT", "\"ELSIF\" to \"END_IF; IF\""),

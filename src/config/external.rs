@@ -90,8 +90,15 @@ fn pin(
     nets: &[Net],
 ) -> Option<ExternalPin> {
     let name = name(section, "the name of the pin, behind that of the component", |name| {
-        before.iter().any(|other| other.name == name) || OWN_PINS.contains(&name)
+        before.iter().any(|other| other.name == name)
     });
+    let name = match name {
+        Some(own) if OWN_PINS.contains(&own.as_str()) => {
+            section.wrong("name", "is one that the control makes itself");
+            None
+        }
+        name => name,
+    };
     let kind = section.word("direction", &[("in", Kind::Input), ("out", Kind::Output)], None);
     let types = Type::ALL.map(|value_type| (value_type.name(), value_type));
     let value_type = section.word("type", &types, None);
@@ -241,15 +248,15 @@ mod tests {
             "2:8: hal.external[0].name = \"Vfd\": must be a name of lower-case letters, digits, dashes and dots, like \"joint.0.f-error\"",
             "3:16: hal.external[0].heartbeat_ms = 1: must be an integer from 2 to 60000",
             "4:11: hal.external[0].on_loss = \"alarm\": must be \"journal\" or \"warn\" or \"stop\"",
-            "6:10: hal.external[0].pins[0].name = \"alive\": is taken by one above",
+            "6:10: hal.external[0].pins[0].name = \"alive\": is one that the control makes itself",
             "7:27: hal.external[0].pins[1].direction = \"io\": must be \"in\" or \"out\"",
             "7:40: hal.external[0].pins[1].type = \"byte\": must be \"bit\" or \"s32\" or \"u32\" or \"s64\" or \"u64\" or \"float\"",
             "8:1: hal.external[0].pins[2].safe: is missing: what it is while no process writes it, true or false",
-            "9:54: hal.external[0].pins[3].safe = -1: must be an integer from 0 to 4294967295",
-            "10:53: hal.external[0].pins[4].safe = 1: is of outputs; an input begins as `first` says",
-            "11:42: hal.external[0].pins[5].default: unknown key",
-            "14:8: hal.external[1].pins = []: must be 1 to 256 pins",
-            "17:55: hal.external[2].pins[0].first = 2: is written by net \"to-q\": a pin has one writer",
+            "9:55: hal.external[0].pins[3].safe = -1: must be an integer from 0 to 4294967295",
+            "10:54: hal.external[0].pins[4].safe = 1: is of outputs; an input begins as `first` says",
+            "11:47: hal.external[0].pins[5].default: unknown key",
+            "15:8: hal.external[1].pins = []: must be 1 to 256 pins",
+            "18:65: hal.external[2].pins[0].first = 2: is written by net \"to-q\": a pin has one writer",
         ];
         for (refused, expected) in refused.iter().zip(expected) {
             assert!(refused.starts_with(expected), "{refused}\n{expected}");

@@ -42,6 +42,7 @@ fn the_alarms() {
                 |_| "x-drive".into(),
                 |_| "x-drive".into(),
                 |_, text| text.map_or("cell.st", |_| "lubrication: no pressure").into(),
+                |_| "vfd".into(),
             );
             let name = format!("{fault:?}");
             let name = code(name.split(' ').next().unwrap_or_default());

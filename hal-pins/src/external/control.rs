@@ -7,6 +7,9 @@ use crate::mapped::{AtomicU64, Mapped};
 use crate::{AnyValue, Hal, HalError, Input, Kind, Output, Value};
 use std::sync::atomic::Ordering::{Relaxed, Release};
 
+/// Words of the file that are looked at in a cycle: all of the largest one within some 40 cycles.
+const MENDED_AT_ONCE: usize = 64;
+
 /// An external component of this control. Dropping it ends its session and removes its file.
 pub struct External {
     mapped: Mapped,
@@ -19,8 +22,10 @@ pub struct External {
     scratch: Box<[u64]>,
     alive: Output<bool>,
     losses: Output<u32>,
-    /// What does not change in the file, written anew for the next process when one is gone: it may have written anywhere.
+    /// What does not change in the file: any process may have written there.
     image: Box<[u64]>,
+    /// Word of the image that is mended next.
+    mended: usize,
     /// Number of the last record of inputs.
     given: u64,
     is_cut: bool,
@@ -136,11 +141,12 @@ impl External {
             alive,
             losses,
             image: image.into(),
+            mended: 0,
             given: 0,
             is_cut: false,
             _file: file,
         };
-        external.write_image();
+        while external.mend() != 0 {}
         external.give();
         Ok(external)
     }
@@ -186,6 +192,7 @@ impl External {
         let values = inputs.chain(self.outputs.iter().map(Writer::cell));
         self.layout.inputs.put(words, self.given, 0, values);
         words[at::ENDED].store(self.receiver.ended(), Release);
+        self.mend();
     }
 
     /// Whether a process writes its outputs.
@@ -206,18 +213,20 @@ impl External {
         for (pin, cell) in self.outputs.iter_mut().zip(&self.safe) {
             pin.set(*cell);
         }
-        if !self.is_cut {
-            self.write_image();
-        }
     }
 
-    /// RT.
-    fn write_image(&self) {
-        let written_by_the_process = at::SESSION..at::CLAIMS + 1;
-        let words = self.mapped.words().iter().zip(&self.image).enumerate();
-        for (_, (word, value)) in words.filter(|(at, _)| !written_by_the_process.contains(at)) {
-            word.store(*value, Release);
+    /// Writes anew what somebody has written over, some words a call; gives the word to go on with, 0 after the last one. RT.
+    fn mend(&mut self) -> usize {
+        let written_otherwise = at::SESSION..at::LATEST_INPUTS + 1;
+        let end = (self.mended + MENDED_AT_ONCE).min(self.image.len());
+        for at in (self.mended..end).filter(|at| !written_otherwise.contains(at)) {
+            let (word, value) = (&self.mapped.words()[at], self.image[at]);
+            if word.load(Relaxed) != value {
+                word.store(value, Release);
+            }
         }
+        self.mended = if end == self.image.len() { 0 } else { end };
+        self.mended
     }
 }
 
