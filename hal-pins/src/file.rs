@@ -11,7 +11,7 @@ use crate::layout::{Words, file_len};
 use crate::mapped::Mapped;
 use crate::name::check_machine;
 use memmap2::{MmapOptions, MmapRaw};
-use nix::fcntl::{FcntlArg, fcntl};
+use nix::fcntl::{FallocateFlags, FcntlArg, fallocate, fcntl};
 use nix::sys::statfs::{TMPFS_MAGIC, statfs};
 use std::fs::{DirBuilder, File, OpenOptions};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
@@ -324,13 +324,16 @@ pub(crate) fn create_beside(pins: &Path, name: &str, len: usize) -> Result<(OwnF
     // Nobody sweeps drafts meanwhile.
     let folder = Folder::open(directory, "create")?;
     folder.lock()?;
-    let draft = Draft(directory.join(format!(".{PREFIX}{name}.{}", std::process::id())));
+    let draft = Draft(directory.join(format!("{DRAFT_PREFIX}{name}.{}", std::process::id())));
     let failed = |doing| {
         let path = draft.0.clone();
         move |cause| HalError::System { path, doing, cause }
     };
     let file = new_file(&draft.0).map_err(failed("create"))?;
-    file.set_len(len as u64).map_err(failed("set the length of"))?;
+    // All of it, now: no cycle is to find that there is no memory.
+    fallocate(&file, FallocateFlags::empty(), 0, len as i64)
+        .map_err(std::io::Error::from)
+        .map_err(failed("find memory for"))?;
     let mapped = Mapped::new(map(&file, len).map_err(failed("map"))?, &file);
     lock(&file).map_err(failed("lock"))?;
     let path = directory.join(name);
