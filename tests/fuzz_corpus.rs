@@ -10,6 +10,8 @@ mod device_files;
 mod ethercat_wire;
 #[path = "../fuzz/src/frame.rs"]
 mod frame;
+#[path = "../fuzz/src/grbl_session.rs"]
+mod grbl_session;
 #[path = "../fuzz/src/managing_node.rs"]
 mod managing_node;
 #[path = "../fuzz/src/parameter_file.rs"]
@@ -64,6 +66,11 @@ fn frame() {
 #[test]
 fn ethercat_wire() {
     replay("ethercat_wire", ethercat_wire::run);
+}
+
+#[test]
+fn grbl_session() {
+    replay("grbl_session", grbl_session::run);
 }
 
 #[test]

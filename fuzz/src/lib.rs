@@ -5,6 +5,7 @@ pub mod controlled_node;
 pub mod device_files;
 pub mod ethercat_wire;
 pub mod frame;
+pub mod grbl_session;
 pub mod managing_node;
 pub mod parameter_file;
 pub mod pitch_table;
