@@ -173,3 +173,16 @@ fn a_window_may_be_small_and_a_signal_leaves_the_terminal_as_it_was() {
     nix::sys::signal::kill(process, nix::sys::signal::Signal::SIGTERM).unwrap();
     assert_eq!(screen.end(), Some(128 + 15));
 }
+
+#[test]
+fn it_ends_with_its_terminal() {
+    let mut screen = Screen::open("nobody-of-this-name");
+    screen.wait_for("NO CONTROL:");
+    // The window is closed: nobody has the near end of it any more.
+    screen.terminal = File::open("/dev/null").unwrap();
+    let give_up = Instant::now() + PATIENCE;
+    while screen.process.try_wait().unwrap().is_none() {
+        assert!(Instant::now() < give_up, "it does not end");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}

@@ -6,8 +6,10 @@
 
 use comfy_table::{CellAlignment, Table, presets};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
-use std::io::{Write, stdout};
+use ratatui::crossterm::event::{self, Event};
+use std::io::{self, Write, stdin, stdout};
 use std::os::fd::AsFd;
 use std::time::{Duration, Instant};
 
@@ -111,6 +113,31 @@ pub fn takes_more(out: impl AsFd) -> bool {
     let mut fd = [PollFd::new(out.as_fd(), PollFlags::POLLOUT)];
     // A look and no wait; where it fails there is nothing to wait for.
     poll(&mut fd, PollTimeout::ZERO).map_or(true, |ready| ready > 0)
+}
+
+/// What was pressed, or that the window has another size; waited for as long as `wait` (at most 65 s). Waits in crossterm never
+/// end, and take all of a core, where the terminal is closed meanwhile.
+///
+/// # Errors
+/// The terminal was closed, or cannot be read.
+pub fn event_within(wait: Duration) -> io::Result<Option<Event>> {
+    let keys = stdin();
+    let mut keys = [PollFd::new(keys.as_fd(), PollFlags::POLLIN)];
+    let wait = u16::try_from(wait.as_millis()).unwrap_or(u16::MAX);
+    match poll(&mut keys, PollTimeout::from(wait)) {
+        // A signal: a window of another size, or a wish to stop.
+        Ok(_) | Err(Errno::EINTR) => {}
+        Err(error) => return Err(error.into()),
+    }
+    let gone = PollFlags::POLLHUP | PollFlags::POLLERR | PollFlags::POLLNVAL;
+    if keys[0].revents().is_some_and(|now| now.intersects(gone)) {
+        return Err(io::Error::new(io::ErrorKind::UnexpectedEof, "the terminal was closed"));
+    }
+    Ok(if event::poll(Duration::ZERO)? {
+        Some(event::read()?)
+    } else {
+        None
+    })
 }
 
 /// Prints. A reader that has gone away must not stop a machine in motion: what cannot be printed is not.

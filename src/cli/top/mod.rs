@@ -9,13 +9,14 @@ mod link;
 mod view;
 
 use crate::host::signals::{StopSignal, exit_code};
+use crate::host::terminal::event_within;
 use anyhow::{Context, bail};
 use app::{Act, App};
 use clap::Args;
 use files::read::PROGRAM_MAX;
 use link::Link;
 use ratatui::DefaultTerminal;
-use ratatui::crossterm::event::{self, Event};
+use ratatui::crossterm::event::Event;
 use serde_json::Value;
 use std::io::IsTerminal;
 use std::path::Path;
@@ -64,6 +65,7 @@ fn run(terminal: &mut DefaultTerminal, link: &Link, signal: &StopSignal) -> anyh
     let now_ms = || begin.elapsed().as_millis() as u64;
     let (mut app, mut program) = (App::new(), Listing::default());
     let mut drawn: Option<Instant> = None;
+    let mut pressed = None;
     while signal.caught().is_none() {
         let mut is_new = drawn.is_none_or(|drawn| drawn.elapsed() > REDRAW);
         while let Ok(news) = link.news.try_recv() {
@@ -72,12 +74,14 @@ fn run(terminal: &mut DefaultTerminal, link: &Link, signal: &StopSignal) -> anyh
         }
         let mut acts = app.tick(now_ms());
         // All that have come: repetitions of a key that were held up on the way are no more than one.
-        while event::poll(Duration::ZERO)? {
-            match event::read()? {
+        let mut event = pressed.take();
+        while let Some(now) = event {
+            match now {
                 Event::Key(key) => acts.extend(app.key(key, now_ms())),
                 Event::FocusGained | Event::FocusLost | Event::Mouse(_) | Event::Paste(_) | Event::Resize(..) => {}
             }
             is_new = true;
+            event = event_within(Duration::ZERO)?;
         }
         for act in acts {
             match act {
@@ -94,7 +98,7 @@ fn run(terminal: &mut DefaultTerminal, link: &Link, signal: &StopSignal) -> anyh
             terminal.draw(|frame| view::draw(frame, &app, &program.lines, now_ms()))?;
             drawn = Some(Instant::now());
         }
-        event::poll(PAUSE)?;
+        pressed = event_within(PAUSE)?;
     }
     Ok(())
 }

@@ -6,6 +6,7 @@
 
 use super::view;
 use crate::host::signals::{StopSignal, exit_code};
+use crate::host::terminal::event_within;
 use crate::scope::csv;
 use crate::scope::picture::{self, COLUMNS_MAX, Told};
 use crate::scope::record::{Mode, Step};
@@ -16,7 +17,7 @@ use anyhow::Context;
 use hal_pins::Attached;
 use hal_pins::scope::Channel;
 use ratatui::DefaultTerminal;
-use ratatui::crossterm::event::{self, Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
+use ratatui::crossterm::event::{Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -430,10 +431,12 @@ fn run(
 ) -> anyhow::Result<()> {
     let mut stream = Some(stream);
     let mut drawn: Option<Instant> = None;
+    let mut pressed = None;
     while signal.caught().is_none() {
         let mut begins = false;
-        while event::poll(Duration::ZERO)? {
-            if let Event::Key(key) = event::read()? {
+        let mut event = pressed.take();
+        while let Some(now) = event {
+            if let Event::Key(key) = now {
                 match app.key(key) {
                     Act::Quit => return Ok(()),
                     Act::Begin => begins = true,
@@ -441,6 +444,7 @@ fn run(
                 }
             }
             drawn = None;
+            event = event_within(Duration::ZERO)?;
         }
         if begins && app.ended.is_none() {
             // Its ring is free for the next one.
@@ -458,7 +462,7 @@ fn run(
             terminal.draw(|frame| view::draw(frame, app))?;
             drawn = Some(Instant::now());
         }
-        event::poll(PAUSE)?;
+        pressed = event_within(PAUSE)?;
     }
     Ok(())
 }
