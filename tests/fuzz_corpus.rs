@@ -6,6 +6,8 @@
 mod controlled_node;
 #[path = "../fuzz/src/device_files.rs"]
 mod device_files;
+#[path = "../fuzz/src/ethercat_main.rs"]
+mod ethercat_main;
 #[path = "../fuzz/src/ethercat_wire.rs"]
 mod ethercat_wire;
 #[path = "../fuzz/src/frame.rs"]
@@ -71,6 +73,11 @@ fn ethercat_wire() {
 #[test]
 fn grbl_session() {
     replay("grbl_session", grbl_session::run);
+}
+
+#[test]
+fn ethercat_main() {
+    replay("ethercat_main", ethercat_main::run);
 }
 
 #[test]

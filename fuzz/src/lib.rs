@@ -3,6 +3,7 @@
 
 pub mod controlled_node;
 pub mod device_files;
+pub mod ethercat_main;
 pub mod ethercat_wire;
 pub mod frame;
 pub mod grbl_session;
