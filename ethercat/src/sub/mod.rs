@@ -11,6 +11,7 @@ mod coe;
 mod device;
 mod eeprom;
 mod esc;
+pub mod esi;
 pub mod models;
 mod objects;
 mod segment;

@@ -1,4 +1,4 @@
-//! Device descriptions as vendors deliver them: XDD and XDC (XML, EPSG DS 311), EDS and DCF (text, CiA 306).
+//! Device descriptions as vendors deliver them: XDD and XDC (XML, EPSG DS 311), EDS and DCF (text, CiA 306); ESI of EtherCAT.
 //!
 //! In:  the octets of a file.
 //! Out: one plain [`DeviceDescription`] for all formats, or every mistake of the file with line, column, what was
@@ -8,6 +8,9 @@
 
 mod description;
 mod error;
+mod esi;
+#[cfg(test)]
+mod esi_tests;
 mod ini;
 mod profile;
 #[cfg(test)]
@@ -17,6 +20,9 @@ mod xml;
 
 pub use description::{DeviceDescription, DeviceIdentity, Features, Format, Object};
 pub use error::{DeviceErrors, DeviceMistake};
+pub use esi::{
+    EsiCoe, EsiCommand, EsiDevice, EsiEntry, EsiFile, EsiOpMode, EsiPdo, EsiSyncManager, EsiUsage, parse_esi,
+};
 pub use profile::{ConfigurationWrite, MappingRefusal, StoredParameters, set_by_managing_node};
 pub use value::{TypeCode, Value};
 
@@ -32,6 +38,26 @@ pub const FILE_OCTETS_MAX: usize = 16 << 20;
 /// # Errors
 /// Every mistake in the file.
 pub fn parse(file: &str, octets: &[u8]) -> Result<DeviceDescription, DeviceErrors> {
+    let text = text(file, octets)?;
+    let mut log = Log::new(file, &text);
+    let description = match text.trim_start().chars().next() {
+        Some('<') => xml::read(&text, &mut log),
+        Some(_) => ini::read(&text, &mut log),
+        None => {
+            let rule = "expected a device description, is empty".to_string();
+            return Err(DeviceErrors::whole(file, rule));
+        }
+    };
+    let notes = log.finish()?;
+    let mut description =
+        description.ok_or_else(|| DeviceErrors::whole(file, "is refused for a reason that was lost".to_string()))?;
+    description.notes = notes;
+    description.complete();
+    Ok(description)
+}
+
+/// The text of a file, unless it is too long or of an encoding that is not read.
+fn text<'a>(file: &str, octets: &'a [u8]) -> Result<Cow<'a, str>, DeviceErrors> {
     let whole = |rule: String| DeviceErrors::whole(file, rule);
     if octets.len() > FILE_OCTETS_MAX {
         let rule = std::format!(
@@ -44,18 +70,7 @@ pub fn parse(file: &str, octets: &[u8]) -> Result<DeviceDescription, DeviceError
         return Err(whole("expected UTF-8 or ISO 8859-1, is UTF-16".to_string()));
     }
     let octets = octets.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(octets);
-    let text = decode(octets);
-    let mut log = Log::new(file, &text);
-    let description = match text.trim_start().chars().next() {
-        Some('<') => xml::read(&text, &mut log),
-        Some(_) => ini::read(&text, &mut log),
-        None => return Err(whole("expected a device description, is empty".to_string())),
-    };
-    let notes = log.finish()?;
-    let mut description = description.ok_or_else(|| whole("is refused for a reason that was lost".to_string()))?;
-    description.notes = notes;
-    description.complete();
-    Ok(description)
+    Ok(decode(octets))
 }
 
 /// Old tools write ISO 8859-1; only names can tell the difference.

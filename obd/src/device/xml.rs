@@ -25,35 +25,15 @@ const PARTS_MAX: usize = 100;
 const NAMESPACES_MAX: usize = 1000;
 
 pub(super) fn read(text: &str, log: &mut Log<'_>) -> Option<DeviceDescription> {
-    if let Some((offset, rule)) = excess(text) {
-        log.wrong(offset, "", None, rule);
-        return None;
-    }
-    let options = ParsingOptions {
-        nodes_limit: NODES_MAX,
-        ..ParsingOptions::default()
-    };
-    let document = match Document::parse_with_options(text, options) {
-        Ok(document) => document,
-        Err(error) => {
-            let place = error.pos();
-            let line = text.split_inclusive('\n').take(place.row.saturating_sub(1) as usize);
-            let start: usize = line.map(str::len).sum();
-            let column = text[start..].char_indices().nth(place.col.saturating_sub(1) as usize);
-            let offset = start + column.map_or(0, |(offset, _)| offset);
-            log.wrong(offset, "", None, std::format!("expected XML: {error}"));
-            return None;
-        }
-    };
+    let document = document(text, log)?;
     let root = document.root_element();
     if root.tag_name().name() != "ISO15745ProfileContainer" {
         let got = root.tag_name().name();
-        log.wrong(
-            root.range().start,
-            "root element",
-            Some(got),
-            "expected ISO15745ProfileContainer",
-        );
+        let rule = match got {
+            "EtherCATInfo" => "expected ISO15745ProfileContainer; this is an ESI file, of a device for EtherCAT",
+            _ => "expected ISO15745ProfileContainer",
+        };
+        log.wrong(root.range().start, "root element", Some(got), rule);
         return None;
     }
     let elements: Vec<_> = root.descendants().filter(Node::is_element).collect();
@@ -102,6 +82,30 @@ pub(super) fn read(text: &str, log: &mut Log<'_>) -> Option<DeviceDescription> {
         objects,
         notes: Vec::new(),
     })
+}
+
+/// The elements of a text, unless it asks for more than the parser can give, or is no XML.
+pub(super) fn document<'t>(text: &'t str, log: &mut Log<'_>) -> Option<Document<'t>> {
+    if let Some((offset, rule)) = excess(text) {
+        log.wrong(offset, "", None, rule);
+        return None;
+    }
+    let options = ParsingOptions {
+        nodes_limit: NODES_MAX,
+        ..ParsingOptions::default()
+    };
+    match Document::parse_with_options(text, options) {
+        Ok(document) => Some(document),
+        Err(error) => {
+            let place = error.pos();
+            let line = text.split_inclusive('\n').take(place.row.saturating_sub(1) as usize);
+            let start: usize = line.map(str::len).sum();
+            let column = text[start..].char_indices().nth(place.col.saturating_sub(1) as usize);
+            let offset = start + column.map_or(0, |(offset, _)| offset);
+            log.wrong(offset, "", None, std::format!("expected XML: {error}"));
+            None
+        }
+    }
 }
 
 /// Where a text asks for more than the parser can give in a time that is in proportion to its length, and what it may ask for.

@@ -1,0 +1,222 @@
+//! ESI files: one of ours, mistakes with their places, any octets.
+
+use super::*;
+use proptest::prelude::*;
+use std::string::ToString;
+use std::vec;
+use std::vec::Vec;
+
+/// Written by the tests of the crate `ethercat`, of its simulated devices.
+const SIMULATED: &str = include_str!("../../tests/data/simulated.esi.xml");
+
+fn mistakes(text: &str) -> Vec<String> {
+    match parse_esi("d", text.as_bytes()) {
+        Ok(_) => Vec::new(),
+        Err(errors) => errors.lines().collect(),
+    }
+}
+
+/// Replaces the first occurrence.
+fn changed(old: &str, new: &str) -> String {
+    assert!(SIMULATED.contains(old), "{old:?} stands in the file");
+    SIMULATED.replacen(old, new, 1)
+}
+
+#[test]
+fn a_file_is_read_whole() {
+    let esi = parse_esi("d", SIMULATED.as_bytes()).unwrap();
+    assert_eq!(
+        (esi.vendor, esi.vendor_name.as_str(), &esi.notes),
+        (0x0A1B, "isocnc", &vec![])
+    );
+    let names: Vec<&str> = esi.devices.iter().map(|device| device.name.as_str()).collect();
+    assert_eq!(names, ["ISOCNC-SIM", "DIO-8-8"]);
+    let drive = esi.find(0x0402_0001, None).unwrap();
+    assert_eq!((drive.revision, drive.sync_managers.len()), (1, 4));
+    assert_eq!(
+        drive.sync_managers[2],
+        EsiSyncManager {
+            usage: EsiUsage::Outputs,
+            start: 0x1100,
+            default_size: 8,
+            max_size: Some(256),
+            control: 0x64,
+            enable: true
+        }
+    );
+    assert_eq!(drive.fmmus, [EsiUsage::Outputs, EsiUsage::Inputs]);
+    let mapped: Vec<u32> = drive.rx_pdos[0].entries.iter().map(EsiEntry::mapping).collect();
+    assert_eq!(mapped, [0x6040_0010, 0x6060_0008, 0x0000_0008, 0x607A_0020]);
+    assert_eq!((drive.octets(true), drive.octets(false)), (8, 8));
+    let coe = drive.coe.as_ref().unwrap();
+    assert!(coe.assign && coe.configure && coe.complete_access && coe.information);
+    assert_eq!(
+        (coe.start[0].index, coe.start[0].sub, &coe.start[0].data),
+        (0x6060, 0, &vec![8])
+    );
+    assert_eq!(coe.start[0].transitions, ["PS"]);
+    assert_eq!((drive.op_modes[0].activate, drive.op_modes[1].activate), (0x300, 0));
+    let terminal = &esi.devices[1];
+    assert_eq!(
+        (terminal.octets(true), terminal.octets(false), terminal.coe.is_some()),
+        (1, 1, false)
+    );
+    assert!(terminal.op_modes.is_empty());
+}
+
+#[test]
+fn revisions_are_found_as_near_as_they_come() {
+    let esi = EsiFile {
+        devices: [1, 3, 5]
+            .map(|revision| EsiDevice {
+                product: 7,
+                revision,
+                ..EsiDevice::default()
+            })
+            .to_vec(),
+        ..EsiFile::default()
+    };
+    for (wanted, found) in [(None, 5), (Some(3), 3), (Some(4), 3), (Some(9), 5), (Some(0), 5)] {
+        assert_eq!(
+            esi.find(7, wanted).map(|device| device.revision),
+            Some(found),
+            "{wanted:?}"
+        );
+    }
+    assert_eq!(esi.find(8, None), None);
+}
+
+#[test]
+fn mistakes_have_their_places() {
+    for (old, new, expected) in [
+        (
+            "#x00000A1B",
+            "#xG",
+            "Vendor Id = \"#xG\": expected an integer from 0 to 4294967295, decimal or #x",
+        ),
+        (
+            "#x04020001",
+            "#x1FFFFFFFF",
+            "Type ProductCode = \"#x1FFFFFFFF\": expected an integer",
+        ),
+        (
+            "#x1600",
+            "#x1A00",
+            "RxPdo Index = \"#x1A00\": expected an integer from 5632 to 6143",
+        ),
+        (
+            "Sm=\"2\"",
+            "Sm=\"9\"",
+            "RxPdo Sm = \"9\": expected an integer from 0 to 3",
+        ),
+        (
+            "<BitLen>16</BitLen>",
+            "<BitLen>0</BitLen>",
+            "PDO 0x1600 Entry BitLen = \"0\": expected an integer from 1 to 255",
+        ),
+        ("<BitLen>16</BitLen>", "", "PDO 0x1600 Entry BitLen: is missing"),
+        (
+            "<Data>08</Data>",
+            "<Data>8</Data>",
+            "InitCmd 0x6060 Data = \"8\": expected 1 to 4096 octets of two hex digits each",
+        ),
+        (
+            "<Data>08</Data>",
+            "<Data>+8</Data>",
+            "InitCmd 0x6060 Data = \"+8\": expected 1 to 4096 octets",
+        ),
+        ("<Data>08</Data>", "", "InitCmd 0x6060 Data: is missing"),
+        (
+            "<Transition>PS",
+            "<Transition>PX",
+            "InitCmd 0x6060 Transition = \"PX\": expected a step",
+        ),
+        (
+            "#x0300",
+            "",
+            "OpMode AssignActivate = \"\": expected an integer from 0 to 65535",
+        ),
+        (
+            "MaxSize=\"256\"",
+            "MaxSize=\"7\"",
+            "Device ISOCNC-SIM Sm 2: its PDOs have 8 octets, its MaxSize is 7",
+        ),
+        ("#x1A00", "#x1A00</Index><Index>", ""),
+    ] {
+        let text = changed(old, new);
+        let told = mistakes(&text);
+        if expected.is_empty() {
+            assert_eq!(told, [] as [&str; 0], "a second one is not looked at");
+            continue;
+        }
+        assert!(
+            told.iter().any(|line| line.contains(expected)),
+            "{old} -> {new}: {told:?}"
+        );
+        // The place: where the change is.
+        let line = SIMULATED[..SIMULATED.find(old).unwrap()].matches('\n').count() + 1;
+        let near = told.iter().any(|told| {
+            let row: usize = told.split(':').nth(1).unwrap().parse().unwrap();
+            row <= line
+        });
+        assert!(near, "{old} in line {line}: {told:?}");
+    }
+    assert_eq!(
+        mistakes("<Other/>"),
+        ["d:1:1: root element = \"Other\": expected EtherCATInfo"]
+    );
+    assert_eq!(mistakes("<EtherCATInfo/>").len(), 2);
+    assert_eq!(
+        mistakes(""),
+        ["d:1:1: expected XML: the document does not have a root node"]
+    );
+    let xdd = parse("d", SIMULATED.as_bytes()).unwrap_err().to_string();
+    assert!(xdd.contains("this is an ESI file, of a device for EtherCAT"), "{xdd}");
+}
+
+#[test]
+fn numbers_are_decimal_or_hexadecimal() {
+    let file = |number: &str| changed("#x00000A1B", number);
+    for (number, expected) in [
+        ("42", 42),
+        ("#x2A", 42),
+        ("#X2a", 42),
+        ("0042", 42),
+        (" 42 ", 42),
+        ("0", 0),
+        ("#x0", 0),
+    ] {
+        assert_eq!(
+            parse_esi("d", file(number).as_bytes()).unwrap().vendor,
+            expected,
+            "{number}"
+        );
+    }
+    for number in ["", "-1", "0x2A", "#2A", "4 2", "#x", "4294967296"] {
+        assert!(parse_esi("d", file(number).as_bytes()).is_err(), "{number:?}");
+    }
+}
+
+proptest! {
+    #[test]
+    fn any_octets_are_read_or_refused(octets in prop::collection::vec(any::<u8>(), 0..300)) {
+        let _ = parse_esi("d", &octets);
+    }
+
+    /// A file whose text is cut, doubled or changed somewhere.
+    #[test]
+    fn any_change_of_a_file_is_read_or_refused(
+        at in 0..SIMULATED.len(), length in 0_usize..200, octets in prop::collection::vec(any::<u8>(), 0..20)
+    ) {
+        let mut file = SIMULATED.as_bytes().to_vec();
+        let end = (at + length).min(file.len());
+        file.splice(at..end, octets);
+        match parse_esi("d", &file) {
+            Ok(esi) => prop_assert!(!esi.devices.is_empty()),
+            Err(errors) => {
+                prop_assert!(!errors.mistakes.is_empty());
+                prop_assert!(!errors.to_string().contains("was lost"));
+            }
+        }
+    }
+}
