@@ -145,9 +145,7 @@ pub fn run(octets: &[u8]) {
             }
         }
         while let Some(event) = main.pop_event() {
-            if let ethercat::main::Event::Failed { error, .. } = event {
-                words(error);
-            }
+            assert!(!event.to_string().is_empty());
         }
         orders.retain(|order| match main.sdo_result(*order) {
             None => true,
@@ -163,6 +161,7 @@ pub fn run(octets: &[u8]) {
         for device in 0..DEVICES.len() {
             assert_eq!(main.inputs(device).len(), usize::from(DEVICES[device].inputs.octets));
             let _ = (main.device_state(device), main.found(device), main.answered(device));
+            let _ = main.punctuality(device).map(|punctuality| punctuality.to_string());
         }
     }
 }

@@ -427,3 +427,129 @@ pub enum Event {
         source: Mac,
     },
 }
+
+impl core::fmt::Display for Event {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match *self {
+            Event::Silent { sent } => write!(
+                f,
+                "no answer to {sent} frames: cable, IN and OUT of the first device swapped, or its power"
+            ),
+            Event::Found { devices } => write!(f, "{devices} devices are on the wire"),
+            Event::TooMany { devices } => write!(f, "{devices} devices are on the wire, more than there is room for"),
+            Event::Stranger { position, identity } => {
+                write!(
+                    f,
+                    "position {position} is not in the configuration and left alone: {identity}"
+                )
+            }
+            Event::Identified { device, position } => write!(f, "device {device} was found at position {position}"),
+            Event::Failed { device, error } => write!(f, "device {device}: {error}"),
+            Event::Up { device } => write!(f, "device {device} is in OP"),
+            Event::Left {
+                device,
+                at,
+                code: AlStatusCode::NONE,
+            } => write!(f, "device {device} has left OP and is in {at}"),
+            Event::Left { device, at, code } => {
+                write!(f, "device {device} has left OP and is in {at}: {code}")?;
+                hint(f, code, &SetUp::default())
+            }
+            Event::Lost {
+                device,
+                working_counter,
+                expected,
+            } => {
+                let words = match working_counter {
+                    0 => "it does not answer",
+                    1 => "it is read, and takes no outputs",
+                    2 => "it takes outputs, and is not read",
+                    _ => "more devices than it answer",
+                };
+                write!(
+                    f,
+                    "device {device} is lost: working counter {working_counter}, expected {expected}: {words}"
+                )
+            }
+            Event::Broken(place) => place.fmt(f),
+            Event::Spoilt { position, port, frames } => write!(
+                f,
+                "{frames} frames arrived spoilt at position {position}, port {port}: the cable there, or what lies at its other end"
+            ),
+            Event::OrderChanged {
+                device,
+                position,
+                station,
+            } => write!(
+                f,
+                "device {device} should be at position {position}, where that of position {} is: was the order changed?",
+                station.wrapping_sub(super::device::STATION_FIRST)
+            ),
+            Event::Emergency { device, emergency } => write!(
+                f,
+                "device {device} reports error {:04X}h, register {:02X}h",
+                emergency.code, emergency.register
+            ),
+            Event::OtherMain {
+                source: [a, b, c, d, e, g],
+            } => write!(
+                f,
+                "another main device sends, {a:02x}:{b:02x}:{c:02x}:{d:02x}:{e:02x}:{g:02x}: one of both has to be switched off"
+            ),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::string::ToString;
+
+    #[test]
+    fn events_have_words() {
+        for (event, words) in [
+            (
+                Event::Lost {
+                    device: 2,
+                    working_counter: 1,
+                    expected: 3,
+                },
+                "device 2 is lost: working counter 1, expected 3: it is read, and takes no outputs",
+            ),
+            (
+                Event::Left {
+                    device: 1,
+                    at: AlState::SafeOp,
+                    code: AlStatusCode::WATCHDOG,
+                },
+                "device 1 has left OP and is in SAFE-OP: 001Bh (no outputs came in time (SyncManager watchdog)); it got no outputs \
+                 in time",
+            ),
+            (
+                Event::OrderChanged {
+                    device: 1,
+                    position: 1,
+                    station: 0x1002,
+                },
+                "device 1 should be at position 1, where that of position 2 is: was the order changed?",
+            ),
+            (
+                Event::OtherMain {
+                    source: [1, 2, 3, 4, 5, 0xAB],
+                },
+                "another main device sends, 01:02:03:04:05:ab: one of both has to be switched off",
+            ),
+            (
+                Event::Broken(Break {
+                    before: Some((3, 1)),
+                    behind: 4,
+                    link_lost: false,
+                    lost_links: 3,
+                }),
+                "position 4 is silent, though position 3 has a link at port 1; this link was lost 3 times",
+            ),
+        ] {
+            assert_eq!(event.to_string(), words);
+        }
+    }
+}

@@ -3,6 +3,7 @@
 //! In:  the configuration, outputs, frames that come, the time. Out: frames to be sent, inputs, events; corrections of dates.
 //! RT: no allocation, no locks, bounded.
 
+mod budget;
 mod clocks;
 pub mod config;
 mod cycle;
@@ -15,8 +16,10 @@ mod mapping;
 mod network;
 mod orders;
 mod phase;
+mod punctuality;
 mod survey;
 
+pub use budget::Budget;
 pub use cycle::{Answered, Came, CyclicFrames, Member};
 pub use delay::{DcDevice, delays};
 pub use eeprom::Found;
@@ -24,6 +27,7 @@ pub use event::{Break, Event, SetUp, SetupError};
 pub use network::{Counters, DeviceState, MainDevice, Received};
 pub use orders::{ORDERS, VALUE_MAX};
 pub use phase::{PhaseConfig, PhaseLoop, phase_ns};
+pub use punctuality::Punctuality;
 
 #[cfg(test)]
 mod cycle_tests;

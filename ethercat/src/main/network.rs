@@ -6,6 +6,7 @@
 //! A caller sends the frames of a cycle at its date, hands over all that comes, and ends the cycle. Between, it sends the frames of
 //! services, one at a time.
 
+use super::budget::Budget;
 use super::clocks::Clocks;
 use super::config::{Config, Place};
 use super::cycle::{Answered, Came, CyclicFrames, INDEX_END, Member};
@@ -13,6 +14,7 @@ use super::device::{Device, Notice, Now, Step};
 use super::event::{Event, SetupError};
 use super::orders::Orders;
 use super::phase::phase_ns;
+use super::punctuality::{Punctuality, Window};
 use super::survey::Survey;
 use crate::wire::coe::Object;
 use crate::wire::register::{self, AlControl, AlState, AlStatusCode, Fmmu, SyncManager};
@@ -169,6 +171,7 @@ pub struct MainDevice<'a, const N: usize, const F: usize> {
     /// Time of the bus in the last cycle, and where dates lie in it.
     bus_ns: Option<u64>,
     grid_ns: Option<u64>,
+    window: Window,
     other_main: Option<Mac>,
     shutting_down: bool,
 }
@@ -221,6 +224,7 @@ impl<'a, const N: usize, const F: usize> MainDevice<'a, N, F> {
             turn: 0,
             bus_ns: None,
             grid_ns: None,
+            window: Window::new(),
             other_main: None,
             shutting_down: false,
         })
@@ -264,6 +268,18 @@ impl<'a, const N: usize, const F: usize> MainDevice<'a, N, F> {
         self.cyclic.len()
     }
 
+    /// What a cycle costs.
+    pub fn budget(&self) -> Budget {
+        let lengths = (0..self.cyclic.len()).map(|number| self.cyclic.frame(number).len());
+        Budget::of(lengths, self.config.devices.len(), self.config.cycle_ns)
+    }
+
+    /// How cycles lie to SYNC0 of a device, in the last window of cycles; `None`: it has none, or there was no window yet.
+    pub fn punctuality(&self, device: usize) -> Option<Punctuality> {
+        let shift_ns = self.config.devices.get(device)?.clock?.shift_ns;
+        self.window.punctuality(shift_ns, self.config.cycle_ns)
+    }
+
     /// A frame of the cycle that is ready, to be sent once.
     pub fn frame(&self, number: usize) -> &[u8] {
         self.cyclic.frame(number)
@@ -290,6 +306,7 @@ impl<'a, const N: usize, const F: usize> MainDevice<'a, N, F> {
         let lost = self.cyclic.finish();
         self.counters.cycles = self.counters.cycles.wrapping_add(1);
         self.follow_bus();
+        self.window.add(self.late_ns());
         let now = self.now(now_ns);
         let present = usize::from(self.cyclic.present());
         let (state, error) = self.cyclic.states();

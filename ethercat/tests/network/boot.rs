@@ -79,6 +79,11 @@ fn dates_keep_their_phase_to_sync0() {
         "{} {range}",
         variance.sqrt()
     );
+    let punctuality = world.main.punctuality(0).expect("a window");
+    assert!(punctuality.is_good(), "{punctuality}");
+    assert!((490_000..510_000).contains(&punctuality.before_ns), "{punctuality}");
+    assert!((3_000..6_000).contains(&punctuality.spread_ns), "{punctuality}");
+    assert!(world.main.budget().fits(), "{}", world.main.budget());
     // All clocks show the same, and SYNC0 of all comes in the middle between two dates.
     let now_ns = world.now_ns;
     let times: Vec<u64> = (0..3)

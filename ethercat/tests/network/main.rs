@@ -3,6 +3,7 @@
 #![allow(unreachable_pub, reason = "the modules of a test have no outside")]
 
 mod boot;
+mod captures;
 mod faults;
 mod objects;
 mod weather;

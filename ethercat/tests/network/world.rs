@@ -48,6 +48,8 @@ pub enum Fate {
 
 /// Decides on a frame; the flag: it is one of the cycle.
 type Decide = Box<dyn FnMut(&mut Random, bool) -> Fate>;
+/// Is shown every frame, and when.
+type Tap = Box<dyn FnMut(u64, &[u8])>;
 
 pub struct World {
     pub segment: Segment,
@@ -75,6 +77,7 @@ pub struct World {
     pub lost_last: u32,
     /// Time of the bus at the dates themselves, without the jitter of the frames.
     pub dates: Vec<u64>,
+    pub tap: Tap,
 }
 
 /// Identity of the drives.
@@ -203,6 +206,7 @@ impl World {
             late_ns: Vec::new(),
             lost_last: 0,
             dates: Vec::new(),
+            tap: Box::new(|_, _| {}),
         }
     }
 
@@ -238,10 +242,12 @@ impl World {
 
     /// A frame leaves, now.
     fn send(&mut self, mut octets: Vec<u8>, cyclic: bool) {
+        (self.tap)(self.now_ns, &octets);
         let Some(answer) = self.segment.receive(self.now_ns, &mut octets) else {
             return;
         };
         let at_ns = answer.at_ns;
+        (self.tap)(at_ns, &octets);
         match (self.fate)(&mut self.random, cyclic) {
             Fate::Passes => self.on_way.push((at_ns, octets)),
             Fate::Lost => {}
