@@ -2,6 +2,7 @@
 
 use super::clock::{Clock, ClockConfig};
 use super::eeprom::Eeprom;
+use super::objects::copy_bits;
 use crate::wire::Command;
 use crate::wire::register::{self, DlStatus, Fmmu, SyncManager, feature, sync};
 use std::boxed::Box;
@@ -549,33 +550,38 @@ impl Esc {
 
     /// One logical datagram; what the working counter gains.
     pub(super) fn logical(&mut self, now_ns: u64, command: Command, logical: u32, data: &mut [u8]) -> u16 {
+        let frame = u64::from(logical)..u64::from(logical) + data.len() as u64;
+        // Most datagrams of a frame are those of others.
+        let mapped: [Option<(Fmmu, Part)>; FMMUS as usize] = std::array::from_fn(|number| {
+            let active = self.memory[usize::from(register::fmmu(number as u8)) + 12] & 1 != 0;
+            let fmmu = active.then(|| self.fmmu(number as u8))?;
+            Part::of(&fmmu, &frame).map(|part| (fmmu, part))
+        });
+        if mapped.iter().all(Option::is_none) {
+            return 0;
+        }
         let before = data.to_vec();
-        let frame = u64::from(logical)..u64::from(logical) + before.len() as u64;
         let (mut read, mut written) = (false, false);
         // What is read is what was there before anything was written.
         for write in [false, true] {
             if if write { !command.writes() } else { !command.reads() } {
                 continue;
             }
-            for number in 0..FMMUS {
-                let fmmu = self.fmmu(number);
+            for (fmmu, part) in mapped.iter().flatten() {
                 let kind = if write { Fmmu::WRITE } else { Fmmu::READ };
-                if !fmmu.active || fmmu.kind & kind == 0 {
+                if fmmu.kind & kind == 0 {
                     continue;
                 }
-                let Some(part) = Part::of(&fmmu, &frame) else { continue };
                 let range = part.octets();
                 if !self.exists(&range) || range.end > MEMORY_LEN || !self.is_allowed(&range, write) {
                     continue;
                 }
                 if write {
-                    part.each(|in_frame, in_memory| {
-                        copy_bit(&before, in_frame, &mut self.memory[..], in_memory);
-                    });
+                    copy_bits(&before, part.frame, &mut self.memory[..], part.memory, part.bits);
                     written = true;
                 } else {
                     self.refresh(now_ns, &range);
-                    part.each(|in_frame, in_memory| copy_bit(&self.memory[..], in_memory, data, in_frame));
+                    copy_bits(&self.memory[..], part.memory, data, part.frame, part.bits);
                     read = true;
                 }
                 self.finish_access(now_ns, &range, write);
@@ -615,16 +621,4 @@ impl Part {
     fn octets(&self) -> Range<usize> {
         self.memory / 8..(self.memory + self.bits).div_ceil(8)
     }
-
-    fn each(&self, mut act: impl FnMut(usize, usize)) {
-        for bit in 0..self.bits {
-            act(self.frame + bit, self.memory + bit);
-        }
-    }
-}
-
-fn copy_bit(from: &[u8], from_bit: usize, to: &mut [u8], to_bit: usize) {
-    let value = from[from_bit / 8] >> (from_bit % 8) & 1;
-    let octet = &mut to[to_bit / 8];
-    *octet = *octet & !(1 << (to_bit % 8)) | value << (to_bit % 8);
 }

@@ -363,7 +363,7 @@ fn pdo_range(receive: bool) -> (u16, u16) {
 }
 
 /// Copies bits, by octets where they lie so; what is not there is left out.
-fn copy_bits(from: &[u8], from_bit: usize, to: &mut [u8], to_bit: usize, bits: usize) {
+pub(super) fn copy_bits(from: &[u8], from_bit: usize, to: &mut [u8], to_bit: usize, bits: usize) {
     if [from_bit, to_bit, bits].iter().all(|bit| bit.is_multiple_of(8)) {
         let (from, to) = (from.get(from_bit / 8..), to.get_mut(to_bit / 8..));
         if let (Some(from), Some(to)) = (from, to) {
