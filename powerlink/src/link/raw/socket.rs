@@ -60,6 +60,7 @@ pub(in crate::link) enum Heard {
     /// Those of POWERLINK's EtherType, also with a VLAN tag.
     Powerlink,
     /// Those without a tag, and none that this PC sent: for a reader who is told neither.
+    #[cfg_attr(not(feature = "pnet"), allow(dead_code, reason = "libpnet's socket is the reader"))]
     UntaggedPowerlink,
 }
 
