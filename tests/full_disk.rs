@@ -277,3 +277,54 @@ fn a_control_tells_that_its_parameters_are_not_kept_and_stays() {
     kill(Pid::from_raw(control.0.id() as i32), Signal::SIGTERM).expect("our process");
     assert_eq!(control.0.wait().expect("our process").code(), Some(143));
 }
+
+/// RETAIN variables of programs in Structured Text: as the rest of the state.
+#[test]
+fn a_control_tells_that_retained_variables_are_not_kept_and_keeps_them_once_there_is_room() {
+    let name = format!("full-retain-{}", std::process::id());
+    let machine = include_str!("../configs/mill3-demo.toml")
+        .replace("\"mill3-demo\"", &format!("\"{name}\""))
+        .replacen("kind = \"powerlink\"", "kind = \"memory\"", 1)
+        .replace("\n[machine]\n", "\n[machine]\nstate_directory = \"disk/state\"\n")
+        // However busy this PC is.
+        .replace("\nlock_memory = true", "\noverruns_stop = 0\nlock_memory = true")
+        .replace("pres_lost_max = 20", "pres_lost_max = 1000")
+        + "[[logic]]\nfile = \"cell.st\"\nperiod_ms = 10\n";
+    let Some(folder) = folder(&machine) else {
+        return;
+    };
+    let program = "PROGRAM cell VAR RETAIN n : LINT; END_VAR n := n + 1; END_PROGRAM";
+    std::fs::write(folder.path().join("cell.st"), program).expect("our folder");
+    let disk = folder.path().join("disk");
+    let control = Command::new(env!("CARGO_BIN_EXE_isocnc"))
+        .args(["run", "m.toml", "--json"])
+        .current_dir(folder.path())
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .spawn()
+        .expect("the binary runs");
+    let _control = Control(control);
+    let path = disk.join("state/logic-cell.retain");
+    let kept = || -> Result<i64, String> {
+        let text = std::fs::read(&path).map_err(|error| error.to_string())?;
+        let kept = isocnc::machine::retain_file::parse(&text)?;
+        let value = kept.variables.first().map(|variable| variable.value.parse());
+        value.and_then(Result::ok).ok_or_else(|| "no value".into())
+    };
+    wait_for("kept", || kept().map(drop));
+    let filler = fill(&disk);
+    let status = || {
+        let output = isocnc(folder.path(), &["status", "--json", "--machine", &name]);
+        String::from_utf8_lossy(&output.stdout).into_owned()
+    };
+    wait_for("told", || match status() {
+        status if status.contains("RETAIN variables are not kept") && status.contains(FULL) => Ok(()),
+        status => Err(status),
+    });
+    let before = kept().expect("what was there is whole");
+    std::fs::remove_file(filler).expect("our file");
+    wait_for("kept again", || match kept() {
+        Ok(n) if n > before => Ok(()),
+        other => Err(format!("{other:?}")),
+    });
+}

@@ -1,7 +1,8 @@
-//! What both real-time threads ask of the kernel, counted by number while a control runs on a real veth pair.
+//! What the real-time threads ask of the kernel, counted by number while a control runs on a real veth pair, a program in Structured
+//! Text beside it, and an oscilloscope of another process looks on.
 //!
-//! This program is the tracer (ptrace) of the control that it starts: it attaches to the threads `rt-cycle` and `rt-timeout`
-//! one after the other and lets them run from call to call. That takes time, so the machine runs a cycle of 10 ms, and
+//! This program is the tracer (ptrace) of the control that it starts: it attaches to the threads `rt-cycle`, `rt-timeout` and
+//! `rt-logic 0` one after the other and lets them run from call to call. That takes time, so the machine runs a cycle of 10 ms, and
 //! nothing here looks at times: only which calls there are and how many to a cycle.
 //!
 //! No test harness, for a namespace is entered by a process of one thread. Where the system allows no private network or no
@@ -26,12 +27,15 @@ use std::time::{Duration, Instant};
 
 const PATIENCE: Duration = Duration::from_secs(120);
 const DEMO: &str = include_str!("../configs/mill3-demo.toml");
+const LOGIC: &str = include_str!("../configs/cell/plant.st");
 /// Some minutes of motion, cut short by the end of the test.
 const PROGRAM: &str = "G21 G90 G94 G54\nG0 X5 Y5\nG1 X200 F200\nM2\n";
 const NODES: usize = 4;
 /// Cycles that are looked at, and ticks of the time-out thread.
 const CYCLES: usize = 200;
 const TICKS: usize = 400;
+/// Looks of the thread of the program in Structured Text.
+const LOOKS: usize = 200;
 /// Octet of a frame that says what it is.
 const MESSAGE_TYPE_AT: u64 = 14;
 
@@ -50,6 +54,9 @@ const CYCLE_CALLS: [i64; 8] = [
 /// What the time-out thread may ask for: to sleep; once in 1024 ticks, how long it has run; and at a tick at which the cycle
 /// thread is overdue, as on a busy PC, how long that has run.
 const TIMEOUT_CALLS: [i64; 2] = [libc::SYS_clock_nanosleep, libc::SYS_clock_gettime];
+
+/// What a program in Structured Text may ask for: to sleep until its scan is due.
+const LOGIC_CALLS: [i64; 1] = [libc::SYS_clock_nanosleep];
 
 fn main() {
     if let Err(refused) = private_wire("plk0", "plk1") {
@@ -77,7 +84,9 @@ fn main() {
         .replace("async_slot_timeout_us = 150", "async_slot_timeout_us = 1500")
         .replace("pres_lost_max = 20", "pres_lost_max = 900")
         .replace("following_error_mm = 2.0", "following_error_mm = 20.0")
-        .replace("calibrate = true", "calibrate = false");
+        .replace("calibrate = true", "calibrate = false")
+        + "[[logic]]\nfile = \"plant.st\"\nperiod_ms = 10\n";
+    std::fs::write(folder.path().join("plant.st"), LOGIC).expect("our folder");
     std::fs::write(&machine, text).expect("our folder");
     let program = folder.path().join("program.ngc");
     std::fs::write(&program, PROGRAM).expect("our folder");
@@ -86,6 +95,10 @@ fn main() {
     // In stand-by: on a busy PC the machine may stop with an alarm meanwhile, and its threads go on all the same.
     let control = Running::start(&["run", path(&machine)], false);
     set_in_motion(&name, &program);
+    let mut scope = Running::start(
+        &["hal", "scope", "--machine", &name, "--follow", "joint.*.motor-*"],
+        false,
+    );
 
     let tid = thread(control.pid(), "rt-cycle").expect("the cycle thread");
     let Some(calls) = trace(tid, |calls| calls.iter().filter(|call| call.is_soc()).count() > CYCLES) else {
@@ -130,6 +143,17 @@ fn main() {
     );
     check_calls(&calls, &[]).expect_err("nothing is allowed");
     println!("rt-timeout: {sleeps} ticks; {}", summary(&calls, sleeps));
+
+    let tid = thread(control.pid(), "rt-logic 0").expect("the thread of the program");
+    let Some(calls) = trace(tid, |calls| calls.len() > LOOKS) else {
+        return;
+    };
+    check_calls(&calls, &LOGIC_CALLS).unwrap_or_else(|wrong| panic!("{wrong}"));
+    println!("rt-logic 0: {}", summary(&calls, calls.len()));
+    assert!(
+        scope.0.try_wait().expect("our child").is_none(),
+        "the oscilloscope looks on"
+    );
     println!("system_calls ... ok");
 }
 

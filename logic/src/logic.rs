@@ -248,7 +248,8 @@ impl Logic {
         }
     }
 
-    /// Reads a value as it stands in a table: BOOL as 0 or 1, TIME in milliseconds, a value of an enumeration by its name.
+    /// Reads a value as it stands in a table: BOOL as 0 or 1, TIME in milliseconds, a value of an enumeration by its name
+    /// or its number.
     pub fn read<'t>(&self, variable: &Variable, text: &'t str) -> Option<Value<'t>> {
         let value = match variable.kind {
             Leaf::Scalar(Scalar::Bool) => match text {
@@ -259,9 +260,14 @@ impl Logic {
             Leaf::Scalar(Scalar::Time) => Value::Time(crate::duration::of_milliseconds(text)?),
             Leaf::Scalar(scalar) if scalar.is_real() => {
                 let value = text.parse::<f64>().ok().filter(|value| value.is_finite())?;
+                // A number that is beyond a REAL is none.
+                if scalar == Scalar::Real && !(value as f32).is_finite() {
+                    return None;
+                }
                 Value::Lreal(value)
             }
-            Leaf::Scalar(Scalar::String) | Leaf::Enumeration(_) => Value::Text(text),
+            Leaf::Scalar(Scalar::String) => Value::Text(text),
+            Leaf::Enumeration(_) => text.parse().map_or(Value::Text(text), Value::Integer),
             Leaf::Scalar(_) => Value::Integer(text.parse().ok()?),
         };
         self.slot_value(variable, value).map(|_| value)

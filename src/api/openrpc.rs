@@ -122,7 +122,7 @@ fn kind(param: &Param) -> Value {
     }
 }
 
-const ALL: [Gives; 30] = [
+const ALL: [Gives; 35] = [
     Gives::Nothing,
     Gives::Methods,
     Gives::OpenRpc,
@@ -153,6 +153,11 @@ const ALL: [Gives; 30] = [
     Gives::Pins,
     Gives::ScopeBegun,
     Gives::ScopePart,
+    Gives::LogicTasks,
+    Gives::LogicVariables,
+    Gives::LogicForced,
+    Gives::LogicReleased,
+    Gives::LogicReloaded,
 ];
 
 fn name(gives: Gives) -> &'static str {
@@ -187,6 +192,11 @@ fn name(gives: Gives) -> &'static str {
         Gives::Pins => "Pins",
         Gives::ScopeBegun => "ScopeBegun",
         Gives::ScopePart => "ScopePart",
+        Gives::LogicTasks => "LogicTasks",
+        Gives::LogicVariables => "LogicVariables",
+        Gives::LogicForced => "LogicForced",
+        Gives::LogicReleased => "LogicReleased",
+        Gives::LogicReloaded => "LogicReloaded",
     }
 }
 
@@ -429,6 +439,7 @@ fn result(gives: Gives) -> Value {
             "channels": list(object(json!({ "name": text(), "type": pin_type(), "unit": text() }))),
         })),
         Gives::ScopePart => object(json!({
+            "scope": whole(),
             "record": whole(),
             "rows": whole(),
             "base64": { "type": "string", "contentEncoding": "base64" },
@@ -486,6 +497,30 @@ fn result(gives: Gives) -> Value {
         }),
         Gives::Lines => object(json!({ "lines": list(text()) })),
         Gives::Report => report(),
+        Gives::LogicTasks => object(json!({
+            "programs": list(object(json!({
+                "name": text(), "file": text(), "period_ms": number(), "steps_max": whole(), "scans": whole(), "overruns": whole(),
+                "overflows": whole(), "scan_us": number(), "scan_max_us": number(), "stands": flag(), "forced": whole(),
+            }))),
+        })),
+        Gives::LogicVariables => object(json!({
+            "program": text(),
+            "time_ms": number(),
+            "variables": list(object(json!({
+                "name": text(),
+                "type": text(),
+                "value": text(),
+                "line": whole(),
+                "role": { "type": "string", "enum": ["input", "output", "internal"] },
+                "retain": flag(),
+                "pin": or_null(text()),
+                "forced": flag(),
+            }))),
+            "more": flag(),
+        })),
+        Gives::LogicForced => object(json!({ "forced": text() })),
+        Gives::LogicReleased => object(json!({ "released": whole() })),
+        Gives::LogicReloaded => object(json!({ "carried": whole() })),
         Gives::Journal => object(json!({ "entries": list(refer("Entry")), "more": flag(), "last": whole() })),
     }
 }
@@ -554,6 +589,7 @@ fn status() -> Value {
         "held_at_mm": or_null(positions()),
         "limit_switches": object(json!({ "lower": list(whole()), "upper": list(whole()) })),
         "alarm": or_null(text()),
+        "forced": list(object(json!({ "program": text(), "variable": text(), "value": text() }))),
         "next": or_null(text()),
         "obstruction": or_null(text()),
         "messages": list(refer("Entry")),

@@ -10,7 +10,7 @@ use crate::scope::record::Step;
 use crate::scope::stream::{ScopeError, Stream, Wanted};
 use crate::scope::thin::{Column, Thinner};
 use hal_pins::Attached;
-use hal_pins::scope::Channel;
+use hal_pins::scope::{CAPTURES, Channel};
 use serde_json::{Value, json};
 use std::collections::VecDeque;
 use std::path::PathBuf;
@@ -21,8 +21,16 @@ const BLOCK_MAX: usize = 24 * 1024;
 const BLOCKS_MAX: usize = 64;
 /// Cycles that are taken in one turn of the service.
 const TURN_MAX: usize = 4096;
-/// Nobody has asked for so long, s.
+/// Nobody has taken anything for so long, s.
 const IDLE_S: u64 = 60;
+/// Notifications a second at the most, but for rows that wait.
+pub const RATE_MAX_HZ: u64 = 50;
+/// Where nothing is new, a client is told so often that its oscilloscope lives, ns.
+const QUIET_NS: u64 = 1_000_000_000;
+/// Oscilloscopes of a client.
+const OF_CLIENT_MAX: usize = 2;
+/// Oscilloscopes of all clients: one is left to whoever sits at this PC.
+const OF_ALL_MAX: usize = CAPTURES - 1;
 
 /// Rows of one record.
 #[derive(Debug, Default)]
@@ -40,7 +48,10 @@ struct Scope {
     thinner: Thinner,
     per_column: u64,
     blocks: VecDeque<Block>,
+    /// When its client last took something.
     heard_ns: u64,
+    /// Time between two notifications, ns; `None`: its client asks.
+    told_every_ns: Option<u64>,
     /// What has gone wrong.
     error: Option<String>,
 }
@@ -73,7 +84,7 @@ impl Scopes {
         Attached::attach_in(std::slice::from_ref(folder), machine).map_err(|error| refused(error.to_string()))
     }
 
-    /// Opens one; a row has so many cycles.
+    /// Opens one; a row has so many cycles. With a rate its client is told of new rows by itself.
     ///
     /// # Errors
     /// Unknown pins, lengths that make no sense, too many oscilloscopes.
@@ -82,9 +93,19 @@ impl Scopes {
         client: ClientId,
         wanted: &Wanted,
         per_column: u64,
+        rate_hz: Option<u64>,
         now_ns: u64,
     ) -> Result<Value, RpcError> {
         self.forget_idle(now_ns);
+        let of_client = self.all.iter().filter(|scope| scope.client == client).count();
+        if of_client >= OF_CLIENT_MAX {
+            let what = format!("this client has {OF_CLIENT_MAX} scopes: scope.end gives one up");
+            return Err(RpcError::new(code::REFUSED, what));
+        }
+        if self.all.len() >= OF_ALL_MAX {
+            let what = format!("clients of this control have {OF_ALL_MAX} scopes, and no more: somebody is to end one");
+            return Err(RpcError::new(code::REFUSED, what));
+        }
         let stream = Stream::begin(&self.pins()?, wanted).map_err(|error| {
             let kind = match error {
                 ScopeError::Hal(hal_pins::HalError::CapturesInUse { .. } | hal_pins::HalError::NoScope) => {
@@ -109,6 +130,7 @@ impl Scopes {
             per_column,
             blocks: VecDeque::new(),
             heard_ns: now_ns,
+            told_every_ns: rate_hz.map(|rate_hz| 1_000_000_000 / rate_hz.clamp(1, RATE_MAX_HZ)),
             error: None,
         });
         Ok(answer)
@@ -120,10 +142,38 @@ impl Scopes {
     /// There is no such oscilloscope.
     pub fn next(&mut self, client: ClientId, number: u64, now_ns: u64) -> Result<Value, RpcError> {
         let Some(at) = (self.all.iter()).position(|scope| scope.number == number && scope.client == client) else {
-            let what =
-                format!("no scope {number} of this client: it has come to its end, or nobody has asked for {IDLE_S} s");
+            let what = format!(
+                "no scope {number} of this client: it has come to its end, or nothing was taken for {IDLE_S} s"
+            );
             return Err(RpcError::new(code::INVALID_PARAMS, what));
         };
+        Ok(self.part(at, now_ns))
+    }
+
+    /// Rows for a client that is to be told of them, if there are some and it is time.
+    pub fn news(&mut self, client: ClientId, now_ns: u64) -> Option<Value> {
+        let is_due = |scope: &Scope| {
+            let every_ns = scope.told_every_ns?;
+            let since_ns = now_ns.saturating_sub(scope.heard_ns);
+            let has_some = !scope.blocks.is_empty() || scope.is_over();
+            let is_due = scope.blocks.len() > 1 || since_ns >= QUIET_NS || has_some && since_ns >= every_ns;
+            is_due.then_some(scope.heard_ns)
+        };
+        // Whoever has waited longest first, so that none waits for another.
+        let of_client = self.all.iter().enumerate().filter(|(_, scope)| scope.client == client);
+        let due = of_client.filter_map(|(at, scope)| Some((is_due(scope)?, at)));
+        let (_, at) = due.min()?;
+        Some(self.part(at, now_ns))
+    }
+
+    /// Whether a client is told of rows by itself.
+    pub fn tells(&self, client: ClientId) -> bool {
+        let mut of_client = self.all.iter().filter(|scope| scope.client == client);
+        of_client.any(|scope| scope.told_every_ns.is_some())
+    }
+
+    /// The next rows of one; it is gone with its last ones.
+    fn part(&mut self, at: usize, now_ns: u64) -> Value {
         let scope = &mut self.all[at];
         scope.heard_ns = now_ns;
         scope.pump();
@@ -132,7 +182,7 @@ impl Scopes {
             ..Block::default()
         });
         let recorder = scope.stream.recorder();
-        let ends = scope.blocks.is_empty() && (recorder.is_done() || scope.error.is_some());
+        let ends = scope.blocks.is_empty() && scope.is_over();
         let state = match () {
             () if ends => "done",
             () if recorder.is_recording() || !block.octets.is_empty() => "recording",
@@ -140,6 +190,7 @@ impl Scopes {
         };
         let row_octets = 8 * (1 + 2 * scope.stream.channels().len());
         let answer = json!({
+            "scope": scope.number,
             "record": block.record,
             "rows": block.octets.len() / row_octets,
             "base64": to_base64(&block.octets),
@@ -152,7 +203,7 @@ impl Scopes {
         if ends {
             self.all.remove(at);
         }
-        Ok(answer)
+        answer
     }
 
     /// Nobody wants more of it.
@@ -179,9 +230,14 @@ impl Scopes {
 }
 
 impl Scope {
+    /// Whether no more rows will come.
+    fn is_over(&self) -> bool {
+        self.stream.recorder().is_done() || self.error.is_some()
+    }
+
     fn pump(&mut self) {
         // A block more than its limit at the most: that of a record that ends.
-        if self.blocks.len() >= BLOCKS_MAX || self.error.is_some() || self.stream.recorder().is_done() {
+        if self.blocks.len() >= BLOCKS_MAX || self.is_over() {
             return;
         }
         let Scope {
@@ -328,7 +384,10 @@ mod tests {
     #[test]
     fn rows_are_thinned_and_come_in_their_order() {
         let mut rig = rig();
-        let begun = rig.scopes.begin(1, &wanted(&["a.count", "a.on"], None), 4, 0).unwrap();
+        let begun = rig
+            .scopes
+            .begin(1, &wanted(&["a.count", "a.on"], None), 4, None, 0)
+            .unwrap();
         assert_eq!(begun["period_us"], 1000.0);
         assert_eq!(
             begun["channels"][0],
@@ -363,7 +422,9 @@ mod tests {
             before_percent: 20.0,
             ..wanted(&["a.on"], Some("a.count>50"))
         };
-        let number = rig.scopes.begin(1, &wanted, 1, 0).unwrap()["scope"].as_u64().unwrap();
+        let number = rig.scopes.begin(1, &wanted, 1, None, 0).unwrap()["scope"]
+            .as_u64()
+            .unwrap();
         rig.cycles(50);
         assert_eq!(rig.scopes.next(1, number, 0).unwrap()["state"], "waiting");
         rig.cycles(20);
@@ -377,7 +438,10 @@ mod tests {
     #[test]
     fn whoever_does_not_fetch_loses_with_a_count_and_in_bounded_memory() {
         let mut rig = rig();
-        let number = rig.scopes.begin(1, &wanted(&["a.count"; 31], None), 1, 0).unwrap()["scope"]
+        let number = rig
+            .scopes
+            .begin(1, &wanted(&["a.count"; 31], None), 1, None, 0)
+            .unwrap()["scope"]
             .as_u64()
             .unwrap();
         for _ in 0..30 {
@@ -408,7 +472,7 @@ mod tests {
     #[test]
     fn refusals_say_why() {
         let mut rig = rig();
-        let mut refusal = |wanted: &Wanted| rig.scopes.begin(1, wanted, 1, 0).unwrap_err();
+        let mut refusal = |wanted: &Wanted| rig.scopes.begin(1, wanted, 1, None, 0).unwrap_err();
         let unknown = refusal(&wanted(&["a.cuont"], None));
         assert_eq!(unknown.message, "no pin or net 'a.cuont'; did you mean 'a.count'?");
         assert!(
@@ -432,13 +496,77 @@ mod tests {
                 .message
                 .contains("32 in all")
         );
-        for _ in 0..hal_pins::scope::CAPTURES {
-            rig.scopes.begin(1, &wanted(&["a.on"], None), 1, 0).unwrap();
+        assert!(
+            Scopes::default()
+                .begin(1, &wanted(&["a.on"], None), 1, None, 0)
+                .is_err()
+        );
+    }
+
+    #[test]
+    fn no_client_takes_all_and_all_of_them_leave_one() {
+        let mut rig = rig();
+        let on = wanted(&["a.on"], None);
+        for client in [1, 1, 2] {
+            rig.scopes.begin(client, &on, 1, None, 0).unwrap();
         }
-        let full = rig.scopes.begin(2, &wanted(&["a.on"], None), 1, 0).unwrap_err();
-        assert_eq!((full.code, full.message.contains("are in use")), (code::REFUSED, true));
+        let refusal = |scopes: &mut Scopes, client| {
+            let error = scopes.begin(client, &on, 1, None, 0).unwrap_err();
+            assert_eq!(error.code, code::REFUSED);
+            error.message
+        };
+        assert!(refusal(&mut rig.scopes, 1).contains("this client has 2 scopes"));
+        assert!(refusal(&mut rig.scopes, 2).contains("clients of this control have 3 scopes"));
+        let pins = rig.scopes.pins().unwrap();
+        let _of_another_process = Stream::begin(&pins, &on).unwrap();
         rig.scopes.left(1);
-        rig.scopes.begin(2, &wanted(&["a.on"], None), 1, 0).unwrap();
-        assert!(Scopes::default().begin(1, &wanted(&["a.on"], None), 1, 0).is_err());
+        let _and_another = Stream::begin(&pins, &on).unwrap();
+        rig.scopes.begin(2, &on, 1, None, 0).unwrap();
+        assert!(refusal(&mut rig.scopes, 3).contains("are in use"));
+    }
+
+    #[test]
+    fn a_client_is_told_of_rows_as_they_come() {
+        const MS: u64 = 1_000_000;
+        let mut rig = rig();
+        let begun = rig
+            .scopes
+            .begin(1, &wanted(&["a.count"], None), 1, Some(20), 0)
+            .unwrap();
+        assert!(rig.scopes.tells(1) && !rig.scopes.tells(2));
+        rig.cycles(3);
+        rig.scopes.pump(10 * MS);
+        assert_eq!(rig.scopes.news(1, 10 * MS), None, "20 times a second");
+        assert_eq!(rig.scopes.news(2, 50 * MS), None, "another's");
+        let told = rig.scopes.news(1, 50 * MS).unwrap();
+        assert_eq!((&told["scope"], &told["rows"]), (&begun["scope"], &json!(3)));
+        assert_eq!(rig.scopes.news(1, 100 * MS), None, "nothing is new");
+        let quiet = rig.scopes.news(1, 1050 * MS).unwrap();
+        assert_eq!((&quiet["rows"], &quiet["state"]), (&json!(0), &json!("recording")));
+        // What has gathered comes without a wait.
+        rig.cycles(4000);
+        rig.scopes.pump(1060 * MS);
+        let rows: u64 = std::iter::from_fn(|| rig.scopes.news(1, 1060 * MS))
+            .map(|told| told["rows"].as_u64().unwrap())
+            .sum();
+        assert!((2000..4000).contains(&rows), "{rows}");
+        // It reads no more: nothing is taken for a minute.
+        rig.scopes.pump((1060 + 1000 * IDLE_S) * MS);
+        assert!(!rig.scopes.tells(1));
+    }
+
+    #[test]
+    fn a_record_that_ends_is_told_as_the_last() {
+        let mut rig = rig();
+        let single = Wanted {
+            seconds: Some(0.01),
+            ..wanted(&["a.on"], Some("a.count>2"))
+        };
+        rig.scopes.begin(1, &single, 1, Some(50), 0).unwrap();
+        rig.cycles(30);
+        rig.scopes.pump(1);
+        let told = rig.scopes.news(1, 20_000_000).unwrap();
+        assert_eq!((&told["state"], &told["record_ends"]), (&json!("done"), &json!(true)));
+        assert!(!rig.scopes.tells(1));
     }
 }

@@ -3,12 +3,15 @@
 //! In:  a machine file, a core, an interface: what the control would use.
 //! Out: a line for everything that matters, and what to do first. Exit code 0: no must is missing, 1: one is, 2: wrong usage.
 
+use crate::api::client::Client;
 use crate::bus;
+use crate::cli::control::forced_words;
 use crate::config::{BusKind, Config, Rt};
 use crate::host::doctor::{Level, Pc, Report, Target, ThisPc, examine, is_interface_name, isolcpus};
 use crate::host::setup;
 use crate::operator::refusal::Refusal;
 use anyhow::Context as _;
+use serde_json::json;
 use std::io::{IsTerminal as _, Write as _};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -72,7 +75,7 @@ pub fn doctor(args: &DoctorArgs) -> anyhow::Result<ExitCode> {
     }
     let pc = Pc::new("/", &ThisPc, target, WATCH);
     let report = Report {
-        about: about(&pc),
+        about: about(&pc).into_iter().chain(forced()).collect(),
         findings: examine(&pc),
     };
     let text = if args.json {
@@ -89,6 +92,17 @@ pub fn doctor(args: &DoctorArgs) -> anyhow::Result<ExitCode> {
         0 => ExitCode::SUCCESS,
         _ => ExitCode::FAILURE,
     })
+}
+
+/// Variables of programs in Structured Text that somebody has forced in controls of this user: what such a machine does is no longer
+/// what its program says.
+fn forced() -> Vec<String> {
+    let of = |(machine, mut client): (String, Client)| {
+        let status = client.call("status", json!({})).unwrap_or_default();
+        let lines = forced_words(&status["forced"]).map(|forced| format!("FORCED:    {forced} (machine {machine})"));
+        lines.collect::<Vec<_>>()
+    };
+    Client::all().into_iter().flat_map(of).collect()
 }
 
 /// What the control would use.

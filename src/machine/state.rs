@@ -45,6 +45,14 @@ pub enum State {
 }
 
 impl State {
+    /// Whether programs in Structured Text may be replaced: nothing moves.
+    pub fn may_replace_logic(self) -> bool {
+        matches!(
+            self,
+            State::Booting | State::Disabled | State::Ready | State::Faulted | State::Estop
+        )
+    }
+
     /// All of them, by their numbers.
     pub const ALL: [State; 17] = [
         State::Booting,

@@ -87,10 +87,14 @@ pub(super) fn run(folder: &Path, machine: &str, desk: &Desk, stop: &AtomicBool) 
         let kept = keeper.keep(&mut Disk, folder, desk);
         keeper.fails = kept.is_err();
         if let (Err(error), false) = (kept, failed_before) {
-            let _ = writeln!(
-                std::io::stderr(),
-                "warning: RETAIN variables cannot be written: {error}"
-            );
+            let what =
+                format!("RETAIN variables are not kept: {error}; the programs know them until this process ends");
+            if ends {
+                // The journal is over.
+                let _ = writeln!(io::stderr(), "warning: {what}");
+            } else {
+                desk.warn(what);
+            }
         }
         if ends {
             return;

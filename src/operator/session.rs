@@ -243,6 +243,7 @@ fn run_on(
         hal.path(),
     );
     let methods = methods.with_programs(session.panel.as_ref().and_then(Panel::programs).map(Path::to_owned));
+    let methods = methods.with_logic(desk.clone());
     let socket = control_socket(hal.path(), &config.name)?;
     let (door, guests) = door(methods.wake());
     match Sampler::new(&hal, grid.period_ns) {

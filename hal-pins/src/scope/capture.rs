@@ -149,7 +149,7 @@ impl Capture {
             })
         };
         if self.segment.is_lost() {
-            return corrupt(&self.path, "was cut short by another process");
+            return corrupt(&self.path, "was cut short or overwritten by another process");
         }
         let served = self.segment.of(self.at, of::SERVED).load(Ordering::Acquire);
         if served != self.request {
@@ -188,7 +188,7 @@ impl Capture {
         }
         self.segment.of(self.at, of::READ).store(self.read, Ordering::Release);
         match self.segment.is_lost() {
-            true => corrupt(&self.path, "was cut short by another process"),
+            true => corrupt(&self.path, "was cut short or overwritten by another process"),
             false => Ok(count),
         }
     }

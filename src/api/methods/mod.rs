@@ -6,16 +6,19 @@
 //! To add a method: a row of [`table`](mod@table) and its function.
 
 mod arguments;
+mod logic;
+mod pins;
 pub mod table;
 
 pub use arguments::WORK_SYSTEMS;
+pub use pins::{pin_json, value_json};
 
 use super::control::{Control, NAME_MAX, Needs, Who};
 use super::metrics;
 use super::paths::Paths;
 use super::repeats::{self, REQUEST_ID, Repeats, Seen};
 use super::roles::Role;
-use super::rpc::{Params, Request, RpcError, code, from_hex, to_hex};
+use super::rpc::{self, Params, Request, RpcError, code, from_hex, to_hex};
 use super::scopes::Scopes;
 use super::server::subscription::{self, RATE_MAX_HZ, Subscription};
 use super::server::{Caller, ClientId, Serve, Ticket};
@@ -30,10 +33,10 @@ use crate::machine::faults::SILENCED;
 use crate::machine::state::State;
 use crate::program::outline::Left;
 use crate::rt::joint_jog::JogMotion;
+use crate::rt::logic::Desk as LogicDesk;
 use crate::rt::overrides::Overridden;
 use crate::rt::shared::RtStatus;
 use files::read::PROGRAM_MAX;
-use hal_pins::{AnyValue, PinInfo};
 use motion::canon::LengthUnit;
 use nix::sys::eventfd::EventFd;
 use obd::AbortCode;
@@ -41,9 +44,6 @@ use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use table::METHODS;
-
-/// Pins in an answer.
-const PINS_PER_PAGE: usize = 500;
 
 /// Values of pins, by name.
 type Pins = dyn Fn(&str) -> Option<f64> + Send;
@@ -119,6 +119,7 @@ pub struct Methods {
     pins: Box<Pins>,
     /// Names of external components.
     external: Vec<String>,
+    logic: Arc<LogicDesk>,
     now_ns: fn() -> u64,
 }
 
@@ -153,6 +154,7 @@ impl Methods {
             programs: None,
             pins: Box::new(|_| None),
             external: Vec::new(),
+            logic: Arc::default(),
             now_ns,
         }
     }
@@ -256,6 +258,11 @@ impl Methods {
         }))
     }
 
+    /// Shows its programs in Structured Text.
+    pub fn with_logic(self, logic: Arc<LogicDesk>) -> Methods {
+        Methods { logic, ..self }
+    }
+
     /// What the first spindle is told, if there is one.
     fn spindle(&self) -> Value {
         match (self.pins)("spindle.0.speed-out") {
@@ -330,6 +337,7 @@ impl Methods {
             "held_at_mm": live.held_at.map(|place| place.0),
             "limit_switches": { "lower": numbers(live.limits[0]), "upper": numbers(live.limits[1]) },
             "alarm": shown.alarm,
+            "forced": self.forced(),
             "obstruction": shown.obstruction,
             "messages": shown.messages,
             "control": self.control.shown((self.now_ns)()),
@@ -451,30 +459,6 @@ impl Methods {
             Err(error) => return Some(Err(error)),
         };
         (self.paths).next(call.caller.client, number, call.ticket, (self.now_ns)())
-    }
-
-    fn begin_scope(&mut self, call: &Call<'_>) -> Result<Value, RpcError> {
-        let wanted = arguments::wanted(call.params)?;
-        let per_row = match call.params.has("cycles_per_row") {
-            true => call.params.number("cycles_per_row", 1, u64::from(u32::MAX))?,
-            false => 1,
-        };
-        self.scopes.begin(call.caller.client, &wanted, per_row, (self.now_ns)())
-    }
-
-    /// Pins and nets that a pattern fits, a page of them.
-    fn list_pins(&self, call: &Call<'_>) -> Result<Value, RpcError> {
-        let pattern = arguments::pattern(call.params)?;
-        let from = match call.params.has("from") {
-            true => call.params.number("from", 0, u64::from(u32::MAX))? as usize,
-            false => 0,
-        };
-        let all = self.scopes.pins()?.list();
-        let all = all.map_err(|error| RpcError::new(code::REFUSED, error.to_string()))?;
-        let fits = |pin: &&PinInfo| pattern.as_ref().is_none_or(|pattern| pattern.matches(&pin.name));
-        let mut fitting = all.iter().filter(fits).skip(from);
-        let pins: Vec<Value> = fitting.by_ref().take(PINS_PER_PAGE).map(pin_json).collect();
-        Ok(json!({ "pins": pins, "more": fitting.next().is_some() }))
     }
 
     /// The program of "program.load" and "program.run".
@@ -636,6 +620,9 @@ impl Methods {
             return Some((ticket, result));
         }
         self.scopes.pump((self.now_ns)());
+        if let Some(replaced) = self.logic.replaced() {
+            return Some(self.logic_replaced(replaced));
+        }
         if let Some(part) = self.paths.later() {
             return Some(part);
         }
@@ -732,7 +719,12 @@ impl Serve for Methods {
     }
 
     fn keeps(&self, client: ClientId) -> bool {
-        self.control.is_taken_by(client)
+        self.control.is_taken_by(client) || self.scopes.tells(client)
+    }
+
+    fn news(&mut self, client: ClientId) -> Option<String> {
+        let rows = self.scopes.news(client, (self.now_ns)())?;
+        Some(rpc::notification("scope", &rows))
     }
 
     fn left(&mut self, client: ClientId) {
@@ -820,32 +812,6 @@ fn client_name(params: &Params) -> Result<Option<&str>, RpcError> {
             Err(RpcError::new(code::INVALID_PARAMS, what))
         }
         name => Ok(name),
-    }
-}
-
-/// A pin or net as JSON, as of "hal.list" and of `isocnc hal list --json`.
-pub fn pin_json(pin: &PinInfo) -> Value {
-    json!({
-        "name": pin.name,
-        "type": pin.value_type().name(),
-        "direction": pin.kind.short(),
-        "value": value_json(pin.value),
-        "net": pin.net,
-        "source": pin.source,
-        "alias_of": pin.alias_of,
-        "unit": if pin.unit.is_empty() { Value::Null } else { pin.unit.as_str().into() },
-    })
-}
-
-/// The value of a pin; null: no number.
-pub fn value_json(value: AnyValue) -> Value {
-    match value {
-        AnyValue::Bit(value) => value.into(),
-        AnyValue::S32(value) => value.into(),
-        AnyValue::U32(value) => value.into(),
-        AnyValue::S64(value) => value.into(),
-        AnyValue::U64(value) => value.into(),
-        AnyValue::Float(value) => value.into(),
     }
 }
 

@@ -6,6 +6,7 @@ use super::{Answer, Call, Methods, arguments, done};
 use crate::api::control::Needs;
 use crate::api::orders::Order;
 use crate::api::roles::Role;
+use crate::api::scopes;
 use crate::api::server::subscription::RATE_MAX_HZ;
 use crate::api::text_lines::LINES_MAX;
 use crate::api::uploads::PART_MAX;
@@ -113,6 +114,11 @@ pub enum Gives {
     Pins,
     ScopeBegun,
     ScopePart,
+    LogicTasks,
+    LogicVariables,
+    LogicForced,
+    LogicReleased,
+    LogicReloaded,
 }
 
 const fn needed(name: &'static str, kind: Kind) -> Param {
@@ -145,6 +151,7 @@ const PROGRAM: [Param; 5] = [
     optional("name", Kind::Text),
     optional("text", Kind::Text),
 ];
+const LOGIC: Param = optional("program", Kind::Text);
 const JOGGED: [Param; 2] = [optional("axis", Kind::Axis), optional("joint", JOINT)];
 
 /// A method that only asks, for all.
@@ -496,12 +503,14 @@ pub const METHODS: &[Method] = &[
             optional("seconds", Kind::Number),
             optional("before_percent", Kind::Percent(0, 100)),
             optional("cycles_per_row", Kind::Whole(1, u32::MAX as u64)),
+            optional("rate_hz", Kind::Whole(1, scopes::RATE_MAX_HZ)),
         ],
         does: "an oscilloscope: samples up to 32 \"pins\" or nets in every cycle, from now on. A row has the least and the greatest value \
                of \"cycles_per_row\" cycles (1 without it). With a \"trigger\", records of so many \"seconds\" (1) around it, of which \
                \"before_percent\" (0) lie before; \"mode\" is auto, normal, single or roll (single with a trigger or seconds, else \
-               roll). Rows are fetched with \"scope.next\"; given up when its client goes or asks for nothing for a minute. Four at \
-               a time, with those of other processes",
+               roll). With \"rate_hz\", rows come at most so often as notifications \"scope\", \
+               as \"scope.next\" would answer, while their client reads; else they are fetched with \"scope.next\". Given up when its \
+               client goes, or takes nothing for a minute. Two of a client, three of all",
         gives: Gives::ScopeBegun,
         call: |methods, call| Some(methods.begin_scope(call)),
         ..LOOK
@@ -779,6 +788,52 @@ pub const METHODS: &[Method] = &[
         name: "alarm.acknowledge",
         does: "allows motion again after a fault whose cause is gone; moves nothing and switches nothing on",
         call: |methods, call| methods.order(call, Order::Acknowledge),
+        ..ORDER
+    },
+    Method {
+        name: "logic.list",
+        does: "programs in Structured Text: periods, scans, how many were left out as the one before was not over, what a scan takes",
+        gives: Gives::LogicTasks,
+        call: |methods, _| Some(Ok(methods.logic_tasks())),
+        ..LOOK
+    },
+    Method {
+        name: "logic.look",
+        params: &[LOGIC, optional("variable", Kind::Text), optional("from", NUMBER_32)],
+        does: "variables of a \"program\" (its name or file; left out: the only one) as they were behind one scan: all, or those of a \
+               \"variable\", which may be a structure, an array or a block; up to 500, from number \"from\" of them on; \"more\": there \
+               are others behind them",
+        gives: Gives::LogicVariables,
+        call: |methods, call| Some(methods.logic_look(call)),
+        ..LOOK
+    },
+    Method {
+        name: "logic.force",
+        params: &[LOGIC, needed("variable", Kind::Text), needed("value", Kind::Text)],
+        does: "a \"variable\" has this \"value\" from the next scan on, whatever pins and the program make of it, until it is released, \
+               the program is changed or the control ends; the journal tells it",
+        gives: Gives::LogicForced,
+        role: Role::SetUp,
+        call: |methods, call| Some(methods.logic_force(call)),
+        ..ORDER
+    },
+    Method {
+        name: "logic.release",
+        params: &[LOGIC, optional("variable", Kind::Text)],
+        does: "a \"variable\" that was forced, or without it all of them, are again what pins and the program make of them",
+        gives: Gives::LogicReleased,
+        role: Role::SetUp,
+        call: |methods, call| Some(methods.logic_release(call)),
+        ..ORDER
+    },
+    Method {
+        name: "logic.reload",
+        params: &[LOGIC],
+        does: "reads the file of a program anew and lets it take the place of the one that runs, between two scans, with the values of \
+               all variables that have the same name and type; only while the machine rests and no program of parts is under way",
+        gives: Gives::LogicReloaded,
+        role: Role::SetUp,
+        call: |methods, call| methods.logic_reload(call),
         ..ORDER
     },
 ];

@@ -77,6 +77,45 @@ fn refusal(methods: &mut Methods, method: &str, params: Value) -> String {
 }
 
 #[test]
+fn programs_in_structured_text_are_changed_by_whoever_sets_up_and_pins_are_looked_at_by_everybody() {
+    let role = |name: &str| {
+        METHODS
+            .iter()
+            .find(|method| method.name == name)
+            .map(|method| method.role)
+    };
+    for name in ["logic.force", "logic.release", "logic.reload"] {
+        assert_eq!(role(name), Some(Role::SetUp), "{name}");
+    }
+    for name in [
+        "logic.list",
+        "logic.look",
+        "hal.list",
+        "scope.begin",
+        "scope.next",
+        "scope.end",
+    ] {
+        assert_eq!(role(name), Some(Role::Watch), "{name}");
+    }
+    let mut methods = methods();
+    let force =
+        json!({ "jsonrpc": "2.0", "id": 1, "method": "logic.force", "params": { "variable": "a", "value": "1" } });
+    let request = rpc::parse(force.to_string().as_bytes()).unwrap();
+    let mut operator = caller(1);
+    operator.role = Role::Operate;
+    let refused = methods.call(&mut operator, &request, 1).unwrap().unwrap_err();
+    assert_eq!(refused.code, code::NOT_ALLOWED);
+    let without_any = methods.call(&mut caller(2), &request, 2).unwrap().unwrap_err();
+    assert!(
+        without_any
+            .message
+            .contains("this machine has no program in Structured Text")
+    );
+    let listed = call(&mut methods, "logic.list", json!({})).unwrap().unwrap();
+    assert_eq!(listed, json!({ "programs": [] }));
+}
+
+#[test]
 fn names_are_given_once_and_the_table_tells_them() {
     for (place, method) in METHODS.iter().enumerate() {
         assert!(METHODS[..place].iter().all(|other| other.name != method.name));
@@ -99,7 +138,8 @@ fn refusals_say_what_there_is() {
          program.text, program.path.begin, program.path.next, program.path.end, \
          hal.list, scope.begin, scope.next, scope.end, \
          mdi, mdi.history, touch_off, offset.list, offset.set, tool.list, tool.set, tool.changed, jog, jog.keep, \
-         jog.stop, hold, resume, skip, reverse, single_block, optional_stop, block_delete, stop, override, journal.since, parts.set, alarm.acknowledge"
+         jog.stop, hold, resume, skip, reverse, single_block, optional_stop, block_delete, stop, override, journal.since, parts.set, alarm.acknowledge, \
+         logic.list, logic.look, logic.force, logic.release, logic.reload"
     );
     assert_eq!(
         refusal(&mut methods, "status", json!({ "x": 1 })),

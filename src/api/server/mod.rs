@@ -87,6 +87,11 @@ pub trait Serve {
     /// How everything is, for subscribers.
     fn state(&mut self) -> State;
 
+    /// A notification for a connection that has read all it was told; `None`: nothing is new.
+    fn news(&mut self, _client: ClientId) -> Option<String> {
+        None
+    }
+
     /// What is written to where an answer is ready or something has changed: ends a wait.
     fn wake(&self) -> Option<Arc<EventFd>>;
 }
@@ -109,6 +114,7 @@ pub fn serve(socket: Option<&Socket>, guests: &Guests, service: &mut impl Serve,
             if client.is_listening() {
                 client.tell(state.get_or_insert_with(|| service.state()));
             }
+            client.tell_news(service);
             client.tell_gone(service);
         }
         clients.retain(|client| {
@@ -360,6 +366,18 @@ impl Client {
     fn tell(&mut self, state: &State) {
         if let Some(subscription) = &mut self.caller.subscription
             && let Some(line) = subscription.notification(state)
+        {
+            self.output.extend_from_slice(line.as_bytes());
+            self.write();
+        }
+    }
+
+    /// Tells what it has asked to be told beside the state.
+    fn tell_news(&mut self, service: &mut impl Serve) {
+        // Bounded: what is new grows with the time that passes.
+        while self.output.is_empty()
+            && !self.broken
+            && let Some(line) = service.news(self.caller.client)
         {
             self.output.extend_from_slice(line.as_bytes());
             self.write();

@@ -21,7 +21,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-pub(super) use status::parts_words;
+pub(super) use status::{forced_words, parts_words};
 pub use status::{power, status};
 pub use waiting::Lasting;
 use waiting::{LOOK, give, give_by, wait};

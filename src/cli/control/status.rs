@@ -47,6 +47,16 @@ pub(in crate::cli) fn parts_words(parts: &Value) -> Option<String> {
     }
 }
 
+/// Variables of programs in Structured Text that have values whatever pins and the program make of them.
+pub(in crate::cli) fn forced_words(forced: &Value) -> impl Iterator<Item = String> {
+    let all = forced.as_array().into_iter().flatten();
+    all.map(|forced| {
+        let of = |key: &str| forced[key].as_str().unwrap_or("unknown");
+        let (program, variable, value) = (of("program"), of("variable"), of("value"));
+        format!("{variable} = {value} in logic {program}: isocnc logic force --program {program} --release {variable}")
+    })
+}
+
 /// Whether the machine can move, and what is in the way.
 fn power_words(status: &Value) -> Vec<String> {
     let mut lines = Vec::new();
@@ -178,6 +188,9 @@ fn words(status: &Value) -> String {
     if let Some(obstruction) = status["obstruction"].as_str() {
         lines.push(obstruction.to_owned());
     }
+    lines.extend(
+        forced_words(&status["forced"]).map(|forced| terminal::alarm(format!("FORCED    {forced}")).to_string()),
+    );
     if let Some(alarm) = status["alarm"].as_str() {
         lines.push(terminal::alarm(format!("alarm     {alarm}")).to_string());
     }
@@ -228,6 +241,10 @@ mod tests {
         assert!(!words(&status).contains("override"));
         status["override"]["feed_percent"] = json!(62.5);
         assert!(words(&status).contains("\noverride  feed 62.5 %, rapid 100.0 %, spindle 100.0 %\n"));
+        status["forced"] = json!([{ "program": "cell", "variable": "door_closed", "value": "1" }]);
+        let forced =
+            "\nFORCED    door_closed = 1 in logic cell: isocnc logic force --program cell --release door_closed\n";
+        assert!(words(&status).contains(forced));
         status["program"]["result"] = json!("stopped");
         assert!(words(&status).contains("/p.ngc: stopped\n"));
     }

@@ -3,6 +3,7 @@
 //! In:  a file of Structured Text; for a run a table of inputs over time (CSV).
 //! Out: what is wrong with it, or the longest scan in steps and in time on this PC; for a run a table of outputs.
 
+mod online;
 mod table;
 
 use crate::cli::check::print;
@@ -37,6 +38,15 @@ enum LogicCommand {
     /// Run a file beside a table of inputs; print a table of outputs.
     #[command(after_help = "Example: isocnc logic run configs/logic/door.st --inputs configs/logic/door.csv")]
     Run(RunArgs),
+    /// Show variables of a program of a running control as they change, until Ctrl-C
+    #[command(after_help = "Example: isocnc logic watch cell --variable phase")]
+    Watch(online::WatchArgs),
+    /// Give a variable of a running control a value, whatever pins and the program make of it, or release it
+    #[command(after_help = "Example: isocnc logic force door_closed 1")]
+    Force(online::ForceArgs),
+    /// Let the changed file of a program take the place of the one that runs, while the machine rests
+    #[command(after_help = "Example: isocnc logic reload cell")]
+    Reload(online::ReloadArgs),
 }
 
 #[derive(Debug, Args)]
@@ -62,7 +72,7 @@ struct RunArgs {
     #[arg(long, value_name = "MS", default_value = "10", value_parser = period)]
     period_ms: i64,
     /// Other variables to be printed, too
-    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    #[arg(long, value_name = "NAMES")]
     watch: Vec<String>,
 }
 
@@ -80,6 +90,9 @@ pub fn logic(args: &LogicArgs) -> anyhow::Result<ExitCode> {
     match &args.command {
         LogicCommand::Check(args) => check(args),
         LogicCommand::Run(args) => run(args),
+        LogicCommand::Watch(args) => online::watch(args),
+        LogicCommand::Force(args) => online::force(args),
+        LogicCommand::Reload(args) => online::reload(args),
     }
 }
 

@@ -34,7 +34,12 @@ impl<'t> Table<'t> {
                     .collect::<Vec<_>>()
                     .join(", ")
             };
-            let input = logic.variable(name).filter(|variable| variable.role == Role::Input);
+            let is_at = |variable: &&Variable| {
+                let address = variable.address.as_deref();
+                address.is_some_and(|address| address.eq_ignore_ascii_case(name))
+            };
+            let named = logic.variable(name).filter(|variable| variable.role == Role::Input);
+            let input = named.or_else(|| logic.inputs().find(is_at));
             let Some(input) = input else {
                 return Err(format!("{number}: {name} is no input; inputs are {}", known()));
             };
@@ -59,7 +64,8 @@ impl<'t> Table<'t> {
             }
             let mut values = Vec::new();
             for (input, field) in inputs.iter().zip(&fields[1..]) {
-                let value = logic.read(input, field);
+                let value = Some(*field).filter(|field| !field.is_empty());
+                let value = value.and_then(|field| logic.read(input, field));
                 if value.is_none() && !field.is_empty() {
                     let (name, ty) = (&input.name, &input.ty);
                     let form = match ty.as_str() {
@@ -101,28 +107,28 @@ fn fields(line: &str) -> Vec<&str> {
 /// What is printed: all outputs, and what is watched. A structure, array or block has a column for each of its values.
 pub(super) fn columns(logic: &Logic, watch: &[String]) -> Result<Vec<Variable>, String> {
     let mut columns: Vec<Variable> = logic.outputs().cloned().collect();
-    for name in watch {
-        let wanted = name.trim().to_ascii_lowercase();
-        let is_part = |variable: &&Variable| {
-            let program = variable.program.to_ascii_lowercase();
-            let own = variable.name.to_ascii_lowercase();
-            let full = format!("{program}.{own}");
-            let begins = |name: &str| {
-                name.strip_prefix(&wanted)
-                    .is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
-            };
-            begins(&own) || begins(&full)
-        };
-        let found: Vec<Variable> = match logic.variable(&wanted) {
-            Some(variable) => vec![variable.clone()],
-            None => logic.all_variables().filter(is_part).cloned().collect(),
-        };
+    for name in watch.iter().flat_map(|names| names_of(names)) {
+        let found: Vec<Variable> = logic.variables_of(name).into_iter().cloned().collect();
         if found.is_empty() {
             return Err(format!("there is no variable {name} to watch"));
         }
         columns.extend(found);
     }
     Ok(columns)
+}
+
+/// Names between commas; those within brackets are indices: `g[1,2],n`.
+fn names_of(names: &str) -> Vec<&str> {
+    let mut depth = 0;
+    let is_between = |letter: char| {
+        match letter {
+            '[' => depth += 1,
+            ']' => depth -= 1,
+            _ => {}
+        }
+        letter == ',' && depth == 0
+    };
+    names.split(is_between).map(str::trim).collect()
 }
 
 /// As a field of CSV.
@@ -202,6 +208,32 @@ mod tests {
             .map(|line| line.split(',').next().unwrap())
             .collect();
         assert_eq!(times, ["t_ms", "0", "0.25", "0.5"]);
+    }
+
+    #[test]
+    fn columns_are_named_by_addresses_and_values_by_numbers_too() {
+        let text = "TYPE colour : (red, green := 5); END_TYPE
+            PROGRAM p VAR_INPUT c : colour; r : REAL; s : STRING := 'on'; END_VAR VAR key AT %IX0.1 : BOOL; t : STRING; END_VAR
+            VAR_OUTPUT o : colour; k : BOOL; said : STRING; END_VAR VAR g : ARRAY[1..2, 1..2] OF INT; END_VAR
+            o := c; k := key; g[1,2] := 7; said := s; t := 'off'; END_PROGRAM";
+        let logic = Arc::new(logic::compile(text).unwrap());
+        let columns = columns(&logic, &["g[1,2],r".to_owned()]).unwrap();
+        let table = Table::read("t_ms,%ix0.1,c,r,s\n0,1,5,1.5,\n10,0,red,,off\n", &logic).unwrap();
+        let mut output = Vec::new();
+        print(
+            &table,
+            &columns,
+            &mut Runtime::new(logic.clone()),
+            10_000_000,
+            &mut output,
+        )
+        .unwrap();
+        let wanted = "t_ms,o,k,said,\"g[1,2]\",r\n0,green,1,on,7,1.5\n10,red,0,off,7,1.5\n";
+        assert_eq!(String::from_utf8(output).unwrap(), wanted);
+        let refused = Table::read("t_ms,r\n0,1e39\n", &logic).err().unwrap();
+        assert_eq!(refused, "2: r = \"1e39\" is no REAL");
+        let refused = Table::read("t_ms,c\n0,1\n", &logic).err().unwrap();
+        assert_eq!(refused, "2: c = \"1\" is no colour");
     }
 
     #[test]

@@ -2,6 +2,7 @@
 //!
 //! In:  what is known. Out: a picture. Nothing is told by colour alone.
 
+use super::super::control::forced_words;
 use super::super::progress;
 use super::app::{App, SILENT_MS};
 use ratatui::Frame;
@@ -228,6 +229,8 @@ fn messages(app: &App, now_ms: u64, rows: u16) -> Vec<Line<'static>> {
                 ));
             }
         }
+        let forced = forced_words(app.at("forced")).map(|forced| Line::styled(format!("FORCED: {forced}"), alarm()));
+        lines.extend(forced.take(2));
         if let Some(text) = app.at("waiting/text").as_str() {
             let release = app.at("waiting/release").as_str().unwrap_or_default();
             lines.push(Line::styled(format!("WAITS: {text}; {release}"), strong()));

@@ -422,6 +422,9 @@ impl Operator {
             }
         }
         while self.endpoints.finished.pop().is_ok() {}
+        for what in self.endpoints.logic.warnings() {
+            self.add_entry(format!("warning: {what}"));
+        }
         self.note_overrides();
         let live = self.live();
         // The state counts only once it is that of the last order; a thread that hangs takes none.

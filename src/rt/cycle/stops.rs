@@ -123,11 +123,7 @@ impl<B: CyclicBus> MotionController<B> {
 
     /// Whether a program in Structured Text may be replaced: nothing moves, and no program of parts is under way.
     pub(super) fn may_replace_logic(&self) -> bool {
-        let rests = matches!(
-            self.state,
-            State::Booting | State::Disabled | State::Ready | State::Faulted | State::Estop
-        );
-        rests && self.program.is_none()
+        self.state.may_replace_logic() && self.program.is_none()
     }
 
     /// The mains. A program is left with the tool out of the work, as far as the energy carries it.

@@ -20,6 +20,8 @@ const ORDERS: usize = 2 * FORCED_MAX;
 #[derive(Default)]
 pub struct Desk {
     tasks: Vec<TaskDesk>,
+    /// What is to be told in the journal.
+    warnings: Mutex<Vec<String>>,
 }
 
 /// One of them.
@@ -37,7 +39,7 @@ struct Inner {
     before: Option<Arc<Logic>>,
     orders: rtrb::Producer<Order>,
     back: rtrb::Consumer<Back>,
-    forced: Vec<(usize, i64)>,
+    forced: Vec<Forced>,
     /// What is on its way to replace it, and for whom.
     new: Option<(Arc<Logic>, Arc<Image>, usize, u64)>,
 }
@@ -50,12 +52,33 @@ pub struct Told {
     pub period_ms: f64,
     pub steps_max: u64,
     pub scans: u64,
+    /// Scans that were left out, as the one before was not over.
+    pub overruns: u64,
     pub overflows: u64,
     pub scan_us: f64,
     pub scan_max_us: f64,
     pub stands: bool,
     /// Variables that are forced.
     pub forced: usize,
+}
+
+/// What has come of a program that was sent to replace another.
+#[derive(Debug, PartialEq)]
+pub struct Replaced {
+    /// Of whoever has sent it.
+    pub ticket: u64,
+    /// Number of the program.
+    pub task: usize,
+    /// How many variables go on; or why it has not replaced the other.
+    pub carried: Result<usize, String>,
+}
+
+/// A variable that has a value whatever pins and the program make of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Forced {
+    place: usize,
+    pub variable: String,
+    pub value: String,
 }
 
 /// A variable behind a scan.
@@ -116,7 +139,22 @@ pub(super) fn rings(
 
 impl Desk {
     pub(super) fn new(tasks: Vec<TaskDesk>) -> Desk {
-        Desk { tasks }
+        Desk {
+            tasks,
+            warnings: Mutex::default(),
+        }
+    }
+
+    /// Leaves a warning for the journal.
+    pub fn warn(&self, what: String) {
+        let mut warnings = self.warnings.lock().unwrap_or_else(PoisonError::into_inner);
+        warnings.push(what);
+    }
+
+    /// The warnings that have come since the last call.
+    pub fn warnings(&self) -> Vec<String> {
+        let mut warnings = self.warnings.lock().unwrap_or_else(PoisonError::into_inner);
+        std::mem::take(&mut warnings)
     }
 
     /// Names of the programs, in the order of the machine file.
@@ -127,6 +165,16 @@ impl Desk {
     /// How the programs run.
     pub fn told(&self) -> Vec<Told> {
         self.tasks.iter().map(TaskDesk::told).collect()
+    }
+
+    /// What is forced, with the name of its program.
+    pub fn forced(&self) -> Vec<(&str, Forced)> {
+        let mut all = Vec::new();
+        for task in &self.tasks {
+            let forced = task.inner().forced.clone();
+            all.extend(forced.into_iter().map(|forced| (task.task.name.as_str(), forced)));
+        }
+        all
     }
 
     /// The number of a program, by its name or its file; without either the only one.
@@ -197,7 +245,7 @@ impl Desk {
                     End::Own { pin, .. } | End::Elsewhere { pin, .. } => Some(pin.clone()),
                     End::Operator { .. } => None,
                 }),
-                forced: inner.forced.iter().any(|(place, _)| *place == variable.place()),
+                forced: inner.forced.iter().any(|forced| forced.place == variable.place()),
             }
         };
         Ok((time_ns, wanted.into_iter().map(shown).collect()))
@@ -225,14 +273,20 @@ impl Desk {
         };
         let slot = slot.ok_or_else(|| format!("{value:?} is no {}{form}", variable.ty))?;
         let place = variable.place();
-        let known = inner.forced.iter().any(|(forced, _)| *forced == place);
+        let known = inner.forced.iter().any(|forced| forced.place == place);
         if !known && inner.forced.len() == FORCED_MAX {
             return Err(format!("{FORCED_MAX} variables are forced already: release some"));
         }
         inner.order(Order::Force(place, slot))?;
-        inner.forced.retain(|(forced, _)| *forced != place);
-        inner.forced.push((place, slot));
-        Ok(format!("{} = {}", logic.name(variable), logic.value(variable, slot)))
+        inner.forced.retain(|forced| forced.place != place);
+        let forced = Forced {
+            place,
+            variable: logic.name(variable),
+            value: logic.value(variable, slot).to_string(),
+        };
+        let said = format!("{} = {}", forced.variable, forced.value);
+        inner.forced.push(forced);
+        Ok(said)
     }
 
     /// Lets a variable, or all of them, have again what the program and pins make of it. Says how many were forced.
@@ -248,11 +302,11 @@ impl Desk {
         };
         let logic = inner.logic.clone();
         let place = logic.variable(name).ok_or_else(|| no_variable(&logic, name))?.place();
-        if !inner.forced.iter().any(|(forced, _)| *forced == place) {
+        if !inner.forced.iter().any(|forced| forced.place == place) {
             return Err(format!("{name} is not forced"));
         }
         inner.order(Order::Release(place))?;
-        inner.forced.retain(|(forced, _)| *forced != place);
+        inner.forced.retain(|forced| forced.place != place);
         Ok(1)
     }
 
@@ -289,13 +343,13 @@ impl Desk {
         Ok(())
     }
 
-    /// What has come of a program that was sent to replace another: the ticket, and how many variables go on.
-    pub fn replaced(&self) -> Option<(u64, Result<usize, String>)> {
-        self.tasks.iter().find_map(|desk| {
+    /// What has come of a program that was sent to replace another.
+    pub fn replaced(&self) -> Option<Replaced> {
+        self.tasks.iter().enumerate().find_map(|(task, desk)| {
             let mut inner = desk.inner();
             let back = inner.back.pop().ok()?;
             let (logic, image, count, ticket) = inner.new.take()?;
-            let done = match back {
+            let carried = match back {
                 Back::Replaced(_) => {
                     inner.forced.clear();
                     inner.before = Some(std::mem::replace(&mut inner.logic, logic));
@@ -304,7 +358,7 @@ impl Desk {
                 }
                 Back::Refused(_) => Err("the machine is not at rest any more: stop it, and once more".into()),
             };
-            Some((ticket, done))
+            Some(Replaced { ticket, task, carried })
         })
     }
 
@@ -398,6 +452,7 @@ impl TaskDesk {
             period_ms: self.period_ns as f64 / 1e6,
             steps_max: inner.logic.steps_max(),
             scans: exchange.scans.load(Relaxed),
+            overruns: exchange.overruns.load(Relaxed),
             overflows: exchange.overflows.load(Relaxed),
             scan_us: exchange.scan_ns.load(Relaxed) as f64 / 1e3,
             scan_max_us: exchange.scan_max_ns.load(Relaxed) as f64 / 1e3,

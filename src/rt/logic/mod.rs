@@ -25,7 +25,7 @@ mod ends;
 mod scanner;
 mod shared;
 
-pub use desk::{Desk, Shown, Told};
+pub use desk::{Desk, Forced, Replaced, Shown, Told};
 pub use scanner::{Scanner, run};
 
 use crate::config::{self, Config, ConfigErrors, End, LogicPin};
@@ -353,6 +353,7 @@ impl Port {
     fn leave_out(&mut self) {
         self.overruns += 1;
         self.pins.overruns.set(self.overruns);
+        self.exchange.overruns.store(self.overruns, Relaxed);
         self.late_in_row += 1;
         self.is_late = true;
         if self.late_in_row >= LATE_MAX && self.standing.is_none() {

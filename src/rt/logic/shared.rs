@@ -35,6 +35,7 @@ pub(super) struct Exchange {
     pub(super) scan_ns: AtomicI64,
     pub(super) scan_max_ns: AtomicI64,
     pub(super) overflows: AtomicU64,
+    pub(super) overruns: AtomicU64,
 }
 
 impl Exchange {
@@ -56,6 +57,7 @@ impl Exchange {
             scan_ns: AtomicI64::new(0),
             scan_max_ns: AtomicI64::new(0),
             overflows: AtomicU64::new(0),
+            overruns: AtomicU64::new(0),
         }
     }
 

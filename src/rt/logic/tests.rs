@@ -305,7 +305,13 @@ fn a_changed_program_goes_on_where_the_old_one_was() {
     assert_eq!(desk.replaced(), None);
     played.cycles(11);
     // n, sum, on, et, a, b, and the six of the timer.
-    assert_eq!(desk.replaced(), Some((5, Ok(12))));
+    let wanted = Replaced {
+        ticket: 5,
+        task: 0,
+        carried: Ok(12),
+    };
+    assert_eq!(desk.replaced(), Some(wanted));
+    assert_eq!(desk.forced(), []);
     // Forced is nothing any more; the timer has gone on.
     assert_eq!(["n", "sum", "et"].map(|pin| played.number(pin)), [103.0, 5.0, 0.03]);
     assert_eq!(desk.look(0, &["new".into()]).unwrap().1[0].value, "4");
@@ -338,9 +344,9 @@ fn a_program_is_not_replaced_in_motion_nor_by_one_that_does_not_fit() {
     desk.replace(0, 2).unwrap();
     played.ports.publish();
     played.ports.sample(0, false);
-    let (ticket, why) = desk.replaced().unwrap();
+    let Replaced { ticket, carried, .. } = desk.replaced().unwrap();
     assert_eq!(ticket, 2);
-    assert!(why.unwrap_err().contains("the machine is not at rest"));
+    assert!(carried.unwrap_err().contains("the machine is not at rest"));
     played.cycles(1);
     assert_eq!(played.number("n"), 1.0);
 }
@@ -361,7 +367,7 @@ fn an_edge_is_none_because_a_program_is_new() {
         std::fs::write(played._folder.path().join("cell.st"), program(extra)).unwrap();
         desk.replace(0, round as u64).unwrap();
         played.cycles(5);
-        assert!(matches!(desk.replaced(), Some((_, Ok(_)))));
+        assert!(desk.replaced().is_some_and(|replaced| replaced.carried.is_ok()));
         assert_eq!(played.number("n"), 1.0);
     }
 }

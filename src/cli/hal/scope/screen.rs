@@ -430,6 +430,7 @@ fn run(
     signal: &StopSignal,
 ) -> anyhow::Result<()> {
     let mut stream = Some(stream);
+    let mut good = app.wanted.clone();
     let mut drawn: Option<Instant> = None;
     let mut pressed = None;
     while signal.caught().is_none() {
@@ -449,13 +450,7 @@ fn run(
         if begins && app.ended.is_none() {
             // Its ring is free for the next one.
             drop(stream.take());
-            match Stream::begin(pins, &app.wanted) {
-                Ok(begun) => {
-                    app.begin(&begun);
-                    stream = Some(begun);
-                }
-                Err(error) => app.said = Some(error.to_string()),
-            }
+            stream = begin_anew(app, pins, &mut good);
         }
         look(app, &mut stream);
         if drawn.is_none_or(|drawn| drawn.elapsed() >= REDRAW) {
@@ -465,6 +460,26 @@ fn run(
         pressed = event_within(PAUSE)?;
     }
     Ok(())
+}
+
+/// Begins as is wanted now, or, where that cannot be, as before, and says why.
+pub(super) fn begin_anew(app: &mut App, pins: &Attached, good: &mut Wanted) -> Option<Stream> {
+    let begun = Stream::begin(pins, &app.wanted).or_else(|error| {
+        app.said = Some(error.to_string());
+        app.wanted = good.clone();
+        Stream::begin(pins, good)
+    });
+    match begun {
+        Ok(stream) => {
+            *good = app.wanted.clone();
+            app.begin(&stream);
+            Some(stream)
+        }
+        Err(error) => {
+            app.ended = Some(error.to_string());
+            None
+        }
+    }
 }
 
 /// Takes in what has come.

@@ -1,4 +1,4 @@
-use super::screen::{Act, App};
+use super::screen::{Act, App, begin_anew};
 use super::*;
 use clap::Parser;
 use hal_pins::scope::Sampler;
@@ -373,4 +373,22 @@ fn hours_on_the_screen_take_no_more_than_a_minute() {
     }
     assert_eq!(app.trace.of(0).count(), 60_001);
     assert_eq!(app.trace.last_ns(), Some(399_999_000_000));
+}
+
+#[test]
+fn a_trigger_that_cannot_be_leaves_what_was_there() {
+    let rig = rig();
+    let wanted = Wanted {
+        pins: vec!["a.wave".into()],
+        trigger: Some(Trigger::parse("a.wave>0.5").unwrap()),
+        ..Wanted::default()
+    };
+    let mut app = App::new("m", wanted, rig.folder.path());
+    let mut good = app.wanted.clone();
+    assert!(begin_anew(&mut app, &rig.pins, &mut good).is_some());
+    app.wanted.trigger = Some(Trigger::parse("a.wvae>0.5").unwrap());
+    let stream = begin_anew(&mut app, &rig.pins, &mut good);
+    assert!(stream.is_some() && app.ended.is_none());
+    assert_eq!(app.wanted.trigger.unwrap().to_string(), "a.wave>0.5");
+    assert!(app.said.unwrap().contains("did you mean 'a.wave'?"));
 }

@@ -1,0 +1,184 @@
+//! `isocnc logic watch`, `force`, `reload`: programs of a running control.
+//!
+//! In:  the control socket. Out: variables as a table or JSON, again where something has changed; a line for what was done.
+
+use crate::api::client::Client;
+use crate::cli::control::{ControlArgs, call, connect, print};
+use crate::host::signals::StopSignal;
+use crate::host::terminal::{self, say};
+use anyhow::{Context, bail};
+use clap::Args;
+use serde_json::{Value, json};
+use std::process::ExitCode;
+use std::time::Duration;
+
+/// Between two looks whether somebody has pressed Ctrl-C.
+const SIGNAL_LOOK: Duration = Duration::from_millis(20);
+
+/// Arguments of `watch`.
+#[derive(Debug, Args)]
+pub(super) struct WatchArgs {
+    #[command(flatten)]
+    control: ControlArgs,
+    /// Name of the program or its file; may be left out where there is one
+    program: Option<String>,
+    /// Only this variable, structure, array or block
+    #[arg(long, value_name = "NAME")]
+    variable: Option<String>,
+    /// Print all once and return
+    #[arg(long)]
+    once: bool,
+    /// Time between two looks; changes in between are not seen
+    #[arg(long, value_name = "MS", default_value_t = 200, value_parser = clap::value_parser!(u64).range(10..=3_600_000))]
+    interval_ms: u64,
+}
+
+/// Arguments of `force`.
+#[derive(Debug, Args)]
+pub(super) struct ForceArgs {
+    #[command(flatten)]
+    control: ControlArgs,
+    /// Name of the program or its file; may be left out where there is one
+    #[arg(long, value_name = "PROGRAM")]
+    program: Option<String>,
+    /// The variable; with --release, all of them without it
+    #[arg(required_unless_present = "release")]
+    variable: Option<String>,
+    /// BOOL as 0 or 1, TIME in milliseconds
+    #[arg(required_unless_present = "release", allow_hyphen_values = true)]
+    value: Option<String>,
+    /// Let it be again what pins and the program make of it
+    #[arg(long, conflicts_with = "value")]
+    release: bool,
+}
+
+/// Arguments of `reload`.
+#[derive(Debug, Args)]
+pub(super) struct ReloadArgs {
+    #[command(flatten)]
+    control: ControlArgs,
+    /// Name of the program or its file; may be left out where there is one
+    program: Option<String>,
+}
+
+/// A program by its name, or by its file, which is looked for here and not where the control was started.
+fn program(of: &Option<String>) -> Option<String> {
+    let name = of.as_ref()?;
+    let file = std::fs::canonicalize(name).ok().filter(|path| path.is_file());
+    Some(
+        file.and_then(|path| path.to_str().map(str::to_owned))
+            .unwrap_or_else(|| name.clone()),
+    )
+}
+
+/// Parameters that are there.
+fn params(of: &[(&str, &Option<String>)]) -> Value {
+    let there = of.iter().filter_map(|(name, value)| Some((*name, value.as_ref()?)));
+    there.map(|(name, value)| (name.to_owned(), json!(value))).collect()
+}
+
+/// All variables that are asked for, page by page, and the first page.
+fn look(client: &mut Client, asked: &Value) -> anyhow::Result<(Value, Vec<Value>)> {
+    let mut first = client.call("logic.look", asked.clone())?;
+    let mut all: Vec<Value> = Vec::new();
+    let mut page = first.clone();
+    loop {
+        if let Value::Array(variables) = page["variables"].take() {
+            all.extend(variables);
+        }
+        if page["more"] != true {
+            first["variables"] = Value::Null;
+            return Ok((first, all));
+        }
+        let mut next = asked.clone();
+        next["from"] = json!(all.len());
+        page = client.call("logic.look", next)?;
+    }
+}
+
+/// Runs `watch`.
+pub(super) fn watch(args: &WatchArgs) -> anyhow::Result<ExitCode> {
+    let signal = StopSignal::install().context("signals")?;
+    let mut client = connect(&args.control)?;
+    let asked = params(&[("program", &program(&args.program)), ("variable", &args.variable)]);
+    let mut last = Vec::new();
+    loop {
+        let (shown, all) = look(&mut client, &asked)?;
+        let is_new = |at: usize| last.get(at) != all.get(at);
+        let changed: Vec<&Value> = (0..all.len()).filter(|at| is_new(*at)).map(|at| &all[at]).collect();
+        if !changed.is_empty() {
+            match args.control.json {
+                true => say(&format!(
+                    "{}\n",
+                    json!({ "program": shown["program"], "time_ms": shown["time_ms"], "variables": changed })
+                )),
+                false => say(&words(&changed)),
+            }
+        }
+        if args.once {
+            return Ok(ExitCode::SUCCESS);
+        }
+        last = all;
+        for _ in 0..(args.interval_ms / SIGNAL_LOOK.as_millis() as u64).max(1) {
+            if signal.caught().is_some() {
+                return Ok(ExitCode::SUCCESS);
+            }
+            std::thread::sleep(SIGNAL_LOOK);
+        }
+    }
+}
+
+/// Line, name, type and value of each; what is forced says so.
+fn words(variables: &[&Value]) -> String {
+    let text = |variable: &Value, key: &str| variable[key].as_str().unwrap_or_default().to_owned();
+    let rows = variables.iter().map(|variable| {
+        let forced = if variable["forced"] == true { "FORCED" } else { "" };
+        vec![
+            variable["line"].to_string(),
+            text(variable, "name"),
+            text(variable, "type"),
+            text(variable, "value"),
+            forced.to_owned(),
+            text(variable, "pin"),
+        ]
+    });
+    terminal::table(&[">line", "name", "type", ">value", "", "pin"], rows)
+}
+
+/// Runs `force`.
+pub(super) fn force(args: &ForceArgs) -> anyhow::Result<ExitCode> {
+    let (program, variable) = (("program", &program(&args.program)), ("variable", &args.variable));
+    if args.release {
+        let answer = call(&args.control, "logic.release", params(&[program, variable]))?;
+        let count = answer["released"].as_u64().unwrap_or(0);
+        print(&args.control, &answer, &format!("{count} released"));
+        return Ok(ExitCode::SUCCESS);
+    }
+    if args.value.is_none() {
+        bail!("a value is missing; --release ends forcing");
+    }
+    let answer = call(
+        &args.control,
+        "logic.force",
+        params(&[program, variable, ("value", &args.value)]),
+    )?;
+    let forced = answer["forced"].as_str().unwrap_or_default();
+    print(
+        &args.control,
+        &answer,
+        &format!("forced: {forced}; ends with isocnc logic force --release"),
+    );
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Runs `reload`.
+pub(super) fn reload(args: &ReloadArgs) -> anyhow::Result<ExitCode> {
+    let answer = call(
+        &args.control,
+        "logic.reload",
+        params(&[("program", &program(&args.program))]),
+    )?;
+    let carried = answer["carried"].as_u64().unwrap_or(0);
+    print(&args.control, &answer, &format!("replaced; {carried} values go on"));
+    Ok(ExitCode::SUCCESS)
+}
