@@ -38,7 +38,7 @@ pub(super) struct Clock {
     /// Filtered difference, in 1/16 ns.
     filtered: i64,
     /// 0920h.
-    pub(super) offset_ns: u64,
+    offset_ns: u64,
     /// 0928h.
     pub(super) delay_ns: u32,
     /// Time of the next SYNC0.
@@ -148,5 +148,27 @@ impl Clock {
         // Cycle 0: one pulse.
         self.next_sync_ns = (self.sync_cycle_ns > 0).then(|| next.wrapping_add(self.sync_cycle_ns.into()));
         true
+    }
+
+    /// Pulses that are over for more than so many cycles are left out; the phase stays.
+    pub(super) fn skip_sync(&mut self, now_ns: u64, cycles: u32) {
+        let Some(next) = self.next_sync_ns else { return };
+        let behind_ns = self.system_ns(now_ns).wrapping_sub(next).cast_signed();
+        let cycle_ns = i64::from(self.sync_cycle_ns);
+        if cycle_ns > 0 && behind_ns > i64::from(cycles) * cycle_ns {
+            self.next_sync_ns = Some(next.wrapping_add_signed(behind_ns / cycle_ns * cycle_ns));
+        }
+    }
+
+    /// 0920h is written: where the time of the next pulse is over then, none comes any more, as the chip compares for equality.
+    pub(super) fn set_offset(&mut self, now_ns: u64, offset_ns: u64) {
+        if offset_ns == self.offset_ns {
+            return;
+        }
+        self.offset_ns = offset_ns;
+        let is_over = |next: u64| next.wrapping_sub(self.system_ns(now_ns)).cast_signed() <= 0;
+        if self.next_sync_ns.is_some_and(is_over) {
+            self.next_sync_ns = None;
+        }
     }
 }

@@ -374,6 +374,9 @@ impl SubDevice {
                 self.fall(AlState::SafeOp, AlStatusCode::WATCHDOG);
             }
         }
+        if let Some(clock) = &mut self.esc.clock {
+            clock.skip_sync(now_ns, CATCH_UP);
+        }
         for _ in 0..CATCH_UP {
             if !self.esc.clock.as_mut().is_some_and(|clock| clock.take_sync(now_ns)) {
                 break;

@@ -481,7 +481,7 @@ impl Esc {
         let garbage = self.garbage;
         let Some(clock) = &mut self.clock else { return };
         clock.delay_ns = delay;
-        clock.offset_ns = offset;
+        clock.set_offset(now_ns, offset);
         let at = usize::from(register::DC_SYSTEM_TIME);
         if range.start <= at && at + 4 <= range.end {
             let from = at - range.start;

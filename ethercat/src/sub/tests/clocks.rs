@@ -192,3 +192,26 @@ fn op_with_sync0_waits_for_pulses() {
         }
     }
 }
+
+/// A device that nobody has looked at for a while makes up for some pulses, and keeps the phase; one whose time is set past its next
+/// pulse makes none any more.
+#[test]
+fn pulses_of_a_pause_are_left_out_and_a_time_that_jumps_ends_them() {
+    let mut bench = Bench::new(vec![with_clock(0, 0)]);
+    let start = start_sync0(&mut bench, 1_000_000, 250_000);
+    bench.wait(2_000_000);
+    let before = bench.segment.device(0).pulses();
+    bench.now_ns += 10_000_000_000;
+    bench.segment.poll(bench.now_ns);
+    let made_up = bench.segment.device(0).pulses() - before;
+    assert!((1..=25).contains(&made_up), "{made_up}");
+    let next = u64_at(&mut bench, 0x1001, register::DC_SYNC0_START);
+    assert_eq!((next - start) % 250_000, 0);
+    let before = bench.segment.device(0).pulses();
+    bench.wait(2_500_000);
+    assert_eq!(bench.segment.device(0).pulses() - before, 10);
+    bench.write(0x1001, register::DC_OFFSET, &1_000_000_000_000_u64.to_le_bytes());
+    let before = bench.segment.device(0).pulses();
+    bench.wait(10_000_000);
+    assert_eq!(bench.segment.device(0).pulses(), before);
+}
