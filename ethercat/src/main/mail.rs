@@ -308,6 +308,10 @@ impl Mailbox {
         match Message::parse(mail.data) {
             Ok(Message::Emergency(emergency)) if mail.protocol == Protocol::CoE => Outcome::Emergency(emergency),
             Ok(Message::Response(response)) if mail.protocol == Protocol::CoE => self.response(response, sink),
+            // Most devices refuse with a request.
+            Ok(Message::Request(SdoRequest::Abort { object, code })) if mail.protocol == Protocol::CoE => {
+                self.response(SdoResponse::Abort { object, code }, sink)
+            }
             _ => Outcome::Nothing,
         }
     }

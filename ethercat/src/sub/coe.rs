@@ -22,6 +22,8 @@ pub struct Abilities {
     pub information: bool,
     /// A value that fits into one mail comes in one; else always in segments.
     pub one_mail: bool,
+    /// A refusal comes as an SDO response, else as a request, as those of most devices do.
+    pub abort_is_response: bool,
 }
 
 impl Default for Abilities {
@@ -30,6 +32,7 @@ impl Default for Abilities {
             complete_access: true,
             information: true,
             one_mail: true,
+            abort_is_response: false,
         }
     }
 }
@@ -122,9 +125,18 @@ impl Server {
         };
         if let Err(code) = result {
             self.transfer = Transfer::None;
-            emit(SdoResponse::Abort { object, code }, mail);
+            self.refuse(object, code, mail);
         }
         true
+    }
+
+    fn refuse(&self, object: Object, code: AbortCode, mail: &mut [u8]) {
+        if self.abilities.abort_is_response {
+            emit(SdoResponse::Abort { object, code }, mail);
+        } else {
+            // The counter is put in when the mail leaves.
+            let _ = Message::Request(SdoRequest::Abort { object, code }).emit(0, mail);
+        }
     }
 
     /// The value of an object, or of all its sub-indices.

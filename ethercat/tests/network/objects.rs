@@ -108,6 +108,23 @@ fn refusals_have_their_codes_and_too_long_values_are_not_taken() {
     }
 }
 
+/// Some devices send a refusal as a response, most as a request.
+#[test]
+fn a_refusal_is_known_in_both_forms() {
+    for abort_is_response in [false, true] {
+        let mut device = super::world::drive(0, 0);
+        device.abilities.abort_is_response = abort_is_response;
+        let mut world = World::new(vec![device], vec![super::world::drive_config(0)], 3);
+        world.run_to_op(3000);
+        let code = AbortCode::NO_OBJECT;
+        let refused = SetupError::Sdo {
+            object: object(0x2345, 0),
+            code,
+        };
+        assert_eq!(read(&mut world, 0x2345, 0), Err(refused), "{abort_is_response}");
+    }
+}
+
 #[test]
 fn an_emergency_comes_before_the_answer_and_by_itself() {
     let mut world = operational(3);

@@ -35,7 +35,7 @@ fn sdo(bench: &mut Bench, request: SdoRequest<'_>) -> Vec<u8> {
 
 fn code(answer: &[u8]) -> Option<AbortCode> {
     match Message::parse(answer) {
-        Ok(Message::Response(SdoResponse::Abort { code, .. })) => Some(code),
+        Ok(Message::Request(SdoRequest::Abort { code, .. })) => Some(code),
         _ => None,
     }
 }
@@ -59,7 +59,7 @@ fn upload(bench: &mut Bench, object: Object) -> Result<Vec<u8>, AbortCode> {
             }
             Ok(value)
         }
-        Message::Response(SdoResponse::Abort { code, object: refused }) => {
+        Message::Request(SdoRequest::Abort { code, object: refused }) => {
             assert_eq!((refused.index, refused.sub), (object.index, object.sub));
             Err(code)
         }
