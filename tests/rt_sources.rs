@@ -24,6 +24,7 @@ const REAL_TIME: &[&str] = &[
     "src/rt/logic/scanner.rs",
     "src/rt/logic/shared.rs",
     "hal-pins/src/scope/sampler.rs",
+    "hal-pins/src/scope/ring.rs",
     "components/src/instance.rs",
     "src/rt/joint_jog.rs",
     "src/rt/homing.rs",

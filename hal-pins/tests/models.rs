@@ -6,6 +6,9 @@ mod cell;
 #[path = "../src/external/exchange.rs"]
 #[allow(dead_code, unreachable_pub, reason = "models need not all of it")]
 mod exchange;
+#[path = "../src/scope/ring.rs"]
+#[allow(dead_code, unreachable_pub, reason = "models need not all of it")]
+mod ring;
 mod mapped {
     pub(crate) use loom::sync::atomic::AtomicU64;
 }
@@ -188,5 +191,112 @@ fn a_session_that_was_ended_never_writes_again() {
         assert!(!heard || was_lost);
         let (fresh, _) = receiver.look(&words, 1, &mut scratch);
         assert!(!(was_lost && fresh));
+    });
+}
+
+/// The value of a cell of the oscilloscope in a cycle.
+fn sampled(cell: usize, cycle: u64) -> u64 {
+    100 * cell as u64 + cycle
+}
+
+/// Words of a capture, and of a ring with room for two records of a channel.
+fn capture() -> (Arc<Vec<AtomicU64>>, Arc<Vec<AtomicU64>>) {
+    (words(ring::CAPTURE_WORDS), words(2 * (ring::RECORD_HEAD + 1)))
+}
+
+fn cycles(
+    server: &mut ring::Server,
+    (capture, ring): &(Arc<Vec<AtomicU64>>, Arc<Vec<AtomicU64>>),
+    cycles: std::ops::Range<u64>,
+) {
+    for cycle in cycles {
+        server.serve(capture, ring, [cycle, 1000 * cycle], 8, |cell| sampled(cell, cycle));
+    }
+}
+
+/// Each record is whole and comes once, in its order; what is not there was counted.
+#[test]
+fn an_oscilloscope_hands_out_whole_records_and_counts_the_others() {
+    model(|| {
+        let memory = capture();
+        let mut reader = ring::Reader::ask(&memory.0, [3].into_iter(), 1);
+        let mut server = ring::Server::IDLE;
+        cycles(&mut server, &memory, 0..1);
+        let control = {
+            let memory = memory.clone();
+            thread::spawn(move || cycles(&mut server, &memory, 1..4))
+        };
+        let (mut taken, mut next) = (0, 0);
+        let mut take = |reader: &mut ring::Reader| {
+            let mut record = [0; ring::RECORD_HEAD + 1];
+            let count = reader.take(&memory.0, &memory.1, 8, &mut record, |record| {
+                let cycle = record[0];
+                assert!(cycle >= next, "{cycle} {next}");
+                assert_eq!(record, [cycle, 1000 * cycle, sampled(3, cycle)]);
+                next = cycle + 1;
+            });
+            taken += count.expect("nobody else writes") as u64;
+        };
+        take(&mut reader);
+        take(&mut reader);
+        control.join().unwrap();
+        take(&mut reader);
+        assert_eq!(taken + reader.lost(&memory.0), 4);
+    });
+}
+
+/// A reader that was killed has left its request; the next one, which asks for another cell, sees nothing of the first.
+#[test]
+fn an_oscilloscope_of_a_killed_reader_shows_the_next_one_its_own() {
+    model(|| {
+        let memory = capture();
+        let _killed = ring::Reader::ask(&memory.0, [3].into_iter(), 1);
+        let mut server = ring::Server::IDLE;
+        cycles(&mut server, &memory, 0..1);
+        let control = {
+            let memory = memory.clone();
+            thread::spawn(move || {
+                cycles(&mut server, &memory, 1..4);
+                server
+            })
+        };
+        let mut reader = ring::Reader::ask(&memory.0, [5].into_iter(), 2);
+        let mut seen = 0;
+        let mut take = |reader: &mut ring::Reader| {
+            let mut record = [0; ring::RECORD_HEAD + 1];
+            let taken = reader.take(&memory.0, &memory.1, 8, &mut record, |record| {
+                assert_eq!(record[2], sampled(5, record[0]), "of the other reader");
+            });
+            seen += taken.expect("nobody else writes");
+        };
+        take(&mut reader);
+        let mut server = control.join().unwrap();
+        cycles(&mut server, &memory, 4..5);
+        take(&mut reader);
+        assert!(seen > 0, "it is served");
+    });
+}
+
+/// A reader that does not look whether it is served sees records of the one before, so the model above can fail.
+#[test]
+#[should_panic(expected = "of the other reader")]
+fn an_oscilloscope_without_a_number_of_the_request_would_mix_readers() {
+    model(|| {
+        let memory = capture();
+        let _killed = ring::Reader::ask(&memory.0, [3].into_iter(), 1);
+        let mut server = ring::Server::IDLE;
+        cycles(&mut server, &memory, 0..1);
+        let control = {
+            let memory = memory.clone();
+            thread::spawn(move || cycles(&mut server, &memory, 1..3))
+        };
+        let _reader = ring::Reader::ask(&memory.0, [5].into_iter(), 2);
+        let mut is_own = true;
+        if memory.0[ring::of::WRITTEN].load(Acquire) > 0 {
+            let [cycle, _, value] = [0, 1, 2].map(|word| memory.1[word].load(Relaxed));
+            is_own = value == sampled(5, cycle);
+        }
+        control.join().unwrap();
+        assert!(is_own, "of the other reader");
     });
 }

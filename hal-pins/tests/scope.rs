@@ -174,7 +174,7 @@ fn a_file_that_is_cut_short_stops_no_cycle_and_is_told() {
     rig.cycles(2000);
     let told = capture.read(9, |_| ()).unwrap_err().to_string();
     assert!(
-        told.ends_with("isocnc-scope.m: was cut short by another process"),
+        told.ends_with("isocnc-scope.m: was cut short or overwritten by another process"),
         "{told}"
     );
     // The pins are another file.

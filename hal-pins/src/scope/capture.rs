@@ -1,9 +1,8 @@
 //! The reader's side: claiming a ring, reading it.
 
 use super::file::path_beside;
-use super::layout::{
-    CAPTURES, CHANNELS_MAX, FILE_LEN, MAGIC, RECORD_HEAD, RING_WORDS, Segment, VERSION, depth, head, of,
-};
+use super::layout::{CAPTURES, FILE_LEN, MAGIC, RING_WORDS, Segment, VERSION, head};
+use super::ring::{CHANNELS_MAX, RECORD_HEAD, Reader, of};
 use crate::file::{is_octet_locked, lock_octet, open};
 use crate::layout::target;
 use crate::{AnyValue, Attached, HalError, Type};
@@ -48,10 +47,9 @@ pub struct Capture {
     file: File,
     path: PathBuf,
     at: usize,
-    request: u64,
+    reader: Reader,
     channels: Vec<Channel>,
-    read: u64,
-    is_served: bool,
+    /// The record that is being read.
     words: Vec<u64>,
 }
 
@@ -81,35 +79,21 @@ impl Capture {
         let (file, segment) = attach(&path)?;
         let claimed = (0..CAPTURES).find(|at| lock_octet(&file, 1 + *at as i64).is_ok());
         let Some(at) = claimed else {
-            let reader = |at| segment.of(at, of::READER).load(Ordering::Relaxed).to_string();
+            let reader = |at| segment.capture(at)[of::READER].load(Ordering::Relaxed).to_string();
             return Err(HalError::CapturesInUse {
                 readers: (0..CAPTURES).map(reader).collect::<Vec<_>>().join(", "),
             });
         };
-        let word = |word| segment.of(at, word);
-        let last = |of: usize| word(of).load(Ordering::Acquire);
-        // Another one than is served, whatever was asked for before.
-        let request = match last(of::REQUEST).max(last(of::SERVED)).wrapping_add(1) {
-            0 => 1,
-            request => request,
-        };
-        word(of::CHANNELS).store(channels.len() as u64, Ordering::Relaxed);
-        word(of::READ).store(0, Ordering::Relaxed);
-        word(of::READER).store(u64::from(std::process::id()), Ordering::Relaxed);
-        for (number, channel) in channels.iter().enumerate() {
-            word(of::CELLS + number).store(channel.cell as u64, Ordering::Relaxed);
-        }
-        word(of::REQUEST).store(request, Ordering::Release);
+        let cells = channels.iter().map(|channel| channel.cell);
+        let reader = Reader::ask(segment.capture(at), cells, std::process::id());
         let words = vec![0; RECORD_HEAD + channels.len()];
         Ok(Capture {
             segment,
             file,
             path,
             at,
-            request,
+            reader,
             channels,
-            read: 0,
-            is_served: false,
             words,
         })
     }
@@ -131,10 +115,7 @@ impl Capture {
 
     /// Records that found the ring full, since the beginning.
     pub fn lost(&self) -> u64 {
-        match self.segment.of(self.at, of::SERVED).load(Ordering::Acquire) == self.request {
-            true => self.segment.of(self.at, of::LOST).load(Ordering::Relaxed),
-            false => 0,
-        }
+        self.reader.lost(self.segment.capture(self.at))
     }
 
     /// Hands out what has come since the last call, at most `most` records; gives their number. Never waits.
@@ -151,42 +132,18 @@ impl Capture {
         if self.segment.is_lost() {
             return corrupt(&self.path, "was cut short or overwritten by another process");
         }
-        let served = self.segment.of(self.at, of::SERVED).load(Ordering::Acquire);
-        if served != self.request {
-            return match self.is_served {
-                false => Ok(0),
-                true => corrupt(&self.path, "another process has taken this capture away"),
-            };
-        }
-        self.is_served = true;
-        if self.segment.of(self.at, of::REFUSED).load(Ordering::Relaxed) != 0 {
-            return corrupt(
-                &self.path,
-                "the control has refused the channels: another process has changed them",
-            );
-        }
-        let written = self.segment.of(self.at, of::WRITTEN).load(Ordering::Acquire);
-        let depth = depth(self.channels.len());
-        let waiting = written.wrapping_sub(self.read);
-        if waiting > depth {
-            return corrupt(&self.path, "damaged: more records than its ring holds");
-        }
-        let count = usize::try_from(waiting).unwrap_or(usize::MAX).min(most);
-        let length = self.words.len();
-        for _ in 0..count {
-            let place = (self.read % depth) as usize * length;
-            let record = self.segment.ring(self.at, place, length);
-            for (word, from) in self.words.iter_mut().zip(record) {
-                *word = from.load(Ordering::Relaxed);
-            }
+        let (capture, ring) = (self.segment.capture(self.at), self.segment.ring(self.at));
+        let taken = self.reader.take(capture, ring, most, &mut self.words, |record| {
             take(Record {
-                cycle: self.words[0],
-                time_ns: self.words[1],
-                words: &self.words[RECORD_HEAD..],
+                cycle: record[0],
+                time_ns: record[1],
+                words: &record[RECORD_HEAD..],
             });
-            self.read = self.read.wrapping_add(1);
-        }
-        self.segment.of(self.at, of::READ).store(self.read, Ordering::Release);
+        });
+        let count = match taken {
+            Ok(count) => count,
+            Err(what) => return corrupt(&self.path, what),
+        };
         match self.segment.is_lost() {
             true => corrupt(&self.path, "was cut short or overwritten by another process"),
             false => Ok(count),
@@ -196,13 +153,7 @@ impl Capture {
 
 impl Drop for Capture {
     fn drop(&mut self) {
-        // Not where it is somebody else's meanwhile.
-        let _ = self.segment.of(self.at, of::REQUEST).compare_exchange(
-            self.request,
-            0,
-            Ordering::AcqRel,
-            Ordering::Relaxed,
-        );
+        self.reader.give_back(self.segment.capture(self.at));
     }
 }
 

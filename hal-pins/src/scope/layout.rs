@@ -15,6 +15,7 @@
 //!
 //! Octet 0 of the file is locked by the control, octet 1 + n by the reader of capture n.
 
+use super::ring::CAPTURE_WORDS;
 use crate::guard::Guard;
 use memmap2::MmapRaw;
 use std::fs::File;
@@ -23,17 +24,11 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// Readers at a time.
 pub const CAPTURES: usize = 4;
 
-/// Pins of one capture at the most.
-pub const CHANNELS_MAX: usize = 32;
-
 pub(super) const MAGIC: u64 = u64::from_le_bytes(*b"isocSCP\n");
 pub(super) const VERSION: u64 = 1;
 /// 3.8 s of 32 channels at 1 ms.
 pub(super) const RING_WORDS: usize = 1 << 17;
 const HEADER_WORDS: usize = 8;
-const CAPTURE_WORDS: usize = 64;
-/// Words of a record before its values.
-pub(super) const RECORD_HEAD: usize = 2;
 
 /// Octets of the file.
 pub(super) const FILE_LEN: usize = 8 * (HEADER_WORDS + CAPTURES * (CAPTURE_WORDS + RING_WORDS));
@@ -47,24 +42,6 @@ pub(super) mod head {
     pub(crate) const PID: usize = 4;
     pub(crate) const PERIOD_NS: usize = 5;
     pub(crate) const SAMPLED: usize = 6;
-}
-
-/// Words of a capture.
-pub(super) mod of {
-    pub(crate) const REQUEST: usize = 0;
-    pub(crate) const CHANNELS: usize = 1;
-    pub(crate) const READ: usize = 2;
-    pub(crate) const READER: usize = 3;
-    pub(crate) const SERVED: usize = 8;
-    pub(crate) const WRITTEN: usize = 9;
-    pub(crate) const LOST: usize = 10;
-    pub(crate) const REFUSED: usize = 11;
-    pub(crate) const CELLS: usize = 16;
-}
-
-/// Records that a ring holds.
-pub(super) const fn depth(channels: usize) -> u64 {
-    (RING_WORDS / (RECORD_HEAD + channels)) as u64
 }
 
 /// The mapped words.
@@ -112,17 +89,17 @@ impl Segment {
         self.word(word)
     }
 
-    /// RT: a word of a capture.
-    pub(super) fn of(&self, capture: usize, word: usize) -> &AtomicU64 {
-        assert!(capture < CAPTURES && word < CAPTURE_WORDS);
-        self.word(HEADER_WORDS + capture * CAPTURE_WORDS + word)
+    /// RT: the words of a capture.
+    pub(super) fn capture(&self, capture: usize) -> &[AtomicU64] {
+        assert!(capture < CAPTURES);
+        self.words(HEADER_WORDS + capture * CAPTURE_WORDS, CAPTURE_WORDS)
     }
 
-    /// RT: words of a ring, from one of them on.
-    pub(super) fn ring(&self, capture: usize, from: usize, count: usize) -> &[AtomicU64] {
-        assert!(capture < CAPTURES && from <= RING_WORDS && count <= RING_WORDS - from);
-        let first = HEADER_WORDS + CAPTURES * CAPTURE_WORDS + capture * RING_WORDS + from;
-        self.words(first, count)
+    /// RT: those of its ring.
+    pub(super) fn ring(&self, capture: usize) -> &[AtomicU64] {
+        assert!(capture < CAPTURES);
+        let first = HEADER_WORDS + CAPTURES * CAPTURE_WORDS + capture * RING_WORDS;
+        self.words(first, RING_WORDS)
     }
 
     fn word(&self, index: usize) -> &AtomicU64 {

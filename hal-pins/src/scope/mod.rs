@@ -21,8 +21,10 @@
 mod capture;
 mod file;
 mod layout;
+mod ring;
 mod sampler;
 
 pub use capture::{Capture, Channel, Record, check};
-pub use layout::{CAPTURES, CHANNELS_MAX};
+pub use layout::CAPTURES;
+pub use ring::CHANNELS_MAX;
 pub use sampler::Sampler;
