@@ -16,6 +16,9 @@ mod frame;
 mod grbl_session;
 #[path = "../fuzz/src/managing_node.rs"]
 mod managing_node;
+#[cfg(feature = "panel")]
+#[path = "../fuzz/src/panel_connection.rs"]
+mod panel_connection;
 #[path = "../fuzz/src/parameter_file.rs"]
 mod parameter_file;
 #[path = "../fuzz/src/pitch_table.rs"]
@@ -189,6 +192,26 @@ fn uploads() {
 #[test]
 fn request() {
     replay("request", request::run);
+}
+
+/// Beside what is kept, each of it with octets changed and cut short.
+#[cfg(feature = "panel")]
+#[test]
+fn panel_connection() {
+    replay("panel_connection", |octets| {
+        panel_connection::run(octets);
+        let mut bits = octets.len() as u64;
+        for _ in 0..20 {
+            let mut changed = octets.to_vec();
+            bits = bits
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            let at = (bits >> 33) as usize % changed.len();
+            changed[at] = changed[(bits >> 20) as usize % octets.len()] ^ (bits >> 61) as u8;
+            changed.truncate(1 + (bits >> 40) as usize % (2 * octets.len()));
+            panel_connection::run(&changed);
+        }
+    });
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! The operator panel from outside: a control with a panel as a process of its own, and clients of HTTP and WebSockets at it.
 
 use serde_json::{Value, json};
+use std::collections::BTreeSet;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::path::PathBuf;
@@ -9,6 +10,7 @@ use std::time::Duration;
 use tungstenite::client::IntoClientRequest;
 use tungstenite::{Message, WebSocket};
 
+const DASHBOARD: &str = include_str!("../docs/panel-grafana.json");
 const MACHINE: &str = include_str!("../configs/mill3-demo.toml");
 
 /// A control in memory with a panel.
@@ -47,7 +49,7 @@ impl Control {
         let address = loop {
             let mut line = String::new();
             assert!(output.read_line(&mut line).unwrap() > 0, "the control has ended");
-            if let Some(rest) = line.strip_prefix("panel: http://") {
+            if let Some((_, rest)) = line.strip_prefix("panel: http").and_then(|rest| rest.split_once("://")) {
                 break rest.split('/').next().unwrap().parse().unwrap();
             }
         };
@@ -274,6 +276,224 @@ fn an_order_with_an_id_is_carried_out_once_and_figures_are_told() {
         "{text}"
     );
     assert!(text.contains("\nisocnc_api_clients 2\n"), "{text}");
+    // What the dashboard draws is there.
+    let known: BTreeSet<&str> = (text.lines())
+        .filter_map(|line| line.strip_prefix("# TYPE ")?.split(' ').next())
+        .collect();
+    let words = DASHBOARD.split(|letter: char| !letter.is_ascii_alphanumeric() && letter != '_');
+    let wanted: BTreeSet<&str> = words
+        .filter(|word| word.starts_with("isocnc_") || word.starts_with("process_"))
+        .map(|word| word.trim_end_matches("_bucket"))
+        .collect();
+    assert!(wanted.len() > 10, "{wanted:?}");
+    let missing: Vec<_> = wanted.difference(&known).collect();
+    assert!(
+        missing.is_empty(),
+        "{missing:?} of docs/panel-grafana.json are not told"
+    );
+    let of = |name: &str| -> f64 {
+        let line = text.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(' '));
+        line.unwrap_or_else(|| panic!("no {name} in {text}")).parse().unwrap()
+    };
+    assert!(of("isocnc_cycle_lateness_seconds_count") > 0.0 && of("process_resident_memory_bytes") > 1e6);
+}
+
+#[test]
+fn the_machine_file_is_read_checked_and_changed_by_whoever_may() {
+    let control = Control::start("machine-file", "address = \"0.0.0.0:0\"");
+    let enter = |role: &str| {
+        let token = control.token(role, role);
+        let mut rpc = control.rpc();
+        rpc.call("client.identify", json!({ "token": token })).unwrap();
+        rpc
+    };
+    let (mut watcher, mut operator, mut owner) = (enter("watch"), enter("operate"), enter("set-up"));
+    owner.until(|status| status["power"] == "off");
+    assert_eq!(watcher.call("machine.file", json!({})).unwrap_err()["code"], -32006);
+    let file = operator.call("machine.file", json!({})).unwrap();
+    assert_eq!(file["errors"], json!([]));
+    let text = file["text"].as_str().unwrap();
+    assert_eq!(text, std::fs::read_to_string(control.path("machine.toml")).unwrap());
+    let changed = text.replacen("cycle_us = ", "# another word\ncycle_us = ", 1);
+    let change = json!({ "text": changed, "sha256": file["sha256"] });
+    assert_eq!(
+        operator.call("machine.write", change.clone()).unwrap_err()["code"],
+        -32006
+    );
+    let wrong = text.replacen("cycle_us = ", "cycle_us = \"x\" #", 1);
+    let errors = owner.call("machine.check", json!({ "text": wrong })).unwrap();
+    let line = 1 + text.lines().position(|line| line.starts_with("cycle_us")).unwrap();
+    assert_eq!(errors["errors"][0]["line"], line);
+    let refused = owner
+        .call("machine.write", json!({ "text": wrong, "sha256": file["sha256"] }))
+        .unwrap_err();
+    assert!(
+        refused["message"]
+            .as_str()
+            .unwrap()
+            .contains(&format!("machine.toml:{line}")),
+        "{refused}"
+    );
+
+    // Not while something moves.
+    owner.call("home", json!({})).unwrap();
+    owner.until(|status| status["state"] == "homing");
+    let refused = owner.call("machine.write", change.clone()).unwrap_err();
+    assert!(refused["message"].as_str().unwrap().contains("must rest"), "{refused}");
+    owner.until(|status| status["job"] == "completed");
+    let written = owner.call("machine.write", change.clone()).unwrap();
+    assert_eq!(std::fs::read_to_string(control.path("machine.toml")).unwrap(), changed);
+    assert_eq!(
+        std::fs::read_to_string(written["before"].as_str().unwrap()).unwrap(),
+        text
+    );
+    let refused = owner.call("machine.write", change).unwrap_err();
+    assert!(refused["message"].as_str().unwrap().contains("meanwhile"), "{refused}");
+
+    let report = operator.call("machine.doctor", json!({})).unwrap();
+    assert!(report["lines"].as_array().unwrap().len() > 10, "{report}");
+    let times = watcher.call("cycle.times", json!({})).unwrap();
+    let cycles: u64 = times["compute"]["counts"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|count| count.as_u64().unwrap())
+        .sum();
+    assert!(cycles > 100, "{times}");
+}
+
+#[test]
+fn pins_are_told_and_only_those_that_nothing_drives_are_set() {
+    let control = Control::start("pins", LOOPBACK);
+    let mut rpc = control.rpc();
+    rpc.until(|status| status["power"] == "off");
+    let pin = "halui.axis.jog-speed";
+    let value = |rpc: &mut Rpc| rpc.call("hal.values", json!({ "pins": [pin] })).unwrap()["pins"][0]["value"].clone();
+    assert_ne!(value(&mut rpc), 321.5);
+    rpc.call("hal.set", json!({ "pin": pin, "value": "321.5" })).unwrap();
+    assert_eq!(value(&mut rpc), 321.5);
+    for (pin, value, word) in [
+        ("joint.0.motor-pos-cmd", "1", "joint.0.motor-pos-cmd"),
+        (pin, "much", "much"),
+        ("halui.axis.jog-sped", "1", "jog-speed"),
+    ] {
+        let refused = rpc.call("hal.set", json!({ "pin": pin, "value": value })).unwrap_err();
+        assert!(refused["message"].as_str().unwrap().contains(word), "{refused}");
+    }
+    let journal = rpc.call("journal.since", json!({})).unwrap().to_string();
+    assert!(journal.contains("pin halui.axis.jog-speed set to 321.5"), "{journal}");
+}
+
+#[test]
+fn a_backup_has_the_machine_file_and_no_token() {
+    let control = Control::start("backup", "address = \"0.0.0.0:0\"");
+    let [operate, set_up] = ["operate", "set-up"].map(|role| format!("Bearer {}", control.token(role, role)));
+    assert_eq!(control.json("GET", "/backup", &[], b"").0, 401);
+    assert_eq!(
+        control.json("GET", "/backup", &[("Authorization", &operate)], b"").0,
+        403
+    );
+    let (status, head, body) = control.http("GET", "/backup", &[("Authorization", &set_up)], b"");
+    assert!(status == 200 && head.contains("application/x-tar"), "{status} {head}");
+    let has = |text: &str| body.windows(text.len()).any(|part| part == text.as_bytes());
+    assert!(has("files/machine.toml") && has("[panel]") && !has("sha256"));
+}
+
+#[test]
+fn what_is_encrypted_says_so_and_does_not_begin_without_its_certificate() {
+    let control = Control::start("tls", "address = \"127.0.0.1:0\"\ntls = true");
+    let (status, told) = control.json("GET", "/", &[], b"");
+    assert_eq!(status, 400);
+    assert!(told["error"].as_str().unwrap().contains("https://"), "{told}");
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("machine.toml");
+    let keys = "[panel]\naddress = \"127.0.0.1:0\"\ncertificate = \"none.pem\"\nkey = \"key.pem\"";
+    std::fs::write(&file, format!("{MACHINE}\n{keys}\n")).unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_isocnc"))
+        .arg("run")
+        .arg(&file)
+        .output()
+        .unwrap();
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(
+        !output.status.success() && told.contains("none.pem: there is no such file"),
+        "{told}"
+    );
+}
+
+#[test]
+fn nothing_that_is_compressed_is_unpacked() {
+    let control = Control::start("zip", LOOPBACK);
+    // An archive that says it holds 4 GB: to the control, it is a program that is none.
+    let mut archive = b"PK\x03\x04\x14\x00\x00\x00\x08\x00".to_vec();
+    archive.extend([0; 8]);
+    archive.extend([0xFF; 8]);
+    archive.resize(4096, 0);
+    let (status, told) = control.json("PUT", "/files/death.ngc", &[], &archive);
+    assert!(
+        status == 422 && told["error"].as_str().unwrap().contains("death.ngc"),
+        "{status} {told}"
+    );
+    // Nor are frames.
+    let upgrade = [
+        ("Upgrade", "websocket"),
+        ("Connection", "Upgrade"),
+        ("Sec-WebSocket-Version", "13"),
+        ("Sec-WebSocket-Key", "dGhlIHNhbXBsZSBub25jZQ=="),
+        ("Sec-WebSocket-Extensions", "permessage-deflate"),
+    ];
+    let mut stream = TcpStream::connect(control.local()).unwrap();
+    stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+    let head: String = upgrade
+        .iter()
+        .map(|(name, value)| format!("{name}: {value}\r\n"))
+        .collect();
+    stream
+        .write_all(format!("GET /rpc HTTP/1.1\r\nHost: {}\r\n{head}\r\n", control.local()).as_bytes())
+        .unwrap();
+    let mut answer = String::new();
+    let mut lines = BufReader::new(stream);
+    while !answer.ends_with("\r\n\r\n") {
+        assert!(lines.read_line(&mut answer).unwrap() > 0, "{answer}");
+    }
+    let answer = answer.to_ascii_lowercase();
+    assert!(
+        answer.starts_with("http/1.1 101") && !answer.contains("extensions"),
+        "{answer}"
+    );
+}
+
+/// A long way at a feed that takes seconds.
+const LONG: &str = "G21 G90 G94\nG53 G1 X100 F300\nG53 G1 X0\nM2\n";
+
+#[test]
+fn a_program_goes_on_without_its_client_or_is_held_as_the_machine_file_says() {
+    for (key, state) in [
+        ("on_lost_control = \"hold\"", "held"),
+        ("on_lost_control = \"go-on\"", "running"),
+    ] {
+        let control = Control::start(state, &format!("{LOOPBACK}\n{key}"));
+        let mut rpc = control.rpc();
+        rpc.until(|status| status["power"] == "off");
+        rpc.call("control.take", json!({ "name": "whoever goes" })).unwrap();
+        rpc.call("program.run", json!({ "name": "long.ngc", "text": LONG }))
+            .unwrap();
+        let running = rpc.until(|status| status["state"] == "running" && status["line"].as_u64() >= Some(2));
+        let to_go = running["to_go_mm"][0].as_f64().unwrap();
+        assert!((0.0..=200.0).contains(&to_go.abs()), "{to_go}");
+        let mut other = control.rpc();
+        drop(rpc);
+        let gone = other.until(|status| status["control"].is_null());
+        let seen = other.until(|status| status["state"] == state);
+        assert_eq!(seen["state"], state, "{gone}");
+        let line = seen["line"].clone();
+        // Whatever comes after, a program that goes on is not held a little later.
+        for _ in 0..10 {
+            std::thread::sleep(Duration::from_millis(20));
+            let status = other.call("status", json!({})).unwrap();
+            assert_eq!((&status["state"], &status["line"]), (&json!(state), &line));
+        }
+    }
 }
 
 #[test]

@@ -12,3 +12,28 @@ pub mod write;
 
 pub use read::{open, read, read_text};
 pub use write::{append, create, hold, make_folder, remove, write};
+
+/// Longest name of a file that somebody elsewhere may give it, octets.
+pub const NAME_MAX: usize = 200;
+
+/// Whether a text is the name of a file in a folder: one component of a path, and no hidden one.
+pub fn is_name(text: &str) -> bool {
+    let is_plain = !text.contains(|letter: char| letter == '/' || letter == '\\' || letter.is_control());
+    (1..=NAME_MAX).contains(&text.len()) && is_plain && !text.starts_with('.')
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_is_one_component() {
+        for name in ["a.ngc", "Teil 7 (ü).ngc", "a..b", &"x".repeat(NAME_MAX)] {
+            assert!(is_name(name), "{name}");
+        }
+        let long = "x".repeat(NAME_MAX + 1);
+        for name in ["", ".", "..", ".hidden", "a/b", "../a", "a\\b", "a\0", "a\nb", &long] {
+            assert!(!is_name(name), "{name:?}");
+        }
+    }
+}

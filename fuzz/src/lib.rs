@@ -8,6 +8,7 @@ pub mod ethercat_wire;
 pub mod frame;
 pub mod grbl_session;
 pub mod managing_node;
+pub mod panel_connection;
 pub mod parameter_file;
 pub mod pitch_table;
 pub mod program_grammar;

@@ -10,11 +10,13 @@
 //! | to learn | file |
 //! |---|---|
 //! | who listens, who connects, limits of both | `listen.rs`, `serve.rs` |
-//! | who may do what | `guard.rs` (pages of others), `peer.rs` (users of this PC), `tokens.rs` (everybody else) |
+//! | who may do what | `guard.rs` (pages of others), `peer.rs` (users of this PC), `tokens.rs` (everybody else), `tls.rs` (whoever listens) |
 //! | a client of `/rpc`, from its first message to its end | `rpc.rs` |
-//! | pages; programs; the way of a program; figures | `pages.rs`; `programs.rs`; `path.rs`; `figures.rs` |
+//! | the same without a socket, for fuzzing | `play.rs` |
+//! | pages; programs; the way of a program; figures; a backup | `pages.rs`; `programs.rs`; `path.rs`; `figures.rs`; `backup.rs` |
 
 mod ask;
+mod backup;
 mod counts;
 mod figures;
 mod guard;
@@ -22,14 +24,19 @@ mod listen;
 mod pages;
 mod path;
 mod peer;
+#[cfg(feature = "testing")]
+pub mod play;
 mod programs;
 mod rpc;
 mod serve;
+mod tls;
 mod tokens;
 
+pub use backup::Backup;
 pub use counts::Counts;
 pub use listen::{BindError, DEFAULT_ADDRESS, Listener};
 pub use serve::{Settings, serve};
+pub use tls::{Tls, TlsError};
 pub use tokens::{FileError, Role, Token, TokenFile, Tokens};
 
 use std::io;

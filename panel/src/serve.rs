@@ -1,8 +1,10 @@
 //! Connections: taken, counted, served, ended.
 
+use crate::backup::{self, Backup};
 use crate::counts::Counts;
 use crate::listen::Listener;
 use crate::programs::{self, Programs};
+use crate::tls::Tls;
 use crate::tokens::Tokens;
 use crate::{Control, figures, guard, pages, path, rpc};
 use axum::Router;
@@ -19,9 +21,11 @@ use std::os::unix::net::UnixStream;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
-use tokio::io::AsyncReadExt;
+use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::watch;
+use tokio::time::timeout;
+use tokio_rustls::TlsAcceptor;
 use tower::ServiceExt;
 
 /// Connections at the same time; one more waits until the system takes it for dead.
@@ -32,6 +36,8 @@ const OF_ONE_MAX: usize = 128;
 const HEAD_WAIT: Duration = Duration::from_secs(10);
 /// Longest head of a request, octets.
 const HEAD_MAX: usize = 16 * 1024;
+/// The first octet of a connection that is to be encrypted: a record of a handshake (RFC 8446, 5.1).
+const HANDSHAKE: u8 = 22;
 /// What the system keeps for a client that does not read, octets: what is told then is soon how it is, not how it was.
 const UNREAD_MAX: usize = 64 * 1024;
 /// How long clients are given to hear that the control has ended.
@@ -50,6 +56,10 @@ pub struct Settings {
     pub tokens: Tokens,
     /// Folder of programs.
     pub programs: Option<PathBuf>,
+    /// What connections are encrypted with; `None`: nothing.
+    pub tls: Option<Tls>,
+    /// What is to be kept elsewhere.
+    pub backup: Backup,
 }
 
 /// Everything that requests can reach.
@@ -64,8 +74,32 @@ pub(crate) struct Panel {
 }
 
 impl Panel {
+    pub(crate) fn new(
+        settings: Settings,
+        control: Arc<dyn Control>,
+        counts: Arc<Counts>,
+        ending: watch::Receiver<bool>,
+    ) -> Panel {
+        let programs = settings.programs.clone().and_then(|path| {
+            let opened = Programs::open(path);
+            opened
+                .map_err(|cause| tracing::warn!(%cause, "there is no folder of programs"))
+                .ok()
+        });
+        Panel {
+            settings,
+            programs: programs.map(Arc::new),
+            control,
+            counts,
+            ending,
+        }
+    }
+
     pub(crate) fn scheme(&self) -> &'static str {
-        "http"
+        match self.settings.tls {
+            Some(_) => "https",
+            None => "http",
+        }
     }
 }
 
@@ -100,19 +134,7 @@ pub fn serve(
         until.set_nonblocking(true)?;
         let mut until = tokio::net::UnixStream::from_std(until)?;
         let (end, ending) = watch::channel(false);
-        let programs = settings.programs.clone().and_then(|path| {
-            let opened = Programs::open(path);
-            opened
-                .map_err(|cause| tracing::warn!(%cause, "there is no folder of programs"))
-                .ok()
-        });
-        let panel = Arc::new(Panel {
-            settings,
-            programs: programs.map(Arc::new),
-            control,
-            counts: Arc::clone(&counts),
-            ending,
-        });
+        let panel = Arc::new(Panel::new(settings, control, Arc::clone(&counts), ending));
         tokio::select! {
             taken = take(listener, panel) => taken?,
             // Whatever is read: nothing is ever written there.
@@ -126,20 +148,21 @@ pub fn serve(
             }
         };
         // Whoever does not listen is not waited for.
-        let _ = tokio::time::timeout(FAREWELL, gone).await;
+        let _ = timeout(FAREWELL, gone).await;
         Ok(())
     });
     runtime.shutdown_timeout(FAREWELL);
     served
 }
 
-fn router(panel: &Arc<Panel>) -> Router {
+pub(crate) fn router(panel: &Arc<Panel>) -> Router {
     Router::new()
         .route("/rpc", any(rpc::open))
         .route("/files/", any(programs::list))
         .route("/files/{name}", any(programs::one))
         .route("/path", get(path::path))
         .route("/metrics", get(figures::metrics))
+        .route("/backup", any(backup::backup))
         .fallback(pages::page)
         .layer(axum::middleware::from_fn_with_state(Arc::clone(panel), guard::guard))
         .with_state(Arc::clone(panel))
@@ -186,6 +209,7 @@ async fn take(listener: Listener, panel: Arc<Panel>) -> io::Result<()> {
     let (is_loopback, peers) = (listener.is_loopback(), listener.peers);
     let socket = TcpListener::from_std(listener.socket)?;
     let router = router(&panel);
+    let tls = panel.settings.tls.as_ref().map(Tls::acceptor);
     let connected = Arc::new(Connected::default());
     loop {
         let (stream, far) = match socket.accept().await {
@@ -207,18 +231,56 @@ async fn take(listener: Listener, panel: Arc<Panel>) -> io::Result<()> {
             far,
             is_owner: is_loopback && peers.is_own(near, far),
         };
-        let router = router.clone();
+        let (router, tls) = (router.clone(), tls.clone());
         tokio::spawn(async move {
             let _counted = counted;
-            serve_one(stream, connection, router).await;
+            serve_one(stream, tls, connection, router).await;
         });
     }
 }
 
-async fn serve_one(stream: TcpStream, connection: Connection, router: Router) {
+async fn serve_one(stream: TcpStream, tls: Option<TlsAcceptor>, connection: Connection, router: Router) {
     // Without them it is served a little worse.
     let _ = stream.set_nodelay(true);
     let _ = nix::sys::socket::setsockopt(&stream, nix::sys::socket::sockopt::SndBuf, &UNREAD_MAX);
+    let Some(tls) = tls else {
+        return converse(stream, connection, router).await;
+    };
+    let mut first = [0];
+    match timeout(HEAD_WAIT, stream.peek(&mut first)).await {
+        Ok(Ok(1)) if first[0] == HANDSHAKE => {}
+        Ok(Ok(1)) => return say_encrypted(stream).await,
+        _ => return,
+    }
+    match timeout(HEAD_WAIT, tls.accept(stream)).await {
+        Ok(Ok(stream)) => converse(stream, connection, router).await,
+        Ok(Err(cause)) => tracing::debug!(far = %connection.far, %cause, "disconnected"),
+        Err(_) => tracing::debug!(far = %connection.far, "disconnected: no handshake"),
+    }
+}
+
+/// Answers somebody who has come without encryption.
+async fn say_encrypted(mut stream: TcpStream) {
+    let body = "{\"error\": \"this panel is encrypted: its address begins with https://\"}\n";
+    let answer = format!(
+        "HTTP/1.1 400 Bad Request\r\nContent-Type: application/json\r\nContent-Length: {}\r\nConnection: close\r\n\r\n{body}",
+        body.len()
+    );
+    let said = async {
+        // What he sends is read as far as a head goes: else the system takes the answer back.
+        let _ = stream.read(&mut vec![0; HEAD_MAX]).await?;
+        stream.write_all(answer.as_bytes()).await?;
+        stream.shutdown().await
+    };
+    // Whoever does not read it has gone.
+    let _ = timeout(HEAD_WAIT, said).await;
+}
+
+/// Requests and answers of one connection, until its end.
+pub(crate) async fn converse<S>(stream: S, connection: Connection, router: Router)
+where
+    S: AsyncRead + AsyncWrite + Unpin + Send + 'static,
+{
     let service = hyper::service::service_fn(move |request: hyper::Request<Incoming>| {
         let mut request: Request = request.map(Body::new);
         request.extensions_mut().insert(connection);

@@ -7,22 +7,49 @@ use std::os::unix::net::UnixStream;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Tells each client the same again and again as soon as it reads, or echoes what it says.
-struct Fake {
-    is_talkative: bool,
+/// What the control does with each client.
+#[derive(Clone, Copy)]
+enum Fake {
+    /// Tells the same again and again as soon as it reads.
+    Talks,
+    /// Says what it hears.
+    Echoes,
+    /// Tells a state of the usual length 20 times a second, with its number.
+    Ticks,
 }
+
+/// Octets of a state of a mill as it is told.
+const STATE: usize = 600;
+/// Between two of them.
+const TICK: Duration = Duration::from_millis(50);
 
 impl Control for Fake {
     fn connect(&self, _guest: &Guest) -> io::Result<UnixStream> {
         let (inside, outside) = UnixStream::pair()?;
-        let is_talkative = self.is_talkative;
+        let what = *self;
         std::thread::spawn(move || {
             let mut lines = BufReader::new(inside.try_clone().unwrap());
             let mut inside = inside;
             let told = format!("{{\"told\":\"{}\"}}\n", "x".repeat(1000));
             let mut line = String::new();
-            if is_talkative {
-                while inside.write_all(told.as_bytes()).is_ok() {}
+            match what {
+                Fake::Talks => while inside.write_all(told.as_bytes()).is_ok() {},
+                Fake::Ticks => {
+                    let text = "x".repeat(STATE);
+                    let mut number = 0_u64;
+                    // As the control does: a client that does not read is told less often, and nobody waits for it.
+                    inside.set_nonblocking(true).unwrap();
+                    loop {
+                        match inside.write(format!("{{\"n\":{number},\"text\":\"{text}\"}}\n").as_bytes()) {
+                            Ok(count) => assert!(count > STATE, "a part of a line"),
+                            Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}
+                            Err(_) => return,
+                        }
+                        number += 1;
+                        std::thread::sleep(TICK);
+                    }
+                }
+                Fake::Echoes => {}
             }
             while lines.read_line(&mut line).is_ok_and(|count| count > 0) {
                 if inside.write_all(line.as_bytes()).is_err() {
@@ -36,12 +63,12 @@ impl Control for Fake {
 }
 
 /// Runs a panel beside `clients`.
-fn beside(is_talkative: bool, clients: impl FnOnce(SocketAddr, &Counts, UnixStream)) {
+fn beside(fake: Fake, clients: impl FnOnce(SocketAddr, &Counts, UnixStream)) {
     let listener = Listener::bind("127.0.0.1:0".parse().unwrap()).unwrap();
     let address = listener.address();
     let counts = Arc::new(Counts::default());
     let (stays, until) = UnixStream::pair().unwrap();
-    let (counting, control) = (Arc::clone(&counts), Arc::new(Fake { is_talkative }));
+    let (counting, control) = (Arc::clone(&counts), Arc::new(fake));
     let serving = std::thread::spawn(move || serve(listener, Settings::default(), control, counting, until));
     clients(address, &counts, stays);
     serving.join().unwrap().unwrap();
@@ -101,7 +128,7 @@ fn resident_octets() -> u64 {
 
 #[test]
 fn who_does_not_read_is_dropped_and_counted_in_bounded_memory() {
-    beside(true, |address, counts, _stays| {
+    beside(Fake::Talks, |address, counts, _stays| {
         let mut others: Vec<TcpStream> = (0..20).map(|_| open(address)).collect();
         let reading = others.pop().unwrap();
         let before = resident_octets();
@@ -123,7 +150,7 @@ fn who_does_not_read_is_dropped_and_counted_in_bounded_memory() {
 
 #[test]
 fn each_of_fifty_is_a_client_of_its_own_and_hears_that_the_control_ends() {
-    beside(false, |address, counts, stays| {
+    beside(Fake::Echoes, |address, counts, stays| {
         let mut all: Vec<TcpStream> = (0..50).map(|_| open(address)).collect();
         for (number, stream) in all.iter_mut().enumerate() {
             send(stream, &format!("{{\"n\":{number}}}"));
@@ -149,5 +176,63 @@ fn each_of_fifty_is_a_client_of_its_own_and_hears_that_the_control_ends() {
             };
             assert_eq!(closing[..2], 1001_u16.to_be_bytes());
         }
+    });
+}
+
+/// PANEL_S: so many seconds; ten minutes are a proof, a few seconds find what grows with each message.
+#[test]
+fn fifty_clients_at_20_hz_hear_everything_in_order_and_in_flat_memory() {
+    const CLIENTS: usize = 50;
+    let told = std::env::var("PANEL_S").ok().and_then(|text| text.parse().ok());
+    let messages = told.unwrap_or(8_u64) * 20;
+    beside(Fake::Ticks, |address, counts, _stays| {
+        let read = |mut stream: TcpStream, messages: u64, first: u64| {
+            std::thread::spawn(move || {
+                for number in first..first + messages {
+                    let payload = loop {
+                        match frame(&mut stream) {
+                            (1, payload) => break payload,
+                            // A sign of life is asked for: an answer without payload, masked.
+                            (9, _) => stream.write_all(&[0x8A, 0x80, 0, 0, 0, 0]).unwrap(),
+                            (kind, _) => panic!("a frame of kind {kind}"),
+                        }
+                    };
+                    let wanted = format!("{{\"n\":{number},");
+                    assert!(payload.starts_with(wanted.as_bytes()), "{wanted} was expected");
+                }
+                stream
+            })
+        };
+        // Nobody reads these.
+        let deaf: Vec<TcpStream> = (0..2).map(|_| open(address)).collect();
+        let all: Vec<TcpStream> = (0..CLIENTS).map(|_| open(address)).collect();
+        let join = |reading: Vec<std::thread::JoinHandle<TcpStream>>| -> Vec<TcpStream> {
+            reading.into_iter().map(|reader| reader.join().unwrap()).collect()
+        };
+        // Buffers have found their size after a quarter.
+        let all = join(all.into_iter().map(|stream| read(stream, messages / 4, 0)).collect());
+        let before = resident_octets();
+        let rest = messages - messages / 4;
+        let all = join(
+            (all.into_iter())
+                .map(|stream| read(stream, rest, messages / 4))
+                .collect(),
+        );
+        let grown = resident_octets().saturating_sub(before);
+        let [sent, slow] = [CLIENTS as u64 * messages, counts.slow_dropped()];
+        println!(
+            "{CLIENTS} clients, {sent} messages in {} s: {grown} octets more, {slow} dropped as they did not read",
+            messages / 20
+        );
+        assert!(grown < 4 << 20, "{grown} octets more");
+        assert_eq!(counts.silent_dropped(), if messages > 20 * 30 { 2 - slow } else { 0 });
+        if messages > 20 * 30 {
+            assert_eq!(
+                counts.clients(),
+                CLIENTS as u64,
+                "those that read are there, and no others"
+            );
+        }
+        drop((all, deaf));
     });
 }

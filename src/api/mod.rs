@@ -9,6 +9,7 @@
 
 pub mod client;
 pub mod control;
+pub mod errands;
 pub mod methods;
 mod metrics;
 pub mod network_view;

@@ -122,7 +122,7 @@ fn kind(param: &Param) -> Value {
     }
 }
 
-const ALL: [Gives; 35] = [
+const ALL: [Gives; 40] = [
     Gives::Nothing,
     Gives::Methods,
     Gives::OpenRpc,
@@ -158,6 +158,11 @@ const ALL: [Gives; 35] = [
     Gives::LogicForced,
     Gives::LogicReleased,
     Gives::LogicReloaded,
+    Gives::MachineFile,
+    Gives::Errors,
+    Gives::FileWritten,
+    Gives::Doctor,
+    Gives::Times,
 ];
 
 fn name(gives: Gives) -> &'static str {
@@ -197,6 +202,11 @@ fn name(gives: Gives) -> &'static str {
         Gives::LogicForced => "LogicForced",
         Gives::LogicReleased => "LogicReleased",
         Gives::LogicReloaded => "LogicReloaded",
+        Gives::MachineFile => "MachineFile",
+        Gives::Errors => "Errors",
+        Gives::FileWritten => "FileWritten",
+        Gives::Doctor => "Doctor",
+        Gives::Times => "Times",
     }
 }
 
@@ -344,6 +354,18 @@ fn report() -> Value {
     }))
 }
 
+/// What is wrong with a machine file.
+fn errors_of_a_file() -> Value {
+    list(object(json!({
+        "line": or_null(whole()),
+        "column": or_null(whole()),
+        "key": text(),
+        "value": or_null(text()),
+        "rule": text(),
+        "hint": or_null(text()),
+    })))
+}
+
 fn by_letter() -> Value {
     json!({ "type": "object", "additionalProperties": number() })
 }
@@ -384,6 +406,22 @@ fn result(gives: Gives) -> Value {
             "spindle_rpm_max": number(),
             "programs": flag(),
         })),
+        Gives::MachineFile => {
+            object(json!({ "file": text(), "sha256": text(), "text": text(), "errors": errors_of_a_file() }))
+        }
+        Gives::Errors => object(json!({ "errors": errors_of_a_file() })),
+        Gives::FileWritten => object(json!({ "before": text(), "sha256": text() })),
+        Gives::Doctor => json!({ "type": "object" }),
+        Gives::Times => {
+            let times = || object(json!({ "edges_us": list(number()), "counts": list(whole()) }));
+            object(json!({
+                "cycle_us": whole(),
+                "period": times(),
+                "lateness": times(),
+                "exchange": times(),
+                "compute": times(),
+            }))
+        }
         Gives::Metrics => object(json!({ "text": text() })),
         Gives::Text => object(json!({
             "name": text(),
@@ -558,6 +596,7 @@ fn status() -> Value {
         "velocity_mm_s": number(),
         "axes": list(object(json!({ "axis": text(), "joints": list(whole()), "unit": text() }))),
         "position_mm": positions(),
+        "to_go_mm": or_null(positions()),
         "spindle": or_null(object(json!({ "on": flag(), "speed_rpm": number() }))),
         "coolant": object(json!({ "flood": flag(), "mist": flag() })),
         "external": list(object(json!({ "name": text(), "alive": flag(), "losses": whole() }))),

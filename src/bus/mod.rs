@@ -57,6 +57,11 @@ pub fn plan(config: &Config) -> Vec<NodePlan> {
     powerlink::network::plan(config)
 }
 
+/// States that a node can tell, in the words of its bus.
+pub fn node_states() -> impl Iterator<Item = String> {
+    powerlink::network::node_states()
+}
+
 /// How the cycle is spent, part by part. Latencies are those that the time-outs allow.
 pub fn budget(config: &Config) -> Vec<BudgetView> {
     powerlink::managing_node::budget(config)

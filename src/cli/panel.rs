@@ -1,8 +1,9 @@
 //! `isocnc panel`: tokens of the operator panel in the browser.
 
 use crate::bus;
-use crate::config::Panel;
+use crate::config::{Encryption, Panel};
 use crate::host::terminal::say;
+use crate::operator::panel::scheme;
 use crate::operator::refusal::Refusal;
 use anyhow::{Context, ensure};
 use clap::{Args, Subcommand};
@@ -57,7 +58,7 @@ pub fn panel(args: &PanelArgs) -> anyhow::Result<ExitCode> {
             }
             let secret = file.add(name, *role)?;
             say(&format!("{secret}\n"));
-            eprintln!("it is shown once; the address with it: http://{address}/#token={secret}");
+            eprintln!("it is shown once; the address with it: {address}/#token={secret}");
         }
         PanelCommand::List { machine } => {
             for token in token_file(machine)?.0.read()? {
@@ -74,7 +75,7 @@ pub fn panel(args: &PanelArgs) -> anyhow::Result<ExitCode> {
 }
 
 /// The file of tokens of a machine, and where its panel listens.
-fn token_file(machine: &Path) -> anyhow::Result<(TokenFile, std::net::SocketAddr)> {
+fn token_file(machine: &Path) -> anyhow::Result<(TokenFile, String)> {
     let config = bus::read(machine).map_err(Refusal::from)?;
     let folder = config.state_directory.as_deref();
     let panel = config.panel.unwrap_or_else(|| Panel::at(Panel::loopback(), folder));
@@ -82,5 +83,6 @@ fn token_file(machine: &Path) -> anyhow::Result<(TokenFile, std::net::SocketAddr
         let machine = machine.display();
         format!("{machine}: names no file for tokens: [panel] tokens = \"FILE\", or machine.state_directory")
     })?;
-    Ok((TokenFile::new(&file), panel.address))
+    let scheme = scheme(panel.encryption != Encryption::None);
+    Ok((TokenFile::new(&file), format!("{scheme}://{}", panel.address)))
 }

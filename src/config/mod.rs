@@ -63,7 +63,7 @@ pub use document::{Bound, Question};
 pub use drive_profile::{BUILT_IN as DRIVE_PROFILES, parse as parse_drive_profile};
 pub use error::{ConfigError, ConfigErrors};
 pub use logics::{End, Interface, LogicPin, LogicTask, pin_type};
-pub use panel::{OnLostControl, PANEL_PORT, Panel};
+pub use panel::{Encryption, OnLostControl, PANEL_PORT, Panel};
 pub use position_loop::GAIN_MAX;
 pub use steps::{PARALLEL_PINS, SUBSTEPS, SimStepper, StepKind, StepOutput, StepPortKind, Steps, rate_max_hz};
 pub use types::*;

@@ -26,6 +26,20 @@ pub struct Panel {
     pub programs: Option<PathBuf>,
     /// What a program does whose client had taken control and is lost.
     pub on_lost_control: OnLostControl,
+    /// How what goes over the network is encrypted.
+    pub encryption: Encryption,
+}
+
+/// What connections of the panel are encrypted with.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum Encryption {
+    /// Nothing.
+    #[default]
+    None,
+    /// A certificate of the panel's own, kept in this folder; `None`: made at each start.
+    Own(Option<PathBuf>),
+    /// A certificate of an authority of the user's, and its key.
+    Files { certificate: PathBuf, key: PathBuf },
 }
 
 /// What becomes of a program whose client is lost.
@@ -47,6 +61,7 @@ impl Panel {
             tokens: state_directory.map(|folder| folder.join("panel-tokens.json")),
             programs: state_directory.map(|folder| folder.join("programs")),
             on_lost_control: OnLostControl::default(),
+            encryption: Encryption::None,
         }
     }
 
@@ -97,6 +112,7 @@ pub(super) fn panel(mut section: Section<'_, '_>, base: &Path, state_directory: 
     let programs = program::new_folder(&mut section, "programs", base);
     let lost = [("go-on", OnLostControl::GoOn), ("hold", OnLostControl::Hold)];
     let on_lost_control = section.word("on_lost_control", &lost, OnLostControl::GoOn);
+    let encryption = encryption(&mut section, base, state_directory);
     section.done();
     let default = Panel::at(address?, state_directory);
     Some(Panel {
@@ -104,8 +120,33 @@ pub(super) fn panel(mut section: Section<'_, '_>, base: &Path, state_directory: 
         tokens: tokens?.or(default.tokens),
         programs: programs?.or(default.programs),
         on_lost_control: on_lost_control?,
+        encryption: encryption?,
         ..default
     })
+}
+
+fn encryption(section: &mut Section<'_, '_>, base: &Path, state_directory: Option<&Path>) -> Option<Encryption> {
+    let is_off = section.has("tls");
+    let tls = section.flag("tls", false)?;
+    let certificate = program::path(section, "certificate", base)?;
+    let key = program::path(section, "key", base)?;
+    match (certificate, key) {
+        (None, None) if tls => Some(Encryption::Own(state_directory.map(Path::to_owned))),
+        (None, None) => Some(Encryption::None),
+        (Some(certificate), Some(key)) if tls || !is_off => Some(Encryption::Files { certificate, key }),
+        (Some(_), Some(_)) => {
+            section.wrong("tls", "must be true, or left out, with a certificate");
+            None
+        }
+        (Some(_), None) => {
+            section.wrong("certificate", "needs its key: key = \"FILE\"");
+            None
+        }
+        (None, Some(_)) => {
+            section.wrong("key", "needs its certificate: certificate = \"FILE\"");
+            None
+        }
+    }
 }
 
 #[cfg(test)]
@@ -139,6 +180,26 @@ mod tests {
         assert_eq!(panel.on_lost_control, OnLostControl::Hold);
         let of_folder = Panel::at(Panel::loopback(), Some(Path::new("/s")));
         assert_eq!(of_folder.programs, Some("/s/programs".into()));
+    }
+
+    #[test]
+    fn what_is_encrypted_and_with_what() {
+        let of = |keys: &str| read(&format!("[panel]\n{keys}")).map(|panel| panel.unwrap().encryption);
+        assert_eq!(of("tls = false"), Ok(Encryption::None));
+        assert_eq!(of("tls = true"), Ok(Encryption::Own(None)));
+        let files = Encryption::Files {
+            certificate: "c.pem".into(),
+            key: "k.pem".into(),
+        };
+        assert_eq!(of("certificate = \"c.pem\"\nkey = \"k.pem\""), Ok(files));
+        for (keys, told) in [
+            ("certificate = \"c.pem\"", "needs its key"),
+            ("tls = true\nkey = \"k.pem\"", "needs its certificate"),
+            ("tls = false\ncertificate = \"c.pem\"\nkey = \"k.pem\"", "panel.tls"),
+        ] {
+            let errors = of(keys).unwrap_err();
+            assert!(errors.contains(told), "{errors}");
+        }
     }
 
     #[test]

@@ -289,6 +289,16 @@ pub const UNWATCHED_CODE: &str = "C-405";
 pub const PROGRAM_CODE: &str = "P-601";
 
 impl Reaction {
+    /// All of them, by their numbers.
+    pub const ALL: [Reaction; 6] = [
+        Reaction::Count,
+        Reaction::Warn,
+        Reaction::ControlledStop,
+        Reaction::QuickStop,
+        Reaction::EmergencyStop,
+        Reaction::Silence,
+    ];
+
     /// How grave that is, in a word.
     pub const fn severity(self) -> &'static str {
         match self {

@@ -9,13 +9,13 @@
 
 use crate::api::roles;
 use crate::api::server::door::Door;
-use crate::config::{Config, Panel as Wanted};
+use crate::config::{Config, Encryption, Panel as Wanted};
 use crate::host::capabilities;
 use crate::host::capabilities::Work;
 use crate::host::terminal::say;
 use anyhow::Context;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
-use panel::{Counts, Guest, Listener, Role, Settings, TokenFile, Tokens};
+use panel::{Backup, Counts, Guest, Listener, Role, Settings, Tls, TlsError, TokenFile, Tokens};
 use std::io::{self, Write};
 use std::net::SocketAddr;
 use std::os::fd::AsFd;
@@ -48,9 +48,10 @@ impl Panel {
         let Some(wanted) = wanted(config, asked) else {
             return Ok(None);
         };
+        let tls = encryption(&wanted).context("the panel cannot encrypt what it sends")?;
         let (listener, mut note) = match Listener::bind(wanted.address) {
             Ok(listener) => {
-                let note = format!("panel: {}", address(&listener));
+                let note = format!("panel: {}", address(&listener, tls.is_some()));
                 (Some(listener), note)
             }
             Err(error) if asked.is_some() || !error.is_in_use() => {
@@ -68,8 +69,8 @@ impl Panel {
             None => Tokens::default(),
         };
         if let Some(listener) = &listener {
-            let place = address(listener);
-            let told = match (&wanted.tokens, listener.is_loopback()) {
+            let place = address(listener, tls.is_some());
+            let mut told = match (&wanted.tokens, listener.is_loopback()) {
                 (_, true) => format!("panel: {place}/ for you; other users of this PC need a token\n"),
                 (Some(file), false) => format!(
                     "panel: {place}/ with a token: 'isocnc panel token {}' makes one ({})\n",
@@ -81,12 +82,19 @@ impl Panel {
                     format!("panel: {place}/#token={secret}\n")
                 }
             };
+            if let Some(tls) = &tls {
+                told += &format!(
+                    "panel: its certificate has the SHA-256 fingerprint {}\n",
+                    tls.fingerprint()
+                );
+                note = format!("{note}, certificate {}", tls.fingerprint());
+            }
             match quiet {
                 false => say(&told),
                 true => _ = io::stderr().write_all(told.as_bytes()),
             }
-            if !listener.is_loopback() {
-                let what = "whoever can listen on this network can read what goes to the panel, tokens too, as it is not encrypted";
+            if !listener.is_loopback() && tls.is_none() {
+                let what = "whoever can listen on this network can read what goes to the panel, tokens too, as it is not encrypted: tls of [panel] does that";
                 let _ = writeln!(io::stderr(), "warning: panel: {what}");
                 note = format!("{note} (not encrypted)");
             }
@@ -95,6 +103,19 @@ impl Panel {
             hosts: wanted.hosts.clone(),
             tokens,
             programs: wanted.programs.clone(),
+            tls,
+            backup: Backup {
+                folder: config.state_directory.clone(),
+                files: [
+                    Some(config.path.clone()),
+                    config.tools.table.clone(),
+                    config.program.parameter_file.clone(),
+                ]
+                .into_iter()
+                .flatten()
+                .collect(),
+                secret: wanted.tokens.iter().cloned().collect(),
+            },
         };
         Ok(Some(Panel {
             wanted,
@@ -134,7 +155,11 @@ impl Panel {
                 return None;
             }
             if let Ok(listener) = Listener::bind(self.wanted.address) {
-                let _ = writeln!(io::stderr(), "panel: {}/", address(&listener));
+                let _ = writeln!(
+                    io::stderr(),
+                    "panel: {}/",
+                    address(&listener, self.wanted.encryption != Encryption::None)
+                );
                 return Some(listener);
             }
         }
@@ -158,8 +183,28 @@ fn wanted(config: &Config, asked: Asked) -> Option<Wanted> {
     }
 }
 
-fn address(listener: &Listener) -> String {
-    format!("http://{}", listener.address())
+fn address(listener: &Listener, is_encrypted: bool) -> String {
+    format!("{}://{}", scheme(is_encrypted), listener.address())
+}
+
+/// How an address of the panel begins.
+pub fn scheme(is_encrypted: bool) -> &'static str {
+    if is_encrypted { "https" } else { "http" }
+}
+
+fn encryption(wanted: &Wanted) -> Result<Option<Tls>, TlsError> {
+    match &wanted.encryption {
+        Encryption::None => Ok(None),
+        Encryption::Files { certificate, key } => Tls::of_files(certificate, key).map(Some),
+        Encryption::Own(folder) => {
+            let address = wanted.address.ip();
+            let names = (wanted.hosts.iter().cloned())
+                .chain(["localhost".into(), "127.0.0.1".into(), "::1".into()])
+                .chain((!address.is_unspecified() && !address.is_loopback()).then(|| address.to_string()));
+            let names: Vec<String> = names.collect();
+            Tls::own(folder.as_deref(), &names).map(Some)
+        }
+    }
 }
 
 /// The way into the service.

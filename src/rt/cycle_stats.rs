@@ -152,6 +152,9 @@ impl CycleFigures {
 pub struct Timing {
     /// Lateness of the SoC in this cycle.
     pub lateness_ns: u64,
+    /// What the distance from the SoC before to that of this cycle differs from the cycle; `None`: there was none, or cycles were left
+    /// out.
+    pub period_difference_ns: Option<i64>,
     /// Greatest lateness so far.
     pub late_max_ns: u64,
     /// Exchange in this cycle.
@@ -262,6 +265,7 @@ impl Recorder {
         timing.skipped += times.skipped;
         timing.pres_lost += u64::from(times.pres_lost);
 
+        timing.period_difference_ns = None;
         figures.wake_up.record(times.woke_ns.saturating_sub(times.deadline_ns));
         if let Some(soc_ns) = times.soc_ns {
             let lateness_ns = soc_ns.saturating_sub(times.deadline_ns);
@@ -277,6 +281,7 @@ impl Recorder {
             {
                 let period_ns = soc_ns - before_ns;
                 figures.period.record(period_ns);
+                timing.period_difference_ns = Some(period_ns as i64 - figures.period.nominal_ns() as i64);
                 if let Some(second) = self.period.record(period_ns) {
                     timing.second.period = second;
                 }

@@ -5,6 +5,7 @@
 //!
 //! RT: nothing allocates but [`DeskPins::new`].
 
+use crate::machine::faults::Reaction;
 use hal_pins::{Hal, HalError, Input, Output};
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, AtomicU64, Ordering::Relaxed};
 
@@ -16,6 +17,8 @@ pub struct Desk {
     parts: [AtomicU64; 2],
     /// In the spindle.
     tool: AtomicU32,
+    /// Alarms and warnings since the start, by their reaction.
+    alarms: [AtomicU64; Reaction::ALL.len()],
     /// 0: nothing, 1: off, 2: on.
     wanted: AtomicU8,
     reset: AtomicBool,
@@ -28,6 +31,17 @@ impl Desk {
         for (cell, value) in self.parts.iter().zip(parts) {
             cell.store(value, Relaxed);
         }
+    }
+
+    /// Another alarm or warning was given. Of the operator's loop alone.
+    pub fn count_alarm(&self, reaction: Reaction) {
+        let count = &self.alarms[reaction as usize];
+        count.store(count.load(Relaxed) + 1, Relaxed);
+    }
+
+    /// Alarms or warnings of this reaction since the start.
+    pub fn alarms(&self, reaction: Reaction) -> u64 {
+        self.alarms[reaction as usize].load(Relaxed)
     }
 
     /// Which tool is in the spindle, as far as the operator's loop knows.

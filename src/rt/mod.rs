@@ -30,6 +30,7 @@ pub mod step_pins;
 pub mod steps;
 pub mod thread;
 pub mod timeout;
+pub mod times;
 pub mod tool_pockets;
 pub mod waiting;
 pub mod way_back;

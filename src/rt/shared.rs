@@ -4,6 +4,7 @@
 //! Out: [`RtStatus`] (latest values), [`Notice`]s and [`Trace`] records, through rings that nobody in real time waits for.
 
 use super::overrides::Overrides;
+use super::times::CycleHistograms;
 use crate::bus::BusEvent;
 use crate::config::JOINTS_MAX;
 use crate::machine::faults::Fault;
@@ -142,6 +143,33 @@ pub enum Notice {
     ProgramEnded,
 }
 
+/// What a cycle of a program is spent on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Phase {
+    /// Moves at feed.
+    Cut = 0,
+    Rapid,
+    /// Held, or away from the path.
+    Hold,
+    /// At rest within the program: a dwell, a tool, a spindle.
+    Wait,
+}
+
+impl Phase {
+    /// All of them, by their numbers.
+    pub const ALL: [Phase; 4] = [Phase::Cut, Phase::Rapid, Phase::Hold, Phase::Wait];
+
+    /// As it is written.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Phase::Cut => "cut",
+            Phase::Rapid => "rapid",
+            Phase::Hold => "hold",
+            Phase::Wait => "wait",
+        }
+    }
+}
+
 /// A notice and its time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TimedNotice {
@@ -242,6 +270,12 @@ pub struct RtStatus {
     jog_barred: AtomicBool,
     /// Not numbers: the machine is not away from a path.
     held_at: [AtomicU64; AXES],
+    /// Not numbers: nothing moves along a path.
+    piece_end: [AtomicU64; AXES],
+    /// How long the parts of cycles took.
+    pub times: CycleHistograms,
+    /// Cycles of programs, by what they were spent on.
+    phases: [AtomicU64; Phase::ALL.len()],
     limits: [AtomicU64; 2],
     places: [PlaceCell; JOINTS_MAX],
 }
@@ -304,6 +338,9 @@ impl RtStatus {
             chain_open: AtomicBool::new(false),
             jog_barred: AtomicBool::new(false),
             held_at: [const { AtomicU64::new(f64::NAN.to_bits()) }; AXES],
+            piece_end: [const { AtomicU64::new(f64::NAN.to_bits()) }; AXES],
+            times: CycleHistograms::default(),
+            phases: Default::default(),
             limits: Default::default(),
             places: Default::default(),
         }
@@ -355,6 +392,8 @@ pub struct Snapshot {
     pub jog_barred: bool,
     /// Where the program is held while the machine is elsewhere.
     pub held_at: Option<Position>,
+    /// Where the piece of path under way ends.
+    pub piece_end: Option<Position>,
     /// Joints whose lower, and whose upper limit switch is closed (bit n: joint n).
     pub limits: [u64; 2],
 }
@@ -426,6 +465,18 @@ impl RtStatus {
         })
     }
 
+    /// Another cycle of a program went to this. RT.
+    pub fn count_phase(&self, phase: Phase) {
+        let count = &self.phases[phase as usize];
+        // One thread counts.
+        count.store(count.load(Relaxed) + 1, Relaxed);
+    }
+
+    /// Cycles of programs that went to this, since the start.
+    pub fn phase(&self, phase: Phase) -> u64 {
+        self.phases[phase as usize].load(Relaxed)
+    }
+
     /// The cycle thread hung and may send nothing any more: from now on the state is [`State::Silenced`].
     pub fn show_silenced(&self) {
         self.silenced.store(true, Relaxed);
@@ -458,9 +509,11 @@ impl RtStatus {
         self.switched_off.store(snapshot.switched_off, Relaxed);
         self.chain_open.store(snapshot.chain_open, Relaxed);
         self.jog_barred.store(snapshot.jog_barred, Relaxed);
-        let held_at = snapshot.held_at.unwrap_or(Position([f64::NAN; AXES]));
-        for (cell, value) in self.held_at.iter().zip(held_at.0) {
-            cell.store(value.to_bits(), Relaxed);
+        for (cells, place) in [(&self.held_at, snapshot.held_at), (&self.piece_end, snapshot.piece_end)] {
+            let place = place.unwrap_or(Position([f64::NAN; AXES]));
+            for (cell, value) in cells.iter().zip(place.0) {
+                cell.store(value.to_bits(), Relaxed);
+            }
         }
         for (cell, limit) in self.limits.iter().zip(snapshot.limits) {
             cell.store(limit, Relaxed);
@@ -473,6 +526,10 @@ impl RtStatus {
 
     pub fn snapshot(&self) -> Snapshot {
         let float = |cell: &AtomicU64| f64::from_bits(cell.load(Relaxed));
+        let place = |cells: &[AtomicU64; AXES]| {
+            let place = Position(std::array::from_fn(|axis| float(&cells[axis])));
+            place.0.iter().all(|value| value.is_finite()).then_some(place)
+        };
         let orders_taken = self.orders_taken.load(std::sync::atomic::Ordering::Acquire);
         let shown = State::from_u8(self.state.load(Relaxed)).unwrap_or(State::Down);
         let silenced = self.silenced.load(Relaxed) && shown != State::Down;
@@ -497,8 +554,8 @@ impl RtStatus {
             switched_off: self.switched_off.load(Relaxed),
             chain_open: self.chain_open.load(Relaxed),
             jog_barred: self.jog_barred.load(Relaxed),
-            held_at: Some(Position(std::array::from_fn(|axis| float(&self.held_at[axis]))))
-                .filter(|place| place.0.iter().all(|value| value.is_finite())),
+            held_at: place(&self.held_at),
+            piece_end: place(&self.piece_end),
             limits: std::array::from_fn(|end| self.limits[end].load(Relaxed)),
         }
     }

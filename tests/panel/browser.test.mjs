@@ -3,58 +3,23 @@
 // ISOCNC names the program (target/debug/isocnc), CHROMIUM the browser. Where one of them, or the modules of panel/web, is missing,
 // the tests say so and pass. SCREENS=write makes the pictures in screens/ anew: look at each of them before it is committed.
 import assert from "node:assert/strict";
-import { execFileSync, spawn } from "node:child_process";
-import { createConnection } from "node:net";
-import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
-import { createRequire } from "node:module";
+import { spawn } from "node:child_process";
+import { mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
+import { launch, machineFile, missing, modules, program, root, start, until as untilOf } from "./start.mjs";
 
-const root = new URL("../../", import.meta.url).pathname;
-const program = process.env.ISOCNC ?? join(root, "target/debug/isocnc");
-const chromium = process.env.CHROMIUM ?? ["/usr/bin/chromium-headless-shell", "/usr/bin/chromium"].find(existsSync);
-const modules = join(root, "panel/web/node_modules");
-const serves = () => execFileSync(program, ["run", "--help"], { encoding: "utf8" }).includes("--panel");
-const missing = !existsSync(program) ? program : !serves() ? "option --panel of it" : !chromium ? "Chromium" : !existsSync(modules) ? "npm ci in panel/web" : "";
 const skip = missing ? `there is no ${missing}` : false;
 /** Pictures are written here, to be looked at. */
 const pictures = process.env.PICTURES;
 
 const port = 20_000 + (process.pid % 20_000);
 const url = `http://127.0.0.1:${port}/`;
-let folder, control, browser, socketPath;
+let folder, control, browser, ask;
 const troubles = [];
 
-/** One request on the control socket, beside the browser. */
-function ask(method, params = {}) {
-  return new Promise((resolve, reject) => {
-    const socket = createConnection(socketPath);
-    let text = "";
-    socket.on("connect", () => socket.write(`${JSON.stringify({ jsonrpc: "2.0", id: 1, method, params })}\n`));
-    socket.on("data", (data) => {
-      text += data;
-      if (!text.includes("\n")) return;
-      socket.end();
-      const { result, error } = JSON.parse(text);
-      if (error) reject(new Error(error.message));
-      else resolve(result);
-    });
-    socket.on("error", reject);
-  });
-}
-
-/** Waits until something holds; what it was last is in the message. */
-async function until(what, holds, limit_ms = 60_000) {
-  const end = Date.now() + limit_ms;
-  let last;
-  while (Date.now() < end) {
-    last = await holds();
-    if (last) return last;
-    await new Promise((wake) => setTimeout(wake, 50));
-  }
-  throw new Error(`did not come: ${what}; status ${JSON.stringify(await ask("status")).slice(0, 1500)}`);
-}
+const until = (what, holds, limit_ms) => untilOf(ask, what, holds, limit_ms);
 
 const state = async () => (await ask("status")).state;
 
@@ -97,38 +62,10 @@ const picture = async (page, name) => {
 before(async () => {
   if (skip) return;
   if (pictures) mkdirSync(pictures, { recursive: true });
-  folder = mkdtempSync(join(tmpdir(), "panel-"));
-  const name = `panel-${process.pid}`;
-  const machine = readFileSync(join(root, "configs/mill3-demo.toml"), "utf8")
-    .replace('name = "mill3-demo"', `name = "${name}"`)
-    .replace('kind = "powerlink"', 'kind = "memory"')
-    .replace('interface = "plk0"\n', "")
-    // A busy PC leaves cycles out: time stands still then, and the machine bears it, as in tests/common.
-    .replace("\nlock_memory = true", "\noverruns_stop = 0\nlock_memory = true")
-    .replace("pres_lost_max = 20", "pres_lost_max = 1000")
-    .replace("following_error_mm = 2.0", "following_error_mm = 100.0")
-    // Somebody changes tools here: the panel's dialogue.
-    .replace(/\[\[hal\.net\]\]\nname = "tool-change-loop".*?\n\n/s, "");
-  writeFileSync(join(folder, "machine.toml"), machine);
-  control = spawn(program, ["run", "machine.toml", "--panel", `127.0.0.1:${port}`], { cwd: folder, stdio: ["ignore", "ignore", "inherit"] });
-  const folders = ["/run/isocnc", process.env.XDG_RUNTIME_DIR && `${process.env.XDG_RUNTIME_DIR}/isocnc`, `/dev/shm/isocnc-${process.getuid()}`];
-  socketPath = await new Promise((resolve, reject) => {
-    control.on("exit", (code) => reject(new Error(`the control has ended: ${code}`)));
-    const look = setInterval(() => {
-      const found = folders.filter(Boolean).map((one) => `${one}/isocnc-control.${name}`).find(existsSync);
-      if (!found) return;
-      clearInterval(look);
-      resolve(found);
-    }, 100);
-  });
+  ({ folder, control, ask } = await start(port));
   // The socket is there before somebody listens.
   await until("the network", () => state().then((now) => now === "disabled", () => false));
-  const puppeteer = createRequire(join(root, "panel/web/package.json"))("puppeteer-core");
-  browser = await puppeteer.launch({
-    executablePath: chromium,
-    // As root without a sandbox; a graphics card by software.
-    args: ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"],
-  });
+  browser = await launch();
 });
 
 after(async () => {
@@ -344,11 +281,165 @@ test("the connection is lost: said after a second, crossed out after two, and no
   await page.close();
 });
 
+/** Switches on, homes, and goes where it is told. */
+async function goTo(x) {
+  if ((await state()) === "disabled") await ask("on");
+  await until("on", async () => (await state()) === "ready");
+  if ((await ask("status")).homed.length < 3) await ask("home");
+  await until("homed", async () => (await ask("status")).homed.length === 3 && (await state()) === "ready");
+  await ask("mdi", { line: `G53 G1 X${x} F3000` });
+  await until(`at ${x}`, async () => {
+    const { position_mm, activity } = await ask("status");
+    return activity === "idle" && Math.abs(position_mm[0] - x) < 0.001;
+  });
+}
+
+const figures = (page, name) => page.$eval(id(`figures-${name}`), ({ dataset }) => [Number(dataset.least), Number(dataset.greatest)]);
+const fill = async (page, name, text) => {
+  await page.$eval(id(name), (input) => (input.value = ""));
+  await page.type(id(name), text);
+};
+
+test("signals: the oscilloscope shows the motion that there is, a trigger its place, a pin what it is given", { skip, timeout: 180_000 }, async () => {
+  await goTo(30);
+  const page = await open({ hash: "#/signals" });
+  await page.waitForFunction(() => Number(document.querySelector("[data-testid=pins]")?.dataset.count) > 100);
+  const pin = "joint.0.motor-pos-cmd";
+  await fill(page, "pin-search", "joint.0 pos-cmd");
+  await page.waitForFunction(() => Number(document.querySelector("[data-testid=pins]").dataset.count) < 5);
+  await click(page, `pin-${pin}`);
+  await page.waitForFunction((name) => parseFloat(document.querySelector(`[data-testid="value-${name}"]`)?.textContent) === 30, {}, pin);
+  await page.$$eval(".scope .choice button", (all) => all.find((one) => one.textContent === "10 s").click());
+  await page.waitForFunction(() => Number(document.querySelector("[data-testid=scope-state]").dataset.rows) > 50);
+  await goTo(60);
+  // What was sampled cycle by cycle is what the control says of the axis: from the one place to the other, and no further.
+  await page.waitForFunction((name) => Number(document.querySelector(`[data-testid="figures-${name}"]`).dataset.greatest) > 59.99, {}, pin);
+  const [least, greatest] = await figures(page, pin);
+  assert.ok(Math.abs(least - 30) < 0.01 && Math.abs(greatest - 60) < 0.01, `${least} to ${greatest}`);
+  const drawn = await page.$eval(".plot canvas", (canvas) => {
+    const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+    const rows = new Set();
+    // The colour of the first signal.
+    for (let i = 0; i < data.length; i += 4) if (data[i] < 90 && data[i + 1] > 150 && data[i + 2] > 130) rows.add(Math.floor(i / 4 / canvas.width));
+    return rows.size / canvas.height;
+  });
+  assert.ok(drawn > 0.4, `the line rises over ${drawn} of the picture`);
+  await picture(page, "scope");
+
+  await fill(page, "trigger", `${pin}<45`);
+  await click(page, "trigger-set");
+  await page.waitForFunction(() => document.querySelector("[data-testid=scope-state]").textContent.includes("waits"));
+  await goTo(30);
+  await page.waitForFunction(() => Number(document.querySelector("[data-testid=scope-state]").dataset.rows) > 50);
+  await click(page, "scope-run");
+  // Time 0 is where the trigger came: before it lies what was above 45.
+  const canvas = await page.$(".plot .u-over");
+  const box = await canvas.boundingBox();
+  await page.mouse.click(box.x + 4, box.y + 30);
+  const first = await page.$eval(id(`figures-${pin}`), (row) => parseFloat(row.children[4].textContent));
+  assert.ok(first > 45, `${first}`);
+
+  await fill(page, "pin-search", "halui.axis.jog-speed");
+  await click(page, "pin-halui.axis.jog-speed");
+  await page.waitForSelector('[data-testid="value-halui.axis.jog-speed"]');
+  await page.$$eval(".watched", (all) => [...all.find((one) => one.textContent.includes("jog-speed")).querySelectorAll("button")].find((one) => one.textContent === "Set").click());
+  await page.waitForSelector(id("pin-dialogue"));
+  await fill(page, "pin-value", "321.5");
+  await click(page, "pin-set");
+  await page.waitForFunction(() => parseFloat(document.querySelector('[data-testid="value-halui.axis.jog-speed"]').textContent) === 321.5);
+  assert.equal((await ask("hal.values", { pins: ["halui.axis.jog-speed"] })).pins[0].value, 321.5);
+  await page.close();
+});
+
+test("how long cycles take: since the start, and since the page was opened", { skip, timeout: 60_000 }, async () => {
+  const page = await open({ hash: "#/bus" });
+  await click(page, "part-jitter");
+  const histogram = await page.waitForSelector(id("histogram"));
+  await page.waitForFunction(() => Number(document.querySelector("[data-testid=histogram]").dataset.live) > 200);
+  const { cycles, live } = await histogram.evaluate(({ dataset }) => ({ cycles: Number(dataset.cycles), live: Number(dataset.live) }));
+  assert.ok(cycles > live, `${cycles} ${live}`);
+  const told = await ask("cycle.times");
+  assert.ok(told.compute.counts.reduce((a, b) => a + b) >= cycles);
+  await picture(page, "jitter");
+  await page.close();
+});
+
+test("the machine file: an error is told with its line, a right text is written and the one before kept; this PC; a backup", { skip, timeout: 120_000 }, async () => {
+  const page = await open({ hash: "#/machine" });
+  await click(page, "part-file");
+  const file = join(folder, "machine.toml");
+  const before = readFileSync(file, "utf8");
+  await page.waitForFunction((text) => document.querySelector("[data-testid=machine-file]")?.value === text, {}, before);
+  const type = (text) =>
+    page.$eval(id("machine-file"), (area, text) => {
+      area.value = text;
+      area.dispatchEvent(new Event("input", { bubbles: true }));
+    }, text);
+  const errors = (count) => page.waitForFunction((count) => document.querySelector("[data-testid=file-errors]").dataset.count === count, {}, String(count));
+  await errors(0);
+  const line = 1 + before.split("\n").findIndex((line) => line.startsWith("cycle_us"));
+  await type(before.replace("cycle_us", "cycle_uss"));
+  await page.waitForFunction((line) => document.querySelector("[data-testid=file-errors] b")?.textContent === String(line), {}, line);
+  assert.ok(await page.$eval(id("file-write"), (button) => button.disabled), "a wrong text is not written");
+  await picture(page, "machine-file");
+  const changed = `${before}\n# from the panel\n`;
+  await type(changed);
+  await errors(0);
+  await page.waitForFunction(() => !document.querySelector("[data-testid=file-write]").disabled);
+  await click(page, "file-write");
+  await page.waitForFunction(() => /next start/.test(document.querySelector("[data-testid=toast]")?.textContent));
+  assert.equal(readFileSync(file, "utf8"), changed);
+  assert.equal(readFileSync(`${file}.before`, "utf8"), before);
+  writeFileSync(file, before);
+
+  await click(page, "part-pc");
+  await click(page, "doctor");
+  await page.waitForFunction(() => Number(document.querySelector("[data-testid=doctor-lines]")?.dataset.count) > 10, { timeout: 60_000 });
+  await picture(page, "doctor");
+  const archive = await page.evaluate(() => fetch("backup").then((answer) => answer.arrayBuffer()).then((octets) => new TextDecoder("latin1").decode(octets)));
+  assert.ok(archive.includes("files/machine.toml") && archive.includes("ustar"));
+  await page.close();
+});
+
+test("from elsewhere, the token of the address lets somebody in, and no other does", { skip, timeout: 120_000 }, async () => {
+  const own = mkdtempSync(join(tmpdir(), "panel-"));
+  writeFileSync(join(own, "machine.toml"), machineFile(`panel-${process.pid}-b`));
+  const other = spawn(program, ["run", "machine.toml", "--panel", "0.0.0.0:0"], { cwd: own, stdio: ["ignore", "pipe", "ignore"] });
+  try {
+    const [, otherPort, secret] = await new Promise((resolve, reject) => {
+      let text = "";
+      other.stdout.on("data", (data) => {
+        text += data;
+        const found = /http:\/\/0\.0\.0\.0:(\d+)\/#token=(\w+)/.exec(text);
+        if (found) resolve(found);
+      });
+      other.on("exit", (code) => reject(new Error(`the control has ended: ${code}`)));
+    });
+    for (const [token, way] of [[secret, "in"], ["0".repeat(64), "out"]]) {
+      const context = await browser.createBrowserContext();
+      const page = await context.newPage();
+      await page.goto(`http://127.0.0.1:${otherPort}/#token=${token}`);
+      if (way === "in") {
+        await page.waitForFunction(() => ["booting", "disabled"].includes(document.querySelector("[data-testid=state]")?.dataset.state));
+        assert.ok(!page.url().includes(token), "the token is not kept in the address");
+      } else {
+        await page.waitForFunction(() => document.querySelector("[data-testid=connection]"), { timeout: 30_000 });
+        assert.ok(!["booting", "disabled"].includes(await page.$eval(id("state"), ({ dataset }) => dataset.state)));
+      }
+      await context.close();
+    }
+  } finally {
+    other.removeAllListeners("exit");
+    other.kill("SIGINT");
+    rmSync(own, { recursive: true });
+  }
+});
+
 /** Share of the pixels that differ between a picture and the committed one; 0 where it has just been written. */
 async function differs(page, name) {
   const { width, height } = page.viewport();
   // What is another at each run: times, messages, numbers of processes, answers of nodes.
-  await page.$$eval(".messages, .facts dd, .node small", (all) => all.forEach((element) => (element.style.visibility = "hidden")));
+  await page.$$eval(".messages, .facts dd, .node small, .histogram, .plot, .figures td, .state-of-scope, .budget, .file .muted", (all) => all.forEach((element) => (element.style.visibility = "hidden")));
   const shot = await page.screenshot({ type: "webp", quality: 70, clip: { x: 0, y: 0, width, height, scale: 0.5 } });
   const file = join(root, "tests/panel/screens", `${name}.webp`);
   if (process.env.SCREENS === "write") {
@@ -377,10 +468,29 @@ async function differs(page, name) {
   }, pictures);
 }
 
+/** Pages, and their parts where a page shows one at a time. */
+const VIEWS = [
+  ["operate"],
+  ["setup"],
+  ["setup", "part-touch-off"],
+  ["setup", "part-offsets"],
+  ["setup", "part-tools"],
+  ["setup", "part-probing"],
+  ["programs"],
+  ["signals"],
+  ["signals", "part-scope"],
+  ["bus"],
+  ["bus", "part-jitter"],
+  ["machine"],
+  ["machine", "part-file"],
+  ["machine", "part-pc"],
+  ["machine", "part-versions"],
+];
+
 /** What times, counters and other fonts may come to. */
 const DIFFERENT_MAX = 0.04;
 
-test("pages look as they did, have no serious finding of axe, are no wider than the screen, and their buttons are 44 px", { skip, timeout: 300_000 }, async () => {
+test("pages look as they did, have no serious finding of axe, are no wider than the screen, and their buttons are 44 px", { skip, timeout: 900_000 }, async () => {
   const axe = readFileSync(join(modules, "axe-core/axe.min.js"), "utf8");
   if ((await state()) === "disabled") await ask("on");
   await until("on", async () => (await state()) === "ready");
@@ -395,28 +505,35 @@ test("pages look as they did, have no serious finding of axe, are no wider than 
   const all = [];
   for (const [width, height] of [[1280, 800], [800, 480], [390, 844]]) {
     const page = await open({ width, height });
-    for (const where of ["operate", "setup", "programs", "bus", "machine"]) {
-      await page.evaluate(() => (document.documentElement.dataset.theme = "dark"));
-      await go(page, where);
-      await new Promise((wake) => setTimeout(wake, 1200));
-      await picture(page, `${where}-${width}`);
-      const different = await differs(page, `${where}-${width}`);
-      if (different > DIFFERENT_MAX) all.push(`${where} at ${width}: ${(100 * different).toFixed(1)} % of its pixels differ from tests/panel/screens`);
-      const wide = await page.evaluate(() => [...document.querySelectorAll("button, a, input")].filter((element) => element.offsetParent && element.getBoundingClientRect().width > 1 && !element.closest(".scroll")).filter((element) => {
-        const { right, left } = element.getBoundingClientRect();
-        return right > innerWidth + 1 || left < -1;
-      }).map((element) => element.outerHTML.slice(0, 120)));
-      all.push(...wide.map((one) => `${where} at ${width}: beyond the screen: ${one}`));
-      const small = await page.evaluate(() => [...document.querySelectorAll("button, nav a")].filter((element) => element.offsetParent).filter((element) => {
-        const { width, height } = element.getBoundingClientRect();
-        return width < 43.5 || height < 43.5;
-      }).map((element) => element.outerHTML.slice(0, 160)));
-      all.push(...small.map((one) => `${where} at ${width}: too small for a finger: ${one}`));
-      for (const theme of ["dark", "light"]) {
+    for (const [language, theme] of [["en", "dark"], ["de", "light"]]) {
+      await page.evaluate((language) => localStorage.setItem("language", language), language);
+      await page.evaluate(() => {
+        const pins = ["joint.0.motor-pos-cmd", "joint.1.motor-pos-cmd", "joint.2.motor-pos-cmd", "motion.fault"];
+        for (const list of ["watched", "scoped"]) localStorage.setItem(list, JSON.stringify(pins));
+      });
+      await page.reload();
+      await page.waitForFunction(() => document.querySelector("[data-testid=state]")?.dataset.state);
+      for (const [where, part] of VIEWS) {
         await page.evaluate((theme) => (document.documentElement.dataset.theme = theme), theme);
+        await go(page, where);
+        if (part && !(await page.$(id(part)))) continue;
+        if (part) await click(page, part);
+        await new Promise((wake) => setTimeout(wake, 1000));
+        const name = `${where}${part ? part.replace("part", "") : ""}-${width}${language === "de" ? "-de" : ""}`;
+        await picture(page, name);
+        const found = await page.evaluate(() => [...document.querySelectorAll("button, a, input")].filter((element) => element.offsetParent).map((element) => {
+          const { width, height, left, right } = element.getBoundingClientRect();
+          return { what: element.outerHTML.slice(0, 160), width, height, left, right, scrolls: element.closest(".scroll, .choice") !== null, button: element.matches("button, nav a") };
+        }));
+        const wide = found.filter(({ width: wide, left, right, scrolls }) => wide > 1 && !scrolls && (right > width + 1 || left < -1));
+        all.push(...wide.map(({ what }) => `${name}: beyond the screen: ${what}`));
+        const small = found.filter(({ button, width, height }) => button && (width < 43.5 || height < 43.5));
+        all.push(...small.map(({ what }) => `${name}: too small for a finger: ${what}`));
         await page.evaluate(axe);
-        const found = await page.evaluate(() => axe.run(document, { runOnly: ["wcag2a", "wcag2aa"] }).then(({ violations }) => violations.filter(({ impact }) => ["serious", "critical"].includes(impact)).map(({ id, nodes }) => `${id}: ${nodes.map(({ html, any }) => `${html.slice(0, 120)} ${any[0]?.message ?? ""}`).join(" | ")}`)));
-        all.push(...found.map((one) => `${where} at ${width}, ${theme}: ${one}`));
+        const serious = await page.evaluate(() => axe.run(document, { runOnly: ["wcag2a", "wcag2aa"] }).then(({ violations }) => violations.filter(({ impact }) => ["serious", "critical"].includes(impact)).map(({ id, nodes }) => `${id}: ${nodes.map(({ html, any }) => `${html.slice(0, 120)} ${any[0]?.message ?? ""}`).join(" | ")}`)));
+        all.push(...serious.map((one) => `${name}: ${one}`));
+        const different = await differs(page, name);
+        if (different > DIFFERENT_MAX) all.push(`${name}: ${(100 * different).toFixed(1)} % of its pixels differ from tests/panel/screens`);
       }
     }
     await page.close();

@@ -7,15 +7,17 @@ import { Machine } from "./pages/machine";
 import { Operate } from "./pages/operate";
 import { Programs } from "./pages/programs";
 import { Setup } from "./pages/setup";
+import { Signals } from "./pages/signals";
 import { PAGES, type Page, usePage } from "./route";
 import { Actions, Banners, chosenTheme, StateBar, Toasts, ToolDialogue } from "./shell";
-import { connect } from "./store";
+import { connect, useStore } from "./store";
 import { Icon } from "./ui";
 
 const VIEWS: Partial<Record<Page, () => preact.JSX.Element>> = {
   operate: Operate,
   setup: Setup,
   programs: Programs,
+  signals: Signals,
   bus: Bus,
   machine: Machine,
 };
@@ -23,6 +25,8 @@ const VIEWS: Partial<Record<Page, () => preact.JSX.Element>> = {
 function App() {
   const page = usePage();
   const [menu, setMenu] = useState(false);
+  // Pages ask as they come up: not before there is somebody to ask.
+  const known = useStore((s) => s.status !== null);
   const View = VIEWS[page] ?? Operate;
   return (
     <div class="app">
@@ -37,7 +41,7 @@ function App() {
       </nav>
       <main>
         <Banners />
-        <View />
+        {known ? <View /> : <p class="muted">{t("connecting")}</p>}
       </main>
       <Actions />
       <ToolDialogue />

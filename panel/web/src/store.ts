@@ -5,7 +5,7 @@ import { t } from "./i18n";
 import type { Control, Status } from "./types";
 
 /** What the connection may do: who looks, who runs the machine, who changes it. */
-export type Role = "watch" | "operate" | "set up";
+export type Role = "watch" | "operate" | "set-up";
 
 export interface Toast {
   id: number;
@@ -129,19 +129,17 @@ export function onNotification<T>(method: string, listener: (params: T) => void)
 /** Says who this is, and asks for the whole state: after each connection anew. */
 async function greet(): Promise<void> {
   try {
+    // Whoever comes from elsewhere has to say first who he is.
+    const who = await connection.call<{ client: number; role: Role }>("client.identify", {
+      name: clientName(),
+      kind: "panel",
+      ...(token ? { token } : {}),
+    });
     const methods = await connection.call<{ name: string; params: string[] }[]>("methods");
-    takesRequestId = new Set(methods.filter((m) => m.params.includes("request_id")).map((m) => m.name));
-    setStore({ methods: new Set(methods.map((m) => m.name)) });
-    if (store.methods.has("client.identify")) {
-      const who = await connection.call<{ client?: number; role?: Role }>("client.identify", {
-        name: clientName(),
-        kind: "panel",
-        ...(token ? { token } : {}),
-      });
-      setStore({ client: who.client ?? null, role: who.role ?? "operate" });
-    }
-    const answer = await connection.call<{ state: Status; client?: number }>("subscribe", { rate_hz: 20 });
-    if (answer.client !== undefined) setStore({ client: answer.client });
+    // What is said ten times a second is said again anyway.
+    takesRequestId = new Set(methods.filter((m) => m.params.includes("request_id") && m.name !== "jog.keep").map((m) => m.name));
+    setStore({ client: who.client, role: who.role, methods: new Set(methods.map((m) => m.name)) });
+    const answer = await connection.call<{ state: Status }>("subscribe", { rate_hz: 20 });
     cyclesAt = performance.now();
     setStore({ status: answer.state, connected: true, reason: "" });
   } catch (error) {

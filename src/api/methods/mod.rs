@@ -7,6 +7,8 @@
 
 mod arguments;
 mod logic;
+mod machine;
+mod pin_values;
 mod pins;
 pub mod table;
 
@@ -14,9 +16,10 @@ pub use arguments::WORK_SYSTEMS;
 pub use pins::{pin_json, value_json};
 
 use super::control::{Control, NAME_MAX, Needs, Who};
+use super::errands::Errands;
 use super::metrics;
 use super::paths::Paths;
-use super::repeats::{self, REQUEST_ID, Repeats, Seen};
+use super::repeats::{self, Repeats, Seen};
 use super::roles::Role;
 use super::rpc::{self, Params, Request, RpcError, code, from_hex, to_hex};
 use super::scopes::Scopes;
@@ -38,6 +41,7 @@ use crate::rt::overrides::Overridden;
 use crate::rt::shared::RtStatus;
 use files::read::PROGRAM_MAX;
 use motion::canon::LengthUnit;
+use motion::kinematics::Transform;
 use nix::sys::eventfd::EventFd;
 use obd::AbortCode;
 use serde_json::{Map, Value, json};
@@ -80,7 +84,7 @@ fn numbers(joints: u64) -> Vec<usize> {
 
 fn table() -> Value {
     let methods = METHODS.iter().map(|method| {
-        let params: Vec<&str> = method.params.iter().map(|param| param.name).collect();
+        let params: Vec<&str> = method.names().collect();
         json!({ "name": method.name, "params": params, "does": method.does })
     });
     methods.collect()
@@ -99,6 +103,7 @@ pub struct Methods {
     control: Control,
     uploads: Uploads,
     paths: Paths,
+    errands: Errands,
     /// Orders that carry an id.
     repeats: Repeats,
     scopes: Scopes,
@@ -109,6 +114,8 @@ pub struct Methods {
     described: Value,
     /// Letters of its axes, and whether they count degrees.
     letters: Vec<(char, bool)>,
+    /// Joint of each axis, where it has one of its own and is the same.
+    joint_of: Vec<Option<usize>>,
     joints: usize,
     /// A client that had taken control and is lost holds the program.
     holds_on_lost_control: bool,
@@ -132,7 +139,7 @@ impl Methods {
         operator: OrderClient,
         now_ns: fn() -> u64,
     ) -> Methods {
-        let paths = Paths::new(operator.wake());
+        let (paths, errands) = (Paths::new(operator.wake()), Errands::new(operator.wake()));
         Methods {
             live,
             bus,
@@ -143,11 +150,13 @@ impl Methods {
             uploads: Uploads::default(),
             paths,
             scopes: Scopes::default(),
+            errands,
             repeats: Repeats::default(),
             time_of_day: || 0.0,
             axes: json!([]),
             described: json!({}),
             letters: Vec::new(),
+            joint_of: Vec::new(),
             joints: 0,
             holds_on_lost_control: false,
             text_place: Place::default(),
@@ -183,6 +192,14 @@ impl Methods {
                 .iter()
                 .map(|map| (map.axis.letter(), map.axis.is_rotary()))
                 .collect(),
+            joint_of: (config.axes.iter())
+                .map(|map| {
+                    map.joints
+                        .first()
+                        .copied()
+                        .filter(|_| map.joints.len() == 1 && config.transform == Transform::Trivial)
+                })
+                .collect(),
             joints: config.joints.len(),
             holds_on_lost_control: (config.panel.as_ref())
                 .is_some_and(|panel| panel.on_lost_control == OnLostControl::Hold),
@@ -217,7 +234,9 @@ impl Methods {
         let facts = metrics::Facts {
             machine: &self.network.machine,
             axes: &self.letters,
+            joint_of: &self.joint_of,
             joints: self.joints,
+            cycle_s: f64::from(self.network.cycle_us) * 1e-6,
             network: &self.network,
             parts: shown.parts.count,
             tool: shown.tool,
@@ -312,6 +331,10 @@ impl Methods {
             "velocity_mm_s": live.velocity_mm_s,
             "axes": self.axes,
             "position_mm": live.position.0,
+            "to_go_mm": live.piece_end.map(|end| {
+                let left = end.0.iter().zip(live.position.0).map(|(end, position)| end - position);
+                left.collect::<Vec<f64>>()
+            }),
             "spindle": self.spindle(),
             "coolant": self.coolant(),
             "external": self.external(),
@@ -494,7 +517,7 @@ impl Methods {
             let what = "this machine has no folder of programs: programs of [panel] or state_directory of the machine file name one";
             return Err(RpcError::new(code::REFUSED, what));
         };
-        if !is_file_name(name) {
+        if !files::is_name(name) {
             let what = "parameter \"file\": expected the name of a file, without a folder and not beginning with a dot";
             return Err(RpcError::new(code::INVALID_PARAMS, what));
         }
@@ -623,7 +646,7 @@ impl Methods {
         if let Some(replaced) = self.logic.replaced() {
             return Some(self.logic_replaced(replaced));
         }
-        if let Some(part) = self.paths.later() {
+        if let Some(part) = self.paths.later().or_else(|| self.errands.later()) {
             return Some(part);
         }
         let reply = self.bus.reply()?;
@@ -659,8 +682,7 @@ impl Serve for Methods {
             let what = format!("no method \"{}\"; there are {}", request.method, known.join(", "));
             return Some(Err(RpcError::new(code::METHOD_NOT_FOUND, what)));
         };
-        let has_id = (!method.looks).then_some(REQUEST_ID);
-        let params: Vec<&str> = method.params.iter().map(|param| param.name).chain(has_id).collect();
+        let params: Vec<&str> = method.names().collect();
         if let Err(error) = request
             .params
             .only(&params)
@@ -757,12 +779,6 @@ impl Serve for Methods {
     fn wake(&self) -> Option<Arc<EventFd>> {
         self.operator.wake()
     }
-}
-
-/// Whether a text is one component of a path, and no hidden one.
-pub fn is_file_name(text: &str) -> bool {
-    let is_plain = !text.contains(|letter: char| letter == '/' || letter == '\\' || letter.is_control());
-    (1..=200).contains(&text.len()) && is_plain && !text.starts_with('.')
 }
 
 /// What of a machine does not change.

@@ -2,9 +2,11 @@
 //!
 //! To add one: a row here and its function. [`API_VERSION`] goes on with it.
 
+use super::pin_values::VALUES_MAX;
 use super::{Answer, Call, Methods, arguments, done};
 use crate::api::control::Needs;
 use crate::api::orders::Order;
+use crate::api::repeats::REQUEST_ID;
 use crate::api::roles::Role;
 use crate::api::scopes;
 use crate::api::server::subscription::RATE_MAX_HZ;
@@ -18,7 +20,7 @@ use hal_pins::scope::CHANNELS_MAX;
 
 /// Version of what is served here: the first number changes when something is gone or means something else, the second when
 /// something is new.
-pub const API_VERSION: &str = "2.2";
+pub const API_VERSION: &str = "2.3";
 
 /// What can be asked for.
 pub struct Method {
@@ -41,6 +43,12 @@ impl Method {
     /// Whether it changes nothing.
     pub fn only_looks(&self) -> bool {
         self.looks
+    }
+
+    /// Names of its parameters: those of its own, and the id of an order.
+    pub(super) fn names(&self) -> impl Iterator<Item = &'static str> {
+        let has_id = (!self.looks).then_some(REQUEST_ID);
+        self.params.iter().map(|param| param.name).chain(has_id)
     }
 
     /// Whether it can be refused because another client has control.
@@ -119,6 +127,11 @@ pub enum Gives {
     LogicForced,
     LogicReleased,
     LogicReloaded,
+    MachineFile,
+    Errors,
+    FileWritten,
+    Doctor,
+    Times,
 }
 
 const fn needed(name: &'static str, kind: Kind) -> Param {
@@ -835,5 +848,64 @@ pub const METHODS: &[Method] = &[
         role: Role::SetUp,
         call: |methods, call| methods.logic_reload(call),
         ..ORDER
+    },
+    Method {
+        name: "machine.file",
+        does: "the \"text\" of the machine file, its \"sha256\", and its \"errors\", each with its place; up to 48 KiB",
+        gives: Gives::MachineFile,
+        role: Role::Operate,
+        call: |methods, call| methods.read_machine_file(call),
+        ..LOOK
+    },
+    Method {
+        name: "machine.check",
+        params: &[needed("text", Kind::Text)],
+        does: "what is wrong with a \"text\" as the machine file: \"errors\", each with its place; none if it is right",
+        gives: Gives::Errors,
+        role: Role::SetUp,
+        call: |methods, call| methods.check_machine_file(call),
+        ..LOOK
+    },
+    Method {
+        name: "machine.write",
+        params: &[needed("text", Kind::Text), needed("sha256", Kind::Octets(32))],
+        does: "puts a \"text\" in the place of the machine file whose SHA-256 is \"sha256\", and keeps that one beside it (\"before\"); \
+               refused where it is wrong, where another has changed the file, and where the machine does not rest. Takes effect at \
+               the next start",
+        gives: Gives::FileWritten,
+        role: Role::SetUp,
+        call: |methods, call| methods.write_machine_file(call),
+        ..ORDER
+    },
+    Method {
+        name: "machine.doctor",
+        does: "what on this PC stands in the way of real time, as isocnc doctor --no-tests --json says",
+        gives: Gives::Doctor,
+        call: |methods, call| methods.doctor(call),
+        ..LOOK
+    },
+    Method {
+        name: "hal.values",
+        params: &[needed("pins", Kind::Texts(VALUES_MAX))],
+        does: "\"pins\" of a list, as \"hal.list\" tells them",
+        gives: Gives::Pins,
+        call: |methods, call| Some(methods.pin_values(call)),
+        ..LOOK
+    },
+    Method {
+        name: "hal.set",
+        params: &[needed("pin", Kind::Text), needed("value", Kind::Text)],
+        does: "gives a \"pin\" that no net reaches a \"value\": a number, 0, 1, false or true; the journal tells it",
+        role: Role::SetUp,
+        call: |methods, call| methods.set_pin(call),
+        ..ORDER
+    },
+    Method {
+        name: "cycle.times",
+        does: "how many cycles since the start took how long, \"counts\" up to each of \"edges_us\" and beyond: \"period\" (what the \
+               distance of two SoCs differs from the cycle), \"lateness\" of the SoC, \"exchange\", \"compute\"",
+        gives: Gives::Times,
+        call: |methods, _| Some(Ok(methods.cycle_times())),
+        ..LOOK
     },
 ];

@@ -123,7 +123,8 @@ fn names_are_given_once_and_the_table_tells_them() {
     let table = call(&mut methods(), "methods", json!({})).unwrap().unwrap();
     assert_eq!(table.as_array().unwrap().len(), METHODS.len());
     assert_eq!(table[12]["name"], "bus.sdo_read");
-    assert_eq!(table[12]["params"], json!(["node", "index", "sub"]));
+    assert_eq!(table[12]["params"], json!(["node", "index", "sub", "request_id"]));
+    assert_eq!(table[3]["params"], json!([]), "who only looks needs no id");
 }
 
 #[test]
@@ -139,7 +140,8 @@ fn refusals_say_what_there_is() {
          hal.list, scope.begin, scope.next, scope.end, \
          mdi, mdi.history, touch_off, offset.list, offset.set, tool.list, tool.set, tool.changed, jog, jog.keep, \
          jog.stop, hold, resume, skip, reverse, single_block, optional_stop, block_delete, stop, override, journal.since, parts.set, alarm.acknowledge, \
-         logic.list, logic.look, logic.force, logic.release, logic.reload"
+         logic.list, logic.look, logic.force, logic.release, logic.reload, \
+         machine.file, machine.check, machine.write, machine.doctor, hal.values, hal.set, cycle.times"
     );
     assert_eq!(
         refusal(&mut methods, "status", json!({ "x": 1 })),

@@ -377,6 +377,7 @@ impl Operator {
     /// What is known of an alarm, which is the next entry; `first`: it is the first cause.
     fn alarm_record(&mut self, code: &str, reaction: Reaction, first: bool) -> AlarmRecord {
         let seq = self.seq + 1;
+        self.endpoints.live.desk.count_alarm(reaction);
         if first {
             self.first_cause = seq;
         }

@@ -17,7 +17,7 @@ pub use laps::{Laps, Part};
 use super::drives::{Drive, Drives};
 use super::homing::Homer;
 use super::pins::Pins;
-use super::shared::{Command, Notice, RtStatus, Snapshot, TimedNotice, Trace};
+use super::shared::{Command, Notice, Phase, RtStatus, Snapshot, TimedNotice, Trace};
 use crate::bus::{BusEvent, BusState, CycleReport, CyclicBus, InputImage, NodeIndex, NodeState, OutputImage};
 use crate::config::JOINTS_MAX;
 use crate::machine::faults::{EstopCause, Fault, Reaction};
@@ -296,6 +296,7 @@ impl<B: CyclicBus> MotionController<B> {
     #[cfg_attr(feature = "rtsan", rtsan_standalone::nonblocking)]
     pub fn show_timing(&mut self, timing: &Timing) {
         self.parts.pins.show_timing(timing);
+        self.outlets.live.times.record(timing);
     }
 
     /// From now on pins are sampled at the end of each cycle, for those who ask for it.
@@ -822,8 +823,18 @@ impl<B: CyclicBus> MotionController<B> {
             jog_barred: self.parts.pins.is_jog_barred(),
             chain_open: self.chain_opened_by().is_some(),
             held_at: self.away_from.map(|place| place.axes),
+            piece_end: self.program.as_ref().and_then(|program| program.piece_end()),
             limits: self.limits,
         });
+        if self.program.is_some() {
+            let phase = match self.sample.state {
+                _ if self.away_from.is_some() || self.state == State::Held => Phase::Hold,
+                SampleState::Moving if self.sample.rapid => Phase::Rapid,
+                SampleState::Moving => Phase::Cut,
+                _ => Phase::Wait,
+            };
+            self.outlets.live.count_phase(phase);
+        }
         if self.program.is_some() && self.away_from.is_none() {
             let mut actual_mm = [0.0; JOINTS_MAX];
             let mut following_error_mm = 0.0_f64;

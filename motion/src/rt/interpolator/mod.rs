@@ -323,6 +323,17 @@ impl Interpolator {
         }
     }
 
+    /// Where the piece of path under way ends, in the direction of the program, machine position; `None`: nothing moves along one. RT.
+    pub fn piece_end(&self) -> Option<Position> {
+        let piece = match self.track.current()? {
+            Element::Span(span) => &span.piece,
+            Element::Synced(synced) => &synced.piece,
+            Element::Probing(probing) => &probing.piece,
+            Element::Dwell { .. } | Element::Action { .. } => return None,
+        };
+        Some(piece.position(piece.length()))
+    }
+
     /// Whether nothing moves and nothing will before a step with a share other than 0. RT.
     pub fn is_at_rest(&self) -> bool {
         match self.track.current() {

@@ -22,6 +22,8 @@ interface Node {
     boots: number;
     errors_total: number;
     last_fault: string | null;
+    /** In words, the newest first. */
+    errors: string[];
   } | null;
 }
 
@@ -124,6 +126,17 @@ function Objects({ node }: { node: Node }) {
           ))}
         </ol>
       )}
+      {node.live && (node.live.last_fault || node.live.errors.length > 0) && (
+        <>
+          <h3>{t("node-errors", { n: node.live.errors_total })}</h3>
+          <ul class="node-errors scroll" tabIndex={0} aria-label={t("node-errors", { n: node.live.errors_total })}>
+            {node.live.last_fault && <li>{node.live.last_fault}</li>}
+            {node.live.errors.map((error, at) => (
+              <li key={at}>{error}</li>
+            ))}
+          </ul>
+        </>
+      )}
       <div class="row">
         <Field id="sdo-index" label={`${t("index")} (hex)`} value={index} onInput={setIndex} />
         <Field id="sdo-sub" label={t("sub-index")} value={sub} onInput={setSub} numeric />
@@ -187,10 +200,89 @@ function Time({ network }: { network: Network }) {
   );
 }
 
+interface Times {
+  edges_us: number[];
+  counts: number[];
+}
+
+const TIMES = ["period", "lateness", "exchange", "compute"] as const;
+type Which = (typeof TIMES)[number];
+
+/** How many cycles took how long: since the start, and while this page is open. */
+function Jitter() {
+  const [which, setWhich] = useState<Which>("period");
+  const [first, setFirst] = useState<Record<Which, Times> | null>(null);
+  const [now, setNow] = useState<Record<Which, Times> | null>(null);
+  const [failed, setFailed] = useState("");
+  const look = (begin: boolean) =>
+    connection.call<Record<Which, Times>>("cycle.times").then(
+      (answer) => {
+        if (begin) setFirst(answer);
+        setNow(answer);
+        setFailed("");
+      },
+      (refused: Error) => setFailed(refused.message),
+    );
+  useEffect(() => {
+    void look(true);
+    const timer = setInterval(() => void look(false), 500);
+    return () => clearInterval(timer);
+  }, []);
+  if (!now || !first) return <Card title={t("jitter")}>{failed && <p class="muted">{failed}</p>}</Card>;
+  const { edges_us, counts } = now[which];
+  const live = counts.map((count, at) => count - first[which].counts[at]!);
+  const [all, seen] = [counts, live].map((list) => list.reduce((sum, count) => sum + count, 0)) as [number, number];
+  // Rare cycles are what is looked for: by the logarithm.
+  const height = (count: number, sum: number) => (count === 0 ? 0 : 8 + (92 * Math.log10(count + 1)) / Math.log10(sum + 1));
+  const label = (at: number) => (at < edges_us.length ? `≤ ${edges_us[at]} µs` : `> ${edges_us.at(-1)} µs`);
+  const used = counts.map((count, at) => (count > 0 ? at : -1)).filter((at) => at >= 0);
+  const [from, to] = [Math.max(0, (used[0] ?? 0) - 1), Math.min(counts.length - 1, (used.at(-1) ?? 0) + 1)];
+  const save = () => {
+    const link = document.createElement("a");
+    link.href = URL.createObjectURL(new Blob([JSON.stringify(now, null, 1)], { type: "application/json" }));
+    link.download = "isocnc-cycle-times.json";
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
+  };
+  return (
+    <Card id="jitter" title={t("jitter")} tools={<Button label={t("jitter-anew")} onClick={() => setFirst(now)} />}>
+      <Choice label={t("jitter")} value={which} options={TIMES.map((value) => ({ value, label: t(`times-${value}`) }))} onChange={setWhich} />
+      <ol class="histogram" data-testid="histogram" data-cycles={all} data-live={seen} tabIndex={0} aria-label={t("jitter")}>
+        {counts.slice(from, to + 1).map((count, place) => (
+          <li key={from + place}>
+            <span class="bars">
+              <i class="all" style={{ width: `${height(count, all)}%` }} />
+              <i class="live" style={{ width: `${height(live[from + place]!, seen)}%` }} />
+            </span>
+            <span>{label(from + place)}</span>
+            <span>{count}</span>
+            <span>{live[from + place]}</span>
+          </li>
+        ))}
+        <li class="strong">
+          <span />
+          <span>{t("sum")}</span>
+          <span>{all}</span>
+          <span>{seen}</span>
+        </li>
+      </ol>
+      <p class="legend">
+        <i class="all" /> {t("jitter-all")} <i class="live" /> {t("jitter-live")}
+      </p>
+      <div class="row">
+        <Button label={t("jitter-save")} onClick={save} />
+      </div>
+    </Card>
+  );
+}
+
+type Part = "objects" | "time" | "jitter";
+
 export function Bus() {
   const [network, error] = useNetwork();
   const [chosen, setChosen] = useState<number | null>(null);
-  const [part, setPart] = useState<"objects" | "time">("time");
+  const [part, setPart] = useState<Part>("time");
+  const times = useStore((s) => s.methods.has("cycle.times"));
   const connected = useStore((s) => s.connected);
   const node = network?.nodes.find((one) => one.id === chosen);
   return (
@@ -215,18 +307,19 @@ export function Bus() {
         </Card>
       </div>
       <div class="column" tabIndex={0} role="group" aria-label={t("time")}>
-        {node && (
-          <Choice
-            label={t("page-bus")}
-            value={part}
-            options={[
-              { value: "objects", label: t("objects") },
-              { value: "time", label: t("time") },
-            ]}
-            onChange={setPart}
-          />
-        )}
-        {node && part === "objects" ? <Objects node={node} /> : network && <Time network={network} />}
+        <Choice
+          label={t("page-bus")}
+          value={part}
+          options={
+            [
+              ...(node ? [{ value: "objects", label: t("objects"), id: "part-objects" }] : []),
+              { value: "time", label: t("time"), id: "part-time" },
+              ...(times ? [{ value: "jitter", label: t("jitter"), id: "part-jitter" }] : []),
+            ] as { value: Part; label: string; id: string }[]
+          }
+          onChange={setPart}
+        />
+        {part === "jitter" ? <Jitter /> : node && part === "objects" ? <Objects node={node} /> : network && <Time network={network} />}
       </div>
     </div>
   );

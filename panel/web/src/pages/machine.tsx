@@ -1,11 +1,13 @@
-/** The journal, and what runs here. */
+/** The journal, the machine file, this PC, and what runs here. */
 import { useEffect, useState } from "preact/hooks";
+import { useSmall } from "../hooks";
 import { dateAndTime, t } from "../i18n";
 import { machine } from "../machine";
 import { about } from "../shell";
-import { ask, tellRefused, useStatus } from "../store";
+import { ask, authorised, say, tellRefused, useStatus, useStore } from "../store";
 import type { Entry } from "../types";
-import { Card, Choice } from "../ui";
+import { Button, Card, Choice, Icon } from "../ui";
+import { FileEditor } from "./machine-file";
 
 type Kind = "all" | "alarm" | "warning";
 
@@ -13,7 +15,9 @@ function Journal() {
   const [entries, setEntries] = useState<Entry[]>([]);
   const [kind, setKind] = useState<Kind>("all");
   const last = useStatus((s) => JSON.stringify(s.messages.at(-1) ?? null)) ?? "";
+  const connected = useStore((s) => s.connected);
   useEffect(() => {
+    if (!connected) return;
     let wanted = true;
     const fetch = async (seq: number, known: Entry[]): Promise<void> => {
       const { entries, more, last } = await ask<{ entries: Entry[]; more: boolean; last: number }>("journal.since", { seq });
@@ -23,7 +27,7 @@ function Journal() {
     };
     fetch(0, []).catch(tellRefused);
     return () => void (wanted = false);
-  }, [last]);
+  }, [last, connected]);
   const shown = entries.filter((entry) => kind === "all" || entry.kind === kind).slice(0, 300);
   return (
     <Card
@@ -89,15 +93,98 @@ function Versions() {
   );
 }
 
+interface Doctor {
+  about: string[];
+  lines: { name: string; group: string; level: string; state: "ok" | "missing" | "unknown"; found: string; wanted: string; fix: string | null }[];
+}
+
+/** What of this PC stands in the way of real time. */
+function DoctorCard() {
+  const [report, setReport] = useState<Doctor | null>(null);
+  const [looking, setLooking] = useState(false);
+  const look = () => {
+    setLooking(true);
+    ask<Doctor>("machine.doctor")
+      .then(setReport, tellRefused)
+      .finally(() => setLooking(false));
+  };
+  const missing = report?.lines.filter(({ state }) => state === "missing") ?? [];
+  const rest = report?.lines.filter(({ state }) => state !== "missing") ?? [];
+  return (
+    <Card title={t("doctor")} kind="doctor" tools={<Button id="doctor" label={looking ? t("checking") : t("doctor-look")} disabled={looking} onClick={look} />}>
+      {!report && <p class="muted">{t("doctor-explained")}</p>}
+      {report && (
+        <div class="scroll" tabIndex={0} role="group" aria-label={t("doctor")} data-testid="doctor-lines" data-count={report.lines.length}>
+          {report.about.map((line) => (
+            <p key={line} class="muted">
+              {line}
+            </p>
+          ))}
+          <ul class="findings">
+            {[...missing, ...rest].map((line) => (
+              <li key={line.name} class={line.state}>
+                <Icon name={line.state === "ok" ? "check" : "warning"} />
+                <span>
+                  <b>{line.name}</b> <small>{t(`doctor-${line.state}`)} · {line.level}</small>
+                  <br />
+                  {line.found} {line.state !== "ok" && <small>({line.wanted})</small>}
+                  {line.fix && line.state !== "ok" && <code class="fix">{line.fix}</code>}
+                </span>
+              </li>
+            ))}
+          </ul>
+        </div>
+      )}
+    </Card>
+  );
+}
+
+/** The folder of the state and the machine file as one file. */
+function BackupCard() {
+  const may = useStore((s) => s.role === "set-up");
+  const name = useStatus((s) => s.machine) ?? "isocnc";
+  const save = async () => {
+    const answer = await fetch("backup", { headers: authorised() });
+    if (!answer.ok) return say("refused", ((await answer.json()) as { error: string }).error);
+    const link = document.createElement("a");
+    link.href = URL.createObjectURL(await answer.blob());
+    link.download = `${name}-${new Date().toISOString().slice(0, 10)}.tar`;
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
+    say("note", t("backup-done", { name: link.download }));
+  };
+  return (
+    <Card title={t("backup")}>
+      <p class="muted">{t("backup-explained")}</p>
+      <Button id="backup" label={t("backup-save")} disabled={!may} onClick={() => void save().catch(tellRefused)} />
+    </Card>
+  );
+}
+
+type Part = "journal" | "file" | "pc" | "versions";
+
 export function Machine() {
+  const small = useSmall();
+  const [part, setPart] = useState<Part>("journal");
+  const parts: { value: Part; label: string; id: string }[] = [
+    { value: "journal", label: t("journal"), id: "part-journal" },
+    { value: "file", label: t("machine-file"), id: "part-file" },
+    { value: "pc", label: t("doctor"), id: "part-pc" },
+    ...(small ? [{ value: "versions" as const, label: t("versions"), id: "part-versions" }] : []),
+  ];
+  const about = (
+    <>
+      <Versions />
+      <BackupCard />
+    </>
+  );
   return (
     <div class="page machine-page">
       <div class="column">
-        <Journal />
+        <Choice label={t("page-machine")} value={part} options={parts} onChange={setPart} />
+        {part === "file" ? <FileEditor /> : part === "pc" ? <DoctorCard /> : part === "versions" ? about : <Journal />}
       </div>
-      <div class="column">
-        <Versions />
-      </div>
+      {!small && <div class="column">{about}</div>}
     </div>
   );
 }

@@ -15,7 +15,13 @@ use cia402::profile::{axis_of, object_of};
 use obd::cdc::CdcWriter;
 use obd::mapping::MappingEntry;
 use obd::{Access, Expected, Scalar};
+use powerlink::nmt::NmtState;
 use powerlink::wire::{PAYLOAD_LIMIT_MIN, node::MN};
+
+/// States that a node can tell.
+pub fn node_states() -> impl Iterator<Item = String> {
+    NmtState::ALL.iter().map(ToString::to_string)
+}
 
 /// Plans of all nodes, in the order of the machine file.
 pub fn plan(config: &Config) -> Vec<NodePlan> {

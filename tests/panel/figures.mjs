@@ -1,0 +1,200 @@
+// Figures of the panel, with the load of the PC beside them: node tests/panel/figures.mjs [click] [rate] [cycle] [first] [million]
+// Nothing is asserted: run it on a PC that does nothing else, with ISOCNC=target/release/isocnc.
+import { readFileSync, readdirSync, rmSync, writeFileSync } from "node:fs";
+import { loadavg } from "node:os";
+import { join } from "node:path";
+import { launch, missing, start, until } from "./start.mjs";
+
+if (missing) throw new Error(`there is no ${missing}`);
+const port = 20_000 + (process.pid % 20_000);
+const url = `http://127.0.0.1:${port}/`;
+const wanted = process.argv.slice(2);
+const wants = (name) => wanted.length === 0 || wanted.includes(name);
+const sleep = (ms) => new Promise((wake) => setTimeout(wake, ms));
+const told = (what, figure) => console.log(`${what.padEnd(64)} ${figure}   (load ${loadavg()[0].toFixed(1)})`);
+const quantile = (all, q) => all.toSorted((a, b) => a - b)[Math.min(all.length - 1, Math.floor(q * all.length))];
+
+const { folder, control, ask } = await start(port);
+const browser = await launch();
+try {
+  await until(ask, "the network", () => ask("status").then(({ state }) => state === "disabled", () => false));
+  const page = async (hash = "") => {
+    const page = await browser.newPage();
+    await page.setViewport({ width: 1280, height: 800 });
+    await page.goto(url + hash);
+    await page.waitForFunction(() => document.querySelector("[data-testid=state]")?.dataset.state);
+    return page;
+  };
+
+  if (wants("first")) {
+    const times = [];
+    for (let i = 0; i < 10; i++) {
+      const context = await browser.createBrowserContext();
+      const fresh = await context.newPage();
+      const begin = performance.now();
+      await fresh.goto(url);
+      await fresh.waitForFunction(() => document.querySelector("[data-testid=dro-x]") && document.querySelector("[data-testid=state]")?.dataset.state, { polling: "raf" });
+      times.push(performance.now() - begin);
+      await context.close();
+    }
+    told("first view with positions, nothing in the cache, of 10", `median ${quantile(times, 0.5).toFixed(0)} ms, worst ${Math.max(...times).toFixed(0)} ms`);
+  }
+
+  if (wants("click")) {
+    // A switch that the cycle thread takes and shows: from the click until the button shows what the cycle thread says, so the way back
+    // and the drawing are in it.
+    const one = await page("#/operate");
+    const times = await one.evaluate(async () => {
+      const button = [...document.querySelectorAll("[data-testid=single-block], button")].find((element) => element.dataset.testid === "single-block");
+      const times = [];
+      for (let i = 0; i < 300; i++) {
+        const begin = performance.now();
+        const changed = new Promise((resolve) => {
+          const watch = new MutationObserver(() => {
+            watch.disconnect();
+            resolve();
+          });
+          watch.observe(button, { attributes: true, attributeFilter: ["aria-pressed"] });
+        });
+        button.click();
+        await changed;
+        times.push(performance.now() - begin);
+        await new Promise((wake) => setTimeout(wake, 30 + Math.random() * 20));
+      }
+      return times;
+    });
+    await one.close();
+    told("click to what the cycle thread did of it, shown again, of 300", `median ${quantile(times, 0.5).toFixed(1)} ms, p99 ${quantile(times, 0.99).toFixed(1)} ms`);
+  }
+
+  /** Clients at 20 Hz; how many messages they hear is counted. */
+  const clients = (one, count) =>
+    one.evaluate(
+      (count) =>
+        new Promise((resolve) => {
+          window.heard = 0;
+          window.all = Array.from({ length: count }, () => {
+            const socket = new WebSocket(`ws://${location.host}/rpc`);
+            socket.onopen = () => socket.send(JSON.stringify({ jsonrpc: "2.0", id: 1, method: "subscribe", params: { rate_hz: 20 } }));
+            socket.onmessage = () => window.heard++;
+            return socket;
+          });
+          setTimeout(resolve, 1000);
+        }),
+      count,
+    );
+  const gone = (one) => one.evaluate(() => window.all.forEach((socket) => socket.close()));
+  /** Time of processors of the threads of these names, s. */
+  const used = (names) => {
+    let ticks = 0;
+    for (const task of readdirSync(`/proc/${control.pid}/task`)) {
+      const stat = readFileSync(`/proc/${control.pid}/task/${task}/stat`, "utf8");
+      const name = stat.slice(stat.indexOf("(") + 1, stat.lastIndexOf(")"));
+      const fields = stat.slice(stat.lastIndexOf(")") + 2).split(" ");
+      if (names.includes(name)) ticks += Number(fields[11]) + Number(fields[12]);
+    }
+    return ticks / 100;
+  };
+  const blank = async () => {
+    const one = await browser.newPage();
+    await one.goto(`${url}licences.txt`);
+    return one;
+  };
+  /** Something that moves for minutes. */
+  const moving = async () => {
+    const lines = Array.from({ length: 4000 }, (_, i) => `G1 X${i % 2 ? 60 : 0} Y${i % 50} F3000`);
+    await ask("program.run", { name: "moves.ngc", text: ["G21 G90 G54", ...lines, "M2", ""].join("\n") });
+    await until(ask, "it runs", async () => (await ask("status")).line > 3);
+  };
+
+  if (wants("rate")) {
+    await moving();
+    const one = await blank();
+    const measure = async (count, s) => {
+      await clients(one, count);
+      const [before, heard] = [used(["panel", "service"]), await one.evaluate(() => window.heard)];
+      await sleep(1000 * s);
+      const [took, more] = [used(["panel", "service"]) - before, (await one.evaluate(() => window.heard)) - heard];
+      await gone(one);
+      await sleep(500);
+      return [took / s, count ? more / s / count : 0];
+    };
+    const [idle] = await measure(0, 10);
+    const [ten, rate] = await measure(10, 20);
+    told("20 Hz to 10 clients while a program runs", `${(100 * (ten - idle)).toFixed(2)} % of a core (${rate.toFixed(1)} messages/s each; without clients ${(100 * idle).toFixed(2)} %)`);
+    await one.close();
+    await ask("stop");
+  }
+
+  if (wants("cycle")) {
+    await until(ask, "rest", async () => (await ask("status")).activity === "idle");
+    await moving();
+    const one = await blank();
+    const sums = { with: [], without: [] };
+    const mean = async () => {
+      const { text } = await ask("metrics");
+      const of = (name) => Number(text.match(new RegExp(`^isocnc_${name} (.*)$`, "m"))[1]);
+      const counted = () => ["compute", "lateness"].map((what) => [of(`cycle_${what}_seconds_sum`), of(`cycle_${what}_seconds_count`)]);
+      return counted();
+    };
+    for (let round = 0; round < 20; round++) {
+      const kind = round % 2 ? "with" : "without";
+      if (kind === "with") await clients(one, 10);
+      else await sleep(1000);
+      const before = await mean();
+      await sleep(4000);
+      const after = await mean();
+      if (kind === "with") await gone(one);
+      await sleep(300);
+      sums[kind].push(after.map(([sum, count], i) => (1e6 * (sum - before[i][0])) / (count - before[i][1])));
+    }
+    ["compute", "lateness"].forEach((what, i) => {
+      const [a, b] = ["with", "without"].map((kind) => quantile(sums[kind].map((all) => all[i]), 0.5));
+      told(`${what} of a cycle with 10 clients at 20 Hz and without, 20 windows in turn`, `${a.toFixed(1)} and ${b.toFixed(1)} us, ratio ${(a / b).toFixed(3)}`);
+    });
+    await one.close();
+    await ask("stop");
+  }
+
+  if (wants("million")) {
+    await until(ask, "rest", async () => (await ask("status")).activity === "idle", 60_000);
+    const lines = Array.from({ length: 1_000_000 }, (_, i) => {
+      const [angle, radius] = [i * 0.02, 30 + 20 * Math.sin(i * 1e-5)];
+      return `G1 X${(60 + radius * Math.cos(angle)).toFixed(3)} Y${(60 + radius * Math.sin(angle)).toFixed(3)} Z${(-i * 1e-5).toFixed(4)} F3000`;
+    });
+    const path = join(folder, "million.ngc");
+    writeFileSync(path, ["G21 G90 G53", "G0 X60 Y60", ...lines, "M2", ""].join("\n"));
+    const checked = performance.now();
+    await ask("program.load", { path });
+    told("1,000,000 segments: checked and loaded", `${((performance.now() - checked) / 1000).toFixed(1)} s`);
+    const begin = performance.now();
+    const one = await page("#/operate");
+    await one.waitForFunction(() => Number(document.querySelector("[data-testid=path]")?.dataset.segments) > 1000 && Number(document.querySelector("[data-testid=path]").dataset.drawn) > 0, { timeout: 120_000, polling: 20 });
+    told("1,000,000 segments: first picture", `${((performance.now() - begin) / 1000).toFixed(2)} s`);
+    await one.waitForFunction(() => document.querySelector("[data-testid=path]").dataset.whole === "true", { timeout: 600_000 });
+    const { segments, renderer } = await one.$eval("[data-testid=path]", ({ dataset }) => dataset);
+    told(`1,000,000 segments: all of ${segments} drawn (${renderer}, SwiftShader)`, `${((performance.now() - begin) / 1000).toFixed(1)} s`);
+    const frames = await one.evaluate(async () => {
+      const canvas = document.querySelector("[data-testid=path]");
+      const drawn = () => Number(canvas.dataset.drawn);
+      const [first, begin] = [drawn(), performance.now()];
+      const { left, top, width, height } = canvas.getBoundingClientRect();
+      const send = (kind, x) => canvas.dispatchEvent(new PointerEvent(kind, { pointerId: 1, bubbles: true, button: 0, buttons: 1, clientX: left + width / 2 + x, clientY: top + height / 2 }));
+      send("pointerdown", 0);
+      let x = 0;
+      while (performance.now() - begin < 5000) {
+        send("pointermove", (x += 2) % 200);
+        await new Promise((resolve) => requestAnimationFrame(resolve));
+      }
+      send("pointerup", x % 200);
+      return ((drawn() - first) * 1000) / (performance.now() - begin);
+    });
+    told("1,000,000 segments: turned for 5 s (SwiftShader)", `${frames.toFixed(1)} frames/s`);
+    await one.close();
+  }
+} finally {
+  await browser.close();
+  control.removeAllListeners("exit");
+  control.kill("SIGINT");
+  rmSync(folder, { recursive: true });
+}

@@ -1,0 +1,86 @@
+// A simulated machine with a panel, for whoever drives it in a browser.
+import { execFileSync, spawn } from "node:child_process";
+import { createConnection } from "node:net";
+import { existsSync, mkdtempSync, readFileSync, writeFileSync } from "node:fs";
+import { createRequire } from "node:module";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+
+export const root = new URL("../../", import.meta.url).pathname;
+export const program = process.env.ISOCNC ?? join(root, "target/debug/isocnc");
+const chromium = process.env.CHROMIUM ?? ["/usr/bin/chromium-headless-shell", "/usr/bin/chromium"].find(existsSync);
+export const modules = join(root, "panel/web/node_modules");
+const serves = () => execFileSync(program, ["run", "--help"], { encoding: "utf8" }).includes("--panel");
+
+/** What is not there; "" where all is. */
+export const missing = !existsSync(program) ? program : !serves() ? "option --panel of it" : !chromium ? "Chromium" : !existsSync(modules) ? "npm ci in panel/web" : "";
+
+/** A machine file of a mill in memory. */
+export function machineFile(name) {
+  return (
+    readFileSync(join(root, "configs/mill3-demo.toml"), "utf8")
+      .replace('name = "mill3-demo"', `name = "${name}"`)
+      .replace('kind = "powerlink"', 'kind = "memory"')
+      .replace('interface = "plk0"\n', "")
+      // A busy PC leaves cycles out: time stands still then, and the machine bears it, as in tests/common.
+      .replace("\nlock_memory = true", "\noverruns_stop = 0\nlock_memory = true")
+      .replace("pres_lost_max = 20", "pres_lost_max = 1000")
+      .replace("following_error_mm = 2.0", "following_error_mm = 100.0")
+      // Somebody changes tools here: the panel's dialogue.
+      .replace(/\[\[hal\.net\]\]\nname = "tool-change-loop".*?\n\n/s, "")
+  );
+}
+
+/** Starts a control; gives its process, its folder and a way to ask it beside the browser. */
+export async function start(port) {
+  const folder = mkdtempSync(join(tmpdir(), "panel-"));
+  const name = `panel-${process.pid}`;
+  writeFileSync(join(folder, "machine.toml"), machineFile(name));
+  const control = spawn(program, ["run", "machine.toml", "--panel", `127.0.0.1:${port}`], { cwd: folder, stdio: ["ignore", "ignore", "inherit"] });
+  const folders = ["/run/isocnc", process.env.XDG_RUNTIME_DIR && `${process.env.XDG_RUNTIME_DIR}/isocnc`, `/dev/shm/isocnc-${process.getuid()}`];
+  const path = await new Promise((resolve, reject) => {
+    control.on("exit", (code) => reject(new Error(`the control has ended: ${code}`)));
+    const look = setInterval(() => {
+      const found = folders.filter(Boolean).map((one) => `${one}/isocnc-control.${name}`).find(existsSync);
+      if (!found) return;
+      clearInterval(look);
+      resolve(found);
+    }, 100);
+  });
+  const ask = (method, params = {}) =>
+    new Promise((resolve, reject) => {
+      const socket = createConnection(path);
+      let text = "";
+      socket.on("connect", () => socket.write(`${JSON.stringify({ jsonrpc: "2.0", id: 1, method, params })}\n`));
+      socket.on("data", (data) => {
+        text += data;
+        if (!text.includes("\n")) return;
+        socket.end();
+        const { result, error } = JSON.parse(text);
+        if (error) reject(new Error(error.message));
+        else resolve(result);
+      });
+      socket.on("error", reject);
+    });
+  return { folder, control, ask };
+}
+
+/** Waits until something holds; what it was last is in the message. */
+export async function until(ask, what, holds, limit_ms = 60_000) {
+  const end = Date.now() + limit_ms;
+  while (Date.now() < end) {
+    const last = await holds();
+    if (last) return last;
+    await new Promise((wake) => setTimeout(wake, 50));
+  }
+  throw new Error(`did not come: ${what}; status ${JSON.stringify(await ask("status")).slice(0, 1500)}`);
+}
+
+/** A browser without a screen, as root without a sandbox, a graphics card by software. */
+export function launch() {
+  const puppeteer = createRequire(join(root, "panel/web/package.json"))("puppeteer-core");
+  return puppeteer.launch({
+    executablePath: chromium,
+    args: ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"],
+  });
+}
