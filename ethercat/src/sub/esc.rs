@@ -53,6 +53,8 @@ pub(super) struct Esc {
     pub(super) events: Events,
     /// A mailbox access has begun and not come to its last octet, one bit for each SyncManager.
     open: u8,
+    /// The part of the logical image that its FMMUs map, from the first octet to the one behind the last.
+    mapped: Range<u64>,
     /// Last write to outputs that the watchdog watches.
     fed_ns: Option<u64>,
     /// What the closed ports show in place of a receive time.
@@ -71,6 +73,7 @@ impl Esc {
             eeprom: parts.eeprom,
             events: Events::default(),
             open: 0,
+            mapped: 0..0,
             fed_ns: None,
             garbage: 0,
         };
@@ -448,6 +451,17 @@ impl Esc {
 
     fn side_effects(&mut self, now_ns: u64, range: &Range<usize>, data: &[u8], times: &[Option<u64>; 4]) {
         let touches = |at: u16, length: usize| ranges_overlap(&(usize::from(at)..usize::from(at) + length), range);
+        if touches(register::FMMU, Fmmu::LEN * usize::from(FMMUS)) {
+            let active = (0..FMMUS).map(|number| self.fmmu(number)).filter(|fmmu| fmmu.active);
+            let ends = active.map(|fmmu| {
+                (
+                    u64::from(fmmu.logical),
+                    u64::from(fmmu.logical) + u64::from(fmmu.length),
+                )
+            });
+            let all = ends.reduce(|all, next| (all.0.min(next.0), all.1.max(next.1)));
+            self.mapped = all.map_or(0..0, |(start, end)| start..end);
+        }
         self.events.al_control |= touches(register::AL_CONTROL, 1);
         for group in ERROR_GROUPS {
             if ranges_overlap(&group, range) {
@@ -552,6 +566,9 @@ impl Esc {
     pub(super) fn logical(&mut self, now_ns: u64, command: Command, logical: u32, data: &mut [u8]) -> u16 {
         let frame = u64::from(logical)..u64::from(logical) + data.len() as u64;
         // Most datagrams of a frame are those of others.
+        if frame.end <= self.mapped.start || frame.start >= self.mapped.end {
+            return 0;
+        }
         let mapped: [Option<(Fmmu, Part)>; FMMUS as usize] = std::array::from_fn(|number| {
             let active = self.memory[usize::from(register::fmmu(number as u8)) + 12] & 1 != 0;
             let fmmu = active.then(|| self.fmmu(number as u8))?;

@@ -25,6 +25,8 @@ struct Station {
     cut: bool,
     /// The next frame is spoilt on this cable.
     spoil: bool,
+    /// What hangs on each port.
+    children: [Option<usize>; 4],
 }
 
 /// A frame that comes back.
@@ -70,7 +72,12 @@ impl Segment {
             delay_ns,
             cut: false,
             spoil: false,
+            children: [None; 4],
         });
+        let number = self.stations.len() - 1;
+        if let Some((parent, port)) = parent {
+            self.stations[parent].children[port] = Some(number);
+        }
         self.update_links(false);
         self.stations.len() - 1
     }
@@ -144,9 +151,7 @@ impl Segment {
     }
 
     fn child(&self, parent: usize, port: usize) -> Option<usize> {
-        self.stations
-            .iter()
-            .position(|station| station.parent == Some((parent, port)))
+        self.stations[parent].children[port]
     }
 
     /// Tells every device which of its ports have a link.
