@@ -4,9 +4,11 @@
 //! Out: per bus cycle the objects to send (statusword, actual values) and the [`Demand`] of the next period, which the
 //!      position loop follows.
 //!
-//! Positions of the network are 32 bits and move with homing; inside, motor counts of 64 bits never jump. The device
+//! Positions of the network are 32 bits, in the units of the factor group, and move with homing; inside, motor counts of 64 bits
+//! never jump. The device
 //! works on the values of a dictionary that somebody else owns and fills: it knows no bus.
 
+mod factors;
 mod homing;
 mod modes;
 mod motion;
@@ -21,9 +23,10 @@ pub use objects::{DEVICE_TYPE, DRIVE_OBJECTS, DRIVE_OBJECTS_WITH_DEMAND, SUPPORT
 pub use power::{Delays, transition};
 
 use crate::profile::{State, controlword, mode, statusword};
+use factors::Factors;
 use homing::Homing;
 use motion::{Generator, round};
-use obd::{AbortCode, Dictionary};
+use obd::{AbortCode, Dictionary, Key};
 use objects::Keys;
 use power::Power;
 use profiles::{SetPoints, Since};
@@ -88,6 +91,9 @@ pub struct Quirks {
     pub homing_methods: u64,
     /// It stays in QUICK STOP ACTIVE whatever 605A says, until its voltage is disabled.
     pub stays_in_quick_stop: bool,
+    /// Its velocity and its position encoder: increments, and the turns of the motor that they are. They count where 6090 says
+    /// that the speed comes from an encoder of its own.
+    pub encoders: [[u32; 2]; 2],
 }
 
 impl Default for Quirks {
@@ -99,6 +105,7 @@ impl Default for Quirks {
             sto: (3, true),
             homing_methods: u64::MAX,
             stays_in_quick_stop: false,
+            encoders: [[1, 1]; 2],
         }
     }
 }
@@ -135,7 +142,8 @@ pub struct Device {
     delays: Delays,
     activity: Activity,
     generator: Generator,
-    /// User position = motor position + offset.
+    factors: Factors,
+    /// Position of the network = motor position in its units + offset.
     offset: i64,
     mode: i8,
     homing: HomingIndication,
@@ -193,6 +201,7 @@ impl Device {
             delays,
             activity: Activity::Off,
             generator: Generator::default(),
+            factors: Factors::default(),
             offset: 0,
             mode: mode::NONE,
             homing: HomingIndication::Idle,
@@ -218,6 +227,12 @@ impl Device {
     #[must_use]
     pub fn with_quirks(self, quirks: Quirks) -> Device {
         Device { quirks, ..self }
+    }
+
+    /// From now on its transitions take so long.
+    pub fn set_delays(&mut self, delays: Delays) {
+        self.delays = delays;
+        self.power.set_delays(delays);
     }
 
     /// Reset of the application: as after power-on, except that the encoder keeps its count and what was injected stays.
@@ -263,7 +278,22 @@ impl Device {
 
     /// Position in the units of the network, before it is cut to 32 bits.
     pub fn user_position(&self, sensors: &Sensors) -> i64 {
-        sensors.position + self.offset
+        self.shown(sensors.position)
+    }
+
+    /// Position of the network for one of the motor.
+    fn shown(&self, counts: i64) -> i64 {
+        self.factors.units(counts) + self.offset
+    }
+
+    /// Motor counts for a position of the network.
+    fn counts(&self, shown: i64) -> f64 {
+        self.factors.increments(shown - self.offset)
+    }
+
+    /// increments/s or increments/s² for a speed or a ramp of the network.
+    fn speed_of<const E: usize, const B: usize>(&self, objects: &Dictionary<E, B>, key: Key<u32>) -> f64 {
+        self.factors.speed(f64::from(objects.get(key)))
     }
 
     /// One bus cycle. `connected`: the node is OPERATIONAL and synchronised, so that the received objects count.
@@ -278,10 +308,12 @@ impl Device {
         let keys = self.keys;
         if matches!(self.activity, Activity::Off) {
             self.generator.track(sensors.position);
+            // With torque on, other units would be a jump.
+            self.factors.update(objects, &keys, self.quirks.encoders);
         }
         // Who leads the drive by velocity or torque knows of positions himself.
         let following_error = match self.generator.control {
-            Control::Position => round(self.generator.position) - sensors.position,
+            Control::Position => self.factors.units(round(self.generator.position) - sensors.position),
             Control::Velocity | Control::Torque => 0,
         };
         let window = objects.get(keys.position_window);
@@ -320,14 +352,14 @@ impl Device {
         objects.set(keys.mode_display, self.mode);
         // The network's positions are the low 32 bits.
         objects.set(keys.position_internal, sensors.position as i32);
-        objects.set(keys.position, (sensors.position + self.offset) as i32);
-        objects.set(keys.velocity, sensors.velocity as i32);
+        objects.set(keys.position, self.shown(sensors.position) as i32);
+        objects.set(keys.velocity, self.velocity_shown(sensors.velocity as f64) as i32);
         objects.set(keys.position_demand_internal, round(self.generator.position) as i32);
         if !self.quirks.target_in_demand {
-            let demand = round(self.generator.position) + self.offset;
+            let demand = self.shown(round(self.generator.position));
             objects.set(keys.position_demand, demand as i32);
         }
-        objects.set(keys.velocity_demand, velocity as i32);
+        objects.set(keys.velocity_demand, self.velocity_shown(velocity) as i32);
         self.watch_probes(objects, sensors);
         let rpm = self.counts_per_rpm(objects);
         objects.set(keys.vl_demand, (velocity / rpm) as i16);
@@ -346,6 +378,11 @@ impl Device {
             brake: powered && objects.get(keys.outputs_mask) & objects.get(keys.outputs) & BRAKE != 0,
             torque: self.generator.torque,
         }
+    }
+
+    /// Velocity of the network for one of the motor, to the nearest unit.
+    fn velocity_shown(&self, counts_s: f64) -> i64 {
+        round(self.factors.velocity_units(counts_s))
     }
 
     fn period_s(&self) -> f64 {
@@ -453,7 +490,7 @@ impl Device {
             _ => false,
         };
         if ramp {
-            let deceleration = f64::from(objects.get(self.keys.deceleration));
+            let deceleration = self.speed_of(objects, self.keys.deceleration);
             self.activity = Activity::Stop {
                 deceleration,
                 number,
@@ -466,7 +503,7 @@ impl Device {
             self.mode,
             mode::PROFILE_POSITION | mode::VELOCITY | mode::PROFILE_VELOCITY | mode::PROFILE_TORQUE
         );
-        if number == 4 && !own_way && !self.interpolation_time_fits(objects) {
+        if number == 4 && !(self.factors.are_good && (own_way || self.interpolation_time_fits(objects))) {
             self.raise_fault(ERROR_PARAMETER);
             return;
         }
@@ -489,8 +526,8 @@ impl Device {
     /// Sets the motor's activity for a state that has just been entered; harmless if it has not changed.
     fn entered<const E: usize, const B: usize>(&mut self, objects: &Dictionary<E, B>, sensors: &Sensors) {
         let keys = self.keys;
-        let ramp = f64::from(objects.get(keys.deceleration));
-        let quick = f64::from(objects.get(keys.quick_deceleration));
+        let ramp = self.speed_of(objects, keys.deceleration);
+        let quick = self.speed_of(objects, keys.quick_deceleration);
         let powered = !matches!(self.activity, Activity::Off);
         self.activity = match self.power.state() {
             State::NotReadyToSwitchOn | State::SwitchOnDisabled | State::ReadyToSwitchOn | State::SwitchedOn => {
@@ -596,12 +633,12 @@ impl Device {
             }
             Activity::Mode if self.connected && word & controlword::HALT != 0 => {
                 let option = objects.get(keys.halt_option);
-                let deceleration = objects.get(if option == 2 {
+                let ramp = if option == 2 {
                     keys.quick_deceleration
                 } else {
                     keys.deceleration
-                });
-                self.generator.approach(0.0, f64::from(deceleration), period_s);
+                };
+                self.generator.approach(0.0, self.speed_of(objects, ramp), period_s);
                 self.homing = HomingIndication::Idle;
             }
             Activity::Mode => match self.mode {
@@ -618,7 +655,7 @@ impl Device {
                 mode::PROFILE_TORQUE => self.torque_profile(objects, sensors),
                 _ => {
                     self.generator
-                        .approach(0.0, f64::from(objects.get(keys.deceleration)), period_s);
+                        .approach(0.0, self.speed_of(objects, keys.deceleration), period_s);
                 }
             },
         }

@@ -20,22 +20,27 @@ impl Device {
             true => self.keys.position_demand,
             false => target,
         });
-        let here = round(self.generator.position) + self.offset;
+        let here = self.shown(round(self.generator.position));
         let target = here + i64::from(target.wrapping_sub(here as i32));
         let (low, high) = self.soft_limits(objects);
         let allowed = if low < high { target.clamp(low, high) } else { target };
         let blocked = sensors.blocked((allowed - here) as f64);
-        let position = if blocked { here } else { allowed };
-        self.limited = position != target;
+        self.limited = blocked || allowed != target;
         self.follows = !self.limited;
-        self.generator.follow((position - self.offset) as f64, self.period_s());
+        let position = if blocked {
+            self.generator.position
+        } else {
+            self.counts(allowed)
+        };
+        self.generator.follow(position, self.period_s());
         if self.follows {
-            self.generator.feed_forward = f64::from(objects.get(self.keys.velocity_offset));
+            let velocity = f64::from(objects.get(self.keys.velocity_offset));
+            self.generator.feed_forward = self.factors.speed(velocity);
             self.generator.torque = f64::from(objects.get(self.keys.torque_offset));
         }
     }
 
-    /// 607D as far as it limits, user positions.
+    /// 607D as far as it limits, positions of the network.
     pub(super) fn soft_limits<const E: usize, const B: usize>(&self, objects: &Dictionary<E, B>) -> (i64, i64) {
         let (low, high) = (objects.get(self.keys.limit_low), objects.get(self.keys.limit_high));
         // An end of the range stands for no limit, so that an axis without limits wraps.
@@ -52,6 +57,7 @@ impl Device {
     ) {
         let keys = self.keys;
         let wanted = f64::from(objects.get(keys.target_velocity)) + f64::from(objects.get(keys.velocity_offset));
+        let wanted = self.factors.speed(wanted);
         self.limited = sensors.blocked(wanted);
         self.follows = !self.limited;
         let velocity = if self.limited { 0.0 } else { wanted };
@@ -95,8 +101,8 @@ impl Device {
         }
         let mut velocity = 0.0;
         if let HomingIndication::Running(mut homing) = self.homing {
-            let search = f64::from(objects.get(keys.homing_search));
-            let latch = f64::from(objects.get(keys.homing_latch));
+            let search = self.speed_of(objects, keys.homing_search);
+            let latch = self.speed_of(objects, keys.homing_latch);
             self.homing = match homing.step(sensors, search, latch, self.generator.at_rest()) {
                 _ if !start => HomingIndication::Idle,
                 Progress::Move(wanted) => {
@@ -106,13 +112,14 @@ impl Device {
                 Progress::Home(position) => {
                     // By the profile zero = home + offset, so that the position at home is minus the offset.
                     let offset = i64::from(objects.get(keys.home_offset));
-                    self.offset = -position + if self.quirks.home_offset_adds { offset } else { -offset };
+                    self.offset =
+                        -self.factors.units(position) + if self.quirks.home_offset_adds { offset } else { -offset };
                     HomingIndication::Attained
                 }
                 Progress::Failed => HomingIndication::Failed,
             };
         }
-        let acceleration = f64::from(objects.get(keys.homing_acceleration));
+        let acceleration = self.speed_of(objects, keys.homing_acceleration);
         self.generator.approach(velocity, acceleration, self.period_s());
     }
 }

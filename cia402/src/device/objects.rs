@@ -29,7 +29,16 @@ const fn rw(index: u16, data_type: DataType, name: &'static str) -> EntryDef {
     EntryDef::rw(index, data_type, name)
 }
 
-/// Objects of a servo drive. Units: counts, counts/s, counts/s²; the factor group is left at one to one.
+/// One half of a ratio.
+const fn ratio(index: u16, name: &'static str, sub: u8, default: i64) -> EntryDef {
+    rw(index, DataType::U32, name)
+        .sub(sub)
+        .default(default)
+        .limits(1, u32::MAX as i64)
+}
+
+/// Objects of a servo drive. Units: those of its factor group (608F to 6096), which is one to one as it comes: counts, counts/s,
+/// counts/s².
 ///
 /// Defaults that the profile leaves to the maker suit 10,000 counts per mm.
 pub const DRIVE_OBJECTS: &[EntryDef] = &[
@@ -125,14 +134,19 @@ pub const DRIVE_OBJECTS: &[EntryDef] = &[
         .limits(1, u32::MAX as i64)
         .rpdo(),
     rw(0x6087, DataType::U32, "Torque_slope").default(10_000).rpdo(),
-    rw(0x608F, DataType::U32, "Position_encoder_resolution")
-        .sub(1)
-        .default(10_000)
-        .limits(1, u32::MAX as i64),
-    rw(0x608F, DataType::U32, "Position_encoder_resolution")
+    ratio(0x608F, "Position_encoder_resolution", 1, 10_000),
+    ratio(0x608F, "Position_encoder_resolution", 2, 1),
+    rw(0x6090, DataType::U32, "Velocity_encoder_resolution").sub(1),
+    rw(0x6090, DataType::U32, "Velocity_encoder_resolution")
         .sub(2)
         .default(1)
         .limits(1, u32::MAX as i64),
+    ratio(0x6091, "Gear_ratio", 1, 1),
+    ratio(0x6091, "Gear_ratio", 2, 1),
+    ratio(0x6092, "Feed_constant", 1, 10_000),
+    ratio(0x6092, "Feed_constant", 2, 1),
+    ratio(0x6096, "Velocity_factor", 1, 1),
+    ratio(0x6096, "Velocity_factor", 2, 1),
     rw(0x6098, DataType::I8, "Homing_method").default(37).rpdo(),
     rw(0x6099, DataType::U32, "Homing_speeds")
         .sub(1)
@@ -288,6 +302,14 @@ keys! {
     torque_slope: u32 = 0x6087 / 0;
     encoder_increments: u32 = 0x608F / 1;
     encoder_revolutions: u32 = 0x608F / 2;
+    velocity_encoder_increments: u32 = 0x6090 / 1;
+    velocity_encoder_revolutions: u32 = 0x6090 / 2;
+    gear_motor: u32 = 0x6091 / 1;
+    gear_shaft: u32 = 0x6091 / 2;
+    feed_units: u32 = 0x6092 / 1;
+    feed_shaft: u32 = 0x6092 / 2;
+    velocity_numerator: u32 = 0x6096 / 1;
+    velocity_divisor: u32 = 0x6096 / 2;
     homing_method: i8 = 0x6098 / 0;
     homing_search: u32 = 0x6099 / 1;
     homing_latch: u32 = 0x6099 / 2;

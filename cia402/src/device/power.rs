@@ -99,6 +99,11 @@ impl Power {
         }
     }
 
+    /// One that is under way goes on as it began.
+    pub(super) fn set_delays(&mut self, delays: Delays) {
+        self.delays = delays;
+    }
+
     pub(super) fn state(&self) -> State {
         self.state
     }

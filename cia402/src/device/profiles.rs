@@ -48,10 +48,10 @@ impl Device {
     /// Greatest speed of the profile modes, counts/s: 607F and 6080.
     fn speed_max<const E: usize, const B: usize>(&self, objects: &Dictionary<E, B>) -> f64 {
         let of_motor = f64::from(objects.get(self.keys.motor_speed_max)) * self.counts_per_rpm(objects);
-        f64::from(objects.get(self.keys.profile_velocity_max)).min(of_motor)
+        self.speed_of(objects, self.keys.profile_velocity_max).min(of_motor)
     }
 
-    /// counts/s for one revolution a minute: 608F.
+    /// counts/s for one revolution of the motor a minute: 608F.
     pub(super) fn counts_per_rpm<const E: usize, const B: usize>(&self, objects: &Dictionary<E, B>) -> f64 {
         let increments = f64::from(objects.get(self.keys.encoder_increments));
         increments / f64::from(objects.get(self.keys.encoder_revolutions).max(1)) / 60.0
@@ -70,18 +70,16 @@ impl Device {
         let mut points = self.set_points;
         if edge && !points.acknowledged {
             let here = round(self.generator.position);
-            let target = i64::from(objects.get(keys.target));
+            let target = objects.get(keys.target);
             let at_once = has(controlword::MODE_5);
             let before = points.next.filter(|_| !at_once).or(points.goal).unwrap_or(here);
-            let target = match has(controlword::MODE_6) {
-                true => before + target,
+            let before = self.shown(before);
+            let way = match has(controlword::MODE_6) {
+                true => target,
                 // The nearest one of those that look so in 32 bits.
-                false => {
-                    let user = before + self.offset;
-                    before + i64::from((target as i32).wrapping_sub(user as i32))
-                }
+                false => target.wrapping_sub(before as i32),
             };
-            let target = self.within_limits(objects, target);
+            let target = self.within_limits(objects, before + i64::from(way));
             match points.goal {
                 Some(_) if !at_once => points.next = Some(target),
                 Some(_) | None => (points.goal, points.next) = (Some(target), None),
@@ -89,9 +87,11 @@ impl Device {
             points.acknowledged = true;
         }
         points.through = has(controlword::MODE_9);
-        let speed = f64::from(objects.get(keys.profile_velocity)).min(self.speed_max(objects));
-        let acceleration = f64::from(objects.get(keys.acceleration));
-        let deceleration = f64::from(objects.get(keys.deceleration));
+        let speed = self
+            .speed_of(objects, keys.profile_velocity)
+            .min(self.speed_max(objects));
+        let acceleration = self.speed_of(objects, keys.acceleration);
+        let deceleration = self.speed_of(objects, keys.deceleration);
         let period_s = self.period_s();
         let blocked = points
             .goal
@@ -127,12 +127,11 @@ impl Device {
         self.set_points = points;
     }
 
-    /// A position that 607D allows, motor counts.
-    fn within_limits<const E: usize, const B: usize>(&self, objects: &Dictionary<E, B>, position: i64) -> i64 {
+    /// Motor counts of a position of the network, as far as 607D allows it.
+    fn within_limits<const E: usize, const B: usize>(&self, objects: &Dictionary<E, B>, shown: i64) -> i64 {
         let (low, high) = self.soft_limits(objects);
-        let user = position + self.offset;
-        let allowed = if low < high { user.clamp(low, high) } else { user };
-        allowed - self.offset
+        let allowed = if low < high { shown.clamp(low, high) } else { shown };
+        round(self.counts(allowed))
     }
 
     /// PV: to the speed of 60FF by 6083 and 6084.
@@ -142,8 +141,8 @@ impl Device {
         sensors: &Sensors,
     ) {
         let keys = self.keys;
-        let wanted = f64::from(objects.get(keys.target_velocity));
-        let ramps = [keys.acceleration, keys.deceleration].map(|ramp| f64::from(objects.get(ramp)));
+        let wanted = self.factors.speed(f64::from(objects.get(keys.target_velocity)));
+        let ramps = [keys.acceleration, keys.deceleration].map(|ramp| self.speed_of(objects, ramp));
         self.reached = self.speed_up_to(objects, sensors, wanted, ramps);
     }
 
@@ -236,7 +235,8 @@ impl Device {
         follows_badly: bool,
     ) -> u16 {
         let keys = self.keys;
-        let speed = sensors.velocity.unsigned_abs();
+        let velocity = self.velocity_shown(sensors.velocity as f64);
+        let speed = velocity.unsigned_abs();
         let period_ns = self.period_ns;
         let bit = |on: bool, bits: u16| if on { bits } else { 0 };
         match self.mode {
@@ -246,7 +246,7 @@ impl Device {
                     | bit(follows_badly, statusword::MODE_ERROR)
             }
             mode::PROFILE_VELOCITY => {
-                let off = sensors.velocity.abs_diff(i64::from(objects.get(keys.target_velocity)));
+                let off = velocity.abs_diff(i64::from(objects.get(keys.target_velocity)));
                 let near = off <= u64::from(objects.get(keys.velocity_window));
                 let near = self.near.holds(near, period_ns, objects.get(keys.velocity_window_ms));
                 let stands = speed <= u64::from(objects.get(keys.standstill));

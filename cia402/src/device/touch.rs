@@ -33,6 +33,7 @@ impl Device {
         sensors: &Sensors,
     ) {
         let function = objects.get(self.keys.probe_function);
+        let (factors, offset) = (self.factors, self.offset);
         let mut status = 0;
         for probe in 0..2 {
             let function = function >> (8 * probe);
@@ -54,7 +55,7 @@ impl Device {
             if let Some(at) = input.edge.filter(|_| wanted) {
                 *stored |= STORED[edge];
                 // The network's positions are the low 32 bits.
-                objects.set(latches(&self.keys, probe)[edge], (at + self.offset) as i32);
+                objects.set(latches(&self.keys, probe)[edge], (factors.units(at) + offset) as i32);
             }
             status |= (ON | *stored) << (8 * probe);
         }

@@ -2,6 +2,7 @@ use super::*;
 use crate::axis::{Axis, AxisConfig, AxisFault, Feedback, HomingState, Mode, Request, Status, Target};
 use proptest::prelude::*;
 
+mod factors;
 mod profiles;
 mod tables;
 mod touch;

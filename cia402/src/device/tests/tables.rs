@@ -275,3 +275,74 @@ fn interpolation_runs_only_with_its_bit_and_without_halt() {
         assert_eq!(rig.sensors.position, if follows { 500 } else { 0 }, "{word:#06x}");
     }
 }
+
+/// What keeps a drive of a cyclic mode from following.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum InTheWay {
+    Nothing,
+    Halt,
+    /// The limit switch of the side to which it is to move.
+    Limit,
+    /// The limit switch of the other side.
+    OtherLimit,
+}
+
+#[test]
+fn cyclic_modes_follow_their_target_unless_halt_or_a_limit_is_in_the_way() {
+    use InTheWay::{Halt, Limit, Nothing, OtherLimit};
+    let mut cases = 0;
+    for code in [
+        mode::CYCLIC_SYNCHRONOUS_POSITION,
+        mode::CYCLIC_SYNCHRONOUS_VELOCITY,
+        mode::CYCLIC_SYNCHRONOUS_TORQUE,
+    ] {
+        for in_the_way in [Nothing, Halt, Limit, OtherLimit] {
+            for direction in [-1, 1] {
+                // Following error beyond its window: only a position has one.
+                for lags in [false, true] {
+                    let mut rig = in_mode(code);
+                    let place = match in_the_way {
+                        Nothing | Halt => 0,
+                        Limit => POSITIVE_LIMIT * direction,
+                        OtherLimit => -POSITIVE_LIMIT * direction,
+                    };
+                    for word in [0x0000, 0x0006, 0x0007] {
+                        rig.turn(place);
+                        for _ in 0..25 {
+                            rig.word(word);
+                        }
+                    }
+                    rig.write(0x607A, 0, place as i32);
+                    for _ in 0..25 {
+                        rig.word(0x000F);
+                    }
+                    rig.write(0x6065, 0, 20_u32);
+                    rig.write(0x6066, 0, u16::MAX);
+                    rig.blocked = lags || code == mode::CYCLIC_SYNCHRONOUS_TORQUE;
+                    let word = with_bits(&[(8, in_the_way == Halt)]);
+                    let mut shown = 0;
+                    for step in 1..=5 {
+                        rig.write(0x607A, 0, (place + 10 * direction * step) as i32);
+                        rig.write(0x60FF, 0, (10_000 * direction) as i32);
+                        rig.write(0x6071, 0, (100 * direction) as i16);
+                        shown = rig.word(word);
+                    }
+                    let case = format!("{code} {in_the_way:?} {direction} {lags}: {shown:#06x}");
+                    let follows = matches!(in_the_way, Nothing | OtherLimit);
+                    assert_eq!(bit(shown, 12), follows, "bit 12, {case}");
+                    assert_eq!(bit(shown, 11), in_the_way == Limit, "bit 11, {case}");
+                    let far = follows && lags && code == mode::CYCLIC_SYNCHRONOUS_POSITION;
+                    assert_eq!(bit(shown, 13), far, "bit 13, {case}");
+                    let moved = if follows { direction as f64 } else { 0.0 };
+                    let demand = match code {
+                        mode::CYCLIC_SYNCHRONOUS_TORQUE => rig.demand.torque / 100.0,
+                        _ => rig.demand.velocity / 10_000.0,
+                    };
+                    assert_eq!(demand, moved, "{case}");
+                    cases += 1;
+                }
+            }
+        }
+    }
+    assert_eq!(cases, 3 * 4 * 2 * 2);
+}
