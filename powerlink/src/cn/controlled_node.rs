@@ -102,7 +102,20 @@ impl<const E: usize, const B: usize> Cn<E, B> {
             exception_reset: false,
             net_time: NetTime::default(),
         };
-        cn.enter(NmtState::Initialising, now_ns, &mut Events::default());
+        cn.power_on(now_ns);
         Ok(cn)
+    }
+
+    /// Switched on, or off and on again: objects have their defaults, and nothing is under way. In place: a node is too large to be
+    /// moved about on the stack of a real-time thread.
+    ///
+    /// RT: no allocation.
+    pub fn power_on(&mut self, now_ns: u64) {
+        self.watch = Watch::NONE;
+        self.application_ready = true;
+        self.exception_reset = false;
+        self.net_time = NetTime::default();
+        // Through all resets, which do the rest.
+        self.enter(NmtState::Initialising, now_ns, &mut Events::default());
     }
 }

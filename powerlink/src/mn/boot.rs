@@ -156,9 +156,8 @@ impl<'a> Node<'a> {
         self.restart_signalling(now_ns);
         events.push(MnEvent::Identified { node: self.config.id });
         self.set_state(NodeState::Configuring, events);
-        if ident.nmt_state == NmtState::Operational {
-            self.stage = BootStage::TakenOver;
-        } else if !self.config.assignment.automatic_start && !core::mem::take(&mut self.boot_asked) {
+        let runs = ident.nmt_state == NmtState::Operational;
+        if !runs && !self.config.assignment.automatic_start && !core::mem::take(&mut self.boot_asked) {
             self.stage = BootStage::Held;
             self.set_state(NodeState::Held, events);
         } else if self.begin_configuration(ident, network) {
@@ -167,6 +166,8 @@ impl<'a> Node<'a> {
                 index: 0,
                 sub: 0,
             };
+        } else if runs {
+            self.stage = BootStage::TakenOver;
         } else {
             self.enable(now_ns, network);
         }
@@ -252,6 +253,9 @@ impl<'a> Node<'a> {
             }
             BootStage::ClosingSdo { was_current } => {
                 if self.sdo.wants_to_transmit(now_ns) {
+                } else if was_current && self.nmt_state == NmtState::Operational {
+                    self.stage = BootStage::TakenOver;
+                    self.polled = !reduced && !self.config.assignment.async_only;
                 } else if was_current {
                     self.enable(now_ns, network);
                 } else {

@@ -401,6 +401,12 @@ impl<'a> Node<'a> {
     pub(super) fn check_state(&mut self, now_ns: u64, network: &Network, events: &mut Events) {
         let got = self.nmt_state;
         let (expected, right) = match self.stage {
+            // What it holds is read while it goes on.
+            BootStage::Configuring { .. } | BootStage::ClosingSdo { .. }
+                if self.config.assignment.keep_alive && got == NmtState::Operational =>
+            {
+                (NmtState::Operational, true)
+            }
             BootStage::Searching { .. } | BootStage::Refused { .. } | BootStage::Reidentifying { .. } => return,
             BootStage::Held
             | BootStage::Configuring { .. }

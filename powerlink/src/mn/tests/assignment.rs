@@ -114,6 +114,58 @@ fn bit_4_takes_a_running_node_over_as_it_is() {
 }
 
 #[test]
+fn a_running_node_is_read_before_it_is_taken_over() {
+    let stamped = boot::stamped_configuration();
+    for (value, kept) in [((CYCLE_NS / US) as u32, true), (7, false)] {
+        let expected = [obd::Expected {
+            index: 0x1006,
+            sub: 0,
+            mask: u32::MAX,
+            value,
+        }];
+        let nodes = |expected| {
+            let mut nodes = [NodeConfig {
+                expected,
+                ..node_config(1, &stamped)
+            }];
+            nodes[0].assignment.keep_alive = true;
+            nodes
+        };
+        let before_nodes = nodes(&[]);
+        let mut before = Net::new(&before_nodes);
+        before.boot();
+        let nodes = nodes(&expected);
+        let mut net = Net::new(&nodes);
+        net.drives = before.drives;
+        net.now_ns = before.now_ns;
+        for drive in net.drives.values_mut() {
+            let dictionary = drive.dictionary_mut();
+            let handle = dictionary.find(0x1C0B, 3).unwrap();
+            dictionary.set_octets(handle, &[0; 4]).unwrap();
+        }
+        net.until(600, |net| match kept {
+            true => net.mn.node_state(0) == NodeState::Operational,
+            false => net.mn.node_state(0) == NodeState::Faulted,
+        });
+        assert_eq!(net.mn.statistics(0).objects_written, 0);
+        let told = net.count_events(|event| matches!(event, MnEvent::ValueMismatch { index: 0x1006, .. }));
+        assert_eq!(told, usize::from(!kept));
+        if kept {
+            assert!(
+                net.commands().iter().all(|(target, _)| *target != 1),
+                "{:?}",
+                net.commands()
+            );
+            net.cycles(1000);
+            assert_eq!(
+                (net.mn.statistics(0).faults, net.mn.node_state(0)),
+                (0, NodeState::Operational)
+            );
+        }
+    }
+}
+
+#[test]
 fn bit_8_boots_and_watches_a_node_without_polls() {
     let configuration = configuration();
     let nodes = [
