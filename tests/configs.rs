@@ -276,3 +276,34 @@ fn a_machine_of_inputs_and_outputs_runs_no_programs_and_says_why() {
         assert!(errors.contains(refused), "{errors}");
     }
 }
+
+/// A program that changes the tool must not wait for ever at a machine that nobody stands beside.
+#[test]
+fn what_is_simulated_answers_the_tool_change_of_each_program_that_it_can_run() {
+    const CHANGED: &str = "iocontrol.0.tool-changed";
+    let cancel = motion::cancel::Cancel::default();
+    let (mut machines, mut waiting) = (0, Vec::new());
+    for file in shipped("toml")
+        .iter()
+        .filter(|file| file.to_string_lossy().ends_with("-demo.toml"))
+    {
+        let config = config::read(file).unwrap_or_else(|errors| panic!("{errors}"));
+        let tables = Tables::read(&config).unwrap();
+        let changes_tools = |program: &PathBuf| {
+            let text = std::fs::read_to_string(program).unwrap();
+            let begin = isocnc::program::Begin::at_home(&config);
+            text.contains("M6")
+                && isocnc::program::check(&config, &tables, "p.ngc", text.as_bytes(), &begin, &cancel).is_ok()
+        };
+        let Some(program) = shipped("ngc").into_iter().find(changes_tools) else {
+            continue;
+        };
+        machines += 1;
+        let mut targets = config.nets.iter().flat_map(|net| &net.targets);
+        if !targets.any(|pin| pin == CHANGED) {
+            waiting.push(format!("{} waits in {}", file.display(), program.display()));
+        }
+    }
+    assert!(waiting.is_empty(), "{CHANGED}: {waiting:#?}");
+    assert!(machines >= 3, "{machines} machines run a program with a tool change");
+}

@@ -7,6 +7,7 @@ use crate::machine::journal::Entry;
 use crate::machine::state::State;
 use crate::operator::console::{Operator, level};
 use crate::program::Overview;
+use crate::rt::shared::Snapshot;
 use motion::canon::Axis;
 use std::time::Duration;
 use tracing::Level;
@@ -43,22 +44,30 @@ impl Progress {
         if !matches!(live.state, State::Running | State::Held | State::Stopping) || !self.line.is_due() {
             return;
         }
-        let axis = |axis: Axis| live.position[axis];
-        // What matters most first: narrow terminals show the beginning.
-        let line = format!(
-            "line {:>5} of {}  {:6.1} / {:.1} s  X {:8.3} Y {:8.3} Z {:8.3}  {:6.0} mm/min  SoC late {:.1} us at most",
-            live.line,
-            self.lines,
-            live.elapsed_s,
-            self.planned_s,
-            axis(Axis::X),
-            axis(Axis::Y),
-            axis(Axis::Z),
-            live.velocity_mm_s * 60.0,
-            live.late_max_ns as f64 / 1000.0,
-        );
+        let line = told_of(&live, self.lines, self.planned_s);
         self.line.show(|bar| bar.set_message(line.clone()), || line.clone());
     }
+}
+
+/// How far a program of so many lines and seconds is, and what it waits for. What matters most stands first: narrow terminals show
+/// the beginning.
+fn told_of(live: &Snapshot, lines: u32, planned_s: f64) -> String {
+    let begin = format!(
+        "line {:>5} of {lines}  {:6.1} / {planned_s:.1} s",
+        live.line, live.elapsed_s
+    );
+    if let Some(waiting) = live.waiting {
+        return format!("{begin}  waits: {}; {}", waiting.text(), waiting.release());
+    }
+    let axis = |axis: Axis| live.position[axis];
+    format!(
+        "{begin}  X {:8.3} Y {:8.3} Z {:8.3}  {:6.0} mm/min  SoC late {:.1} us at most",
+        axis(Axis::X),
+        axis(Axis::Y),
+        axis(Axis::Z),
+        live.velocity_mm_s * 60.0,
+        live.late_max_ns as f64 / 1000.0,
+    )
 }
 
 /// An entry of the journal as a line; alarms are red on a terminal.
@@ -74,6 +83,27 @@ pub fn told(entry: &Entry) -> String {
 mod tests {
     use super::*;
     use crate::machine::journal::Kind;
+    use crate::rt::shared::RtStatus;
+    use crate::rt::waiting::Waiting;
+
+    #[test]
+    fn a_program_that_waits_says_for_what_and_what_releases_it() {
+        let live = Snapshot {
+            line: 6,
+            elapsed_s: 2.0,
+            waiting: Some(Waiting::ToolChange { tool: 1 }),
+            ..RtStatus::default().snapshot()
+        };
+        assert_eq!(
+            told_of(&live, 60, 41.0),
+            "line     6 of 60     2.0 / 41.0 s  waits: put tool 1 into the spindle; isocnc tool-changed, or iocontrol.0.tool-changed"
+        );
+        let moves = told_of(&Snapshot { waiting: None, ..live }, 60, 41.0);
+        assert!(
+            moves.starts_with("line     6 of 60     2.0 / 41.0 s  X    0.000 Y"),
+            "{moves}"
+        );
+    }
 
     #[test]
     fn alarms_are_told_as_such() {
