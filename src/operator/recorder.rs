@@ -16,7 +16,7 @@ use motion::canon::Axis;
 const SAMPLES_MAX: usize = 65_536;
 
 /// Cycles of one joint that are kept: a quarter of an hour, 70 MB, only where somebody asks.
-const JOINT_SAMPLES_MAX: usize = 1_000_000;
+pub const JOINT_SAMPLES_MAX: usize = 1_000_000;
 
 /// One cycle of one joint, and the line of the program that it belongs to.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -72,6 +72,9 @@ pub(super) struct BallBarArgs {
     /// Print JSON
     #[arg(long)]
     json: bool,
+    /// Do not ask before the machine moves
+    #[arg(long)]
+    yes: bool,
 }
 
 /// The program of the circles, and the lines that turn: counter-clockwise and clockwise in the plane, whichever comes first.
@@ -140,6 +143,9 @@ pub(super) fn ball_bar(args: &BallBarArgs) -> anyhow::Result<ExitCode> {
     let (text, lines) = program(args.plane, middle_mm, args.radius, args.feed);
     let name = "ball bar";
     prepare_for(&args.out, &[PICTURE, DATA])?;
+    if !args.yes && !experiment::agreed(&moves(&config, args, middle_mm))? {
+        return Ok(ExitCode::FAILURE);
+    }
     let ended = match experiment::run(&config, name, &text, args.json, &mut None)? {
         Ok(ended) => ended,
         Err(code) => return Ok(code),
@@ -165,6 +171,16 @@ pub(super) fn ball_bar(args: &BallBarArgs) -> anyhow::Result<ExitCode> {
         )),
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// What the machine will do, for whoever is asked.
+fn moves(config: &Config, args: &BallBarArgs, middle_mm: [f64; 2]) -> String {
+    let ([first, second], [across, up]) = (args.plane.axes().map(Axis::letter), middle_mm);
+    format!(
+        "{}: homes all joints, then runs circles of {} mm radius around {first} {across:.3} {second} {up:.3} of the machine at {} mm/min, {TURNS} \
+         turns each way; all other axes stay where they are homed",
+        config.name, args.radius, args.feed
+    )
 }
 
 fn title(config: &Config, args: &BallBarArgs, found: &Circularity) -> String {

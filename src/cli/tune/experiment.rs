@@ -8,9 +8,10 @@ use crate::host::signals::{StopSignal, exit_code};
 use crate::host::terminal::say;
 use crate::machine::sequence::Outcome;
 use crate::machine::state::State;
-use crate::machine::tables::{Tables, lock};
+use crate::machine::tables::{Tables, TablesError, lock};
 use crate::operator::operator_loop::{LoopTask, Running};
 use crate::operator::progress::Progress;
+use crate::operator::recorder::JOINT_SAMPLES_MAX;
 use crate::operator::refusal::Refusal;
 use crate::operator::session::{self, Ended, Program, Session, Task, Wire};
 use crate::operator::tuning::record::Record;
@@ -121,6 +122,8 @@ pub(super) struct Plan {
     pub(super) text: String,
     /// What the machine will do, for whoever is asked.
     pub(super) moves: String,
+    /// What makes it shorter, for whoever has asked for too much.
+    pub(super) shorter: &'static str,
 }
 
 /// Asked where the program rests at M0: `true` goes on, `false` ends it.
@@ -142,6 +145,7 @@ pub(super) fn measure(
     let mut watch = Watch {
         joint: args.joint,
         cycle_s: f64::from(config.cycle_us) * 1e-6,
+        shorter: plan.shorter,
         pause,
         paused: false,
         failed: None,
@@ -169,7 +173,7 @@ pub(super) fn measure(
 }
 
 /// Whether somebody at the terminal agrees to what is going to move.
-fn agreed(moves: &str) -> anyhow::Result<bool> {
+pub(super) fn agreed(moves: &str) -> anyhow::Result<bool> {
     let input = std::io::stdin();
     ensure!(
         input.is_terminal(),
@@ -187,6 +191,14 @@ fn agreed(moves: &str) -> anyhow::Result<bool> {
 
 /// Looks on while a program is run.
 pub(super) trait Onlooker: LoopTask {
+    /// Whether a program of this time may be run; nothing has moved.
+    ///
+    /// # Errors
+    /// It may not.
+    fn allows(&self, _time_s: f64) -> anyhow::Result<()> {
+        Ok(())
+    }
+
     /// The program is going to be run.
     fn begin(&mut self, progress: Progress);
     /// It is over.
@@ -205,7 +217,7 @@ pub(super) fn run(
     onlooker: &mut dyn Onlooker,
 ) -> anyhow::Result<Result<Ended, ExitCode>> {
     let signal = StopSignal::install().context("signals")?;
-    let tables = Tables::read(config).map_err(|error| Refusal::of_file(name, error).nothing_moved())?;
+    let tables = tables(config).map_err(|error| Refusal::of_file(name, error).nothing_moved())?;
     let tables = Mutex::new(tables);
     let reader = Reader::from(text.as_bytes());
     let checked = check(
@@ -224,6 +236,9 @@ pub(super) fn run(
         }
         (Err(errors), None) => return Err(Refusal::of_file(name, errors).nothing_moved().into()),
     };
+    onlooker
+        .allows(overview.time_s)
+        .map_err(|error| Refusal::of_file(name, error).nothing_moved())?;
     let wire = match config.bus.kind {
         BusKind::Powerlink => Wire::Interface(config.bus.interface.clone()),
         BusKind::Memory | BusKind::None => Wire::Memory,
@@ -252,6 +267,14 @@ pub(super) fn run(
     let why = ended.operator.journal().last();
     let why = why.map_or_else(String::new, |entry| entry.text.clone());
     Err(Refusal::of_file(name, format!("did not come to its end: {why}")).into())
+}
+
+/// Tools of the machine, and parameters of nobody: what is measured does not turn with the work, and nothing is left behind.
+fn tables(config: &Config) -> Result<Tables, TablesError> {
+    let mut bare = config.clone();
+    (bare.program.parameter_file, bare.state_directory) = (None, None);
+    bare.work_offsets = Default::default();
+    Tables::read(&bare)
 }
 
 struct Forward<'a>(&'a mut dyn Onlooker);
@@ -284,6 +307,7 @@ impl LoopTask for Option<Progress> {
 struct Watch<'a> {
     joint: usize,
     cycle_s: f64,
+    shorter: &'static str,
     pause: Option<Pause<'a>>,
     paused: bool,
     failed: Option<anyhow::Error>,
@@ -294,6 +318,16 @@ struct Watch<'a> {
 }
 
 impl Onlooker for Watch<'_> {
+    fn allows(&self, time_s: f64) -> anyhow::Result<()> {
+        let cycles = (time_s / self.cycle_s).ceil();
+        ensure!(
+            cycles <= JOINT_SAMPLES_MAX as f64,
+            "takes {time_s:.0} s, {cycles:.0} cycles, and a record holds {JOINT_SAMPLES_MAX}: {}",
+            self.shorter
+        );
+        Ok(())
+    }
+
     fn begin(&mut self, progress: Progress) {
         self.progress = Some(progress);
     }
@@ -345,4 +379,50 @@ pub(super) fn write(folder: &Path, name: &str, figures: &serde_json::Value, pict
         files::write(&path, text).with_context(|| path.display().to_string())?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config;
+
+    #[test]
+    fn a_record_that_would_have_no_end_is_refused_with_the_way_out() {
+        let watch = Watch {
+            joint: 0,
+            cycle_s: 0.001,
+            shorter: "a higher --low takes less",
+            pause: None,
+            paused: false,
+            failed: None,
+            skipped: None,
+            skipped_meanwhile: 0,
+            progress: None,
+        };
+        assert!(watch.allows(1000.0).is_ok());
+        assert_eq!(
+            watch.allows(1000.001).unwrap_err().to_string(),
+            "takes 1000 s, 1000001 cycles, and a record holds 1000000: a higher --low takes less"
+        );
+    }
+
+    #[test]
+    fn a_measurement_does_not_turn_with_the_work_and_keeps_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let kept = "5220 1\n5221 7\n5230 30\n";
+        std::fs::write(folder.path().join("own.var"), kept).unwrap();
+        let text = include_str!("../../../configs/mill3-demo.toml")
+            .replace("# parameter_file =", "parameter_file = \"own.var\" #");
+        let config = config::parse(&text, &folder.path().join("m.toml")).unwrap_or_else(|errors| panic!("{errors}"));
+        assert!(config.program.parameter_file.is_some());
+        let value = |tables: &Tables, number: u16| {
+            let found = tables.parameters().iter().find(|(known, _)| *known == number);
+            found.map_or(0.0, |(_, value)| *value)
+        };
+        let of_work = Tables::read(&config).unwrap();
+        assert_eq!([5221, 5230].map(|number| value(&of_work, number)), [7.0, 30.0]);
+        let bare = tables(&config).unwrap();
+        assert_eq!([5221, 5230].map(|number| value(&bare, number)), [0.0, 0.0]);
+        assert_eq!(std::fs::read_to_string(folder.path().join("own.var")).unwrap(), kept);
+    }
 }

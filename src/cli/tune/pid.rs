@@ -209,6 +209,7 @@ pub(super) fn pid(args: &PidArgs) -> anyhow::Result<ExitCode> {
         name: "tune pid",
         text: text(letter, &way, args.apply),
         moves: moves_text(&config, number, letter, &way, args.apply),
+        shorter: "a greater --speed or a shorter --distance takes less",
     };
     let mut proposed = None;
     let mut apply = |record: &Record| {

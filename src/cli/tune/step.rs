@@ -200,6 +200,7 @@ pub(super) fn step(args: &StepArgs) -> anyhow::Result<ExitCode> {
             "{}: homes all joints, then moves joint {} ({letter}) between {:.3} and {:.3} mm, three times there and back, at up to {} mm/s",
             config.name, args.joint.joint, way.ends_mm[0], way.ends_mm[1], way.speed_mm_s
         ),
+        shorter: "a greater --speed or a shorter --distance takes less",
     };
     let record = match measure(&args.joint, &config, &plan, None)? {
         Ok(record) => record,

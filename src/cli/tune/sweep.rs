@@ -126,6 +126,7 @@ pub(super) fn run(args: &SweepArgs) -> anyhow::Result<ExitCode> {
              up to {highest_hz:.0} times a second, within its limits",
             config.name
         ),
+        shorter: "a higher --low, a greater --speed or a shorter --distance takes less",
     };
     let record = match measure(&args.joint, &config, &plan, None)? {
         Ok(record) => record,
