@@ -326,7 +326,10 @@ fn pdo(view: &NetworkView, status: &Value, out: &mut impl Write) -> io::Result<(
     }
 }
 
+/// What each node gets and sends, side by side.
 fn mapping(view: &NetworkView, out: &mut impl Write) -> io::Result<()> {
+    /// Of the left side, at least.
+    const WIDTH: usize = 44;
     for node in &view.nodes {
         writeln!(out, "\n{}", who(node))?;
         let octets = |objects: &[MappedView]| {
@@ -338,7 +341,6 @@ fn mapping(view: &NetworkView, out: &mut impl Write) -> io::Result<()> {
         };
         let left = format!("PReq, to the node: {}", counted(octets(&node.outputs), "octet"));
         let right = format!("PRes, from the node: {}", counted(octets(&node.inputs), "octet"));
-        writeln!(out, "  {left:44}  {right}")?;
         let cell = |object: Option<&MappedView>| {
             object.map_or(String::new(), |object| {
                 let first = object.offset_bits / 8;
@@ -350,11 +352,20 @@ fn mapping(view: &NetworkView, out: &mut impl Write) -> io::Result<()> {
                 };
                 let name = super::words::profile_object_name(object.index);
                 let at = crate::bus::service::object(object.index, object.sub);
-                format!("{place:>7} | {at:9} | {name:20}")
+                format!("{place:>7} | {at:9} | {name}")
             })
         };
-        for row in 0..node.outputs.len().max(node.inputs.len()) {
-            let text = format!("  {:44}  {}", cell(node.outputs.get(row)), cell(node.inputs.get(row)));
+        let rows = (0..node.outputs.len().max(node.inputs.len()))
+            .map(|row| [&node.outputs, &node.inputs].map(|objects| cell(objects.get(row))));
+        let rows: Vec<[String; 2]> = [[left, right]].into_iter().chain(rows).collect();
+        let width = rows
+            .iter()
+            .map(|[left, _]| left.chars().count())
+            .max()
+            .unwrap_or(0)
+            .max(WIDTH);
+        for [left, right] in rows {
+            let text = format!("  {left:width$}  {right}");
             writeln!(out, "{}", text.trim_end())?;
         }
     }

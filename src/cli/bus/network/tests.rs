@@ -148,6 +148,21 @@ fn the_mapping_is_a_table() {
 }
 
 #[test]
+fn what_a_node_sends_stands_in_its_column_beside_the_longest_name() {
+    let mut view = view();
+    view.nodes[0].outputs[1].index = 0x687A;
+    let text = printed(pdo, &view, &status());
+    let rows: Vec<&str> = text.lines().skip(3).take(3).collect();
+    assert!(rows[2].contains("target position of axis 1"), "{text}");
+    let columns = ["PRes, from", "   0..1 | 0x6041", "      2 | 0x6061"];
+    let places: Vec<_> = rows.iter().zip(columns).map(|(row, column)| row.find(column)).collect();
+    assert!(
+        places[0].is_some() && places.iter().all(|place| *place == places[0]),
+        "{text}"
+    );
+}
+
+#[test]
 fn the_budget_takes_the_latency_that_a_node_has_told() {
     let text = printed(|v, _, o| budget(v, o), &view(), &status());
     // 64 octets with preamble and gap are 6.72 us at 100 Mbit/s; node 1 tells 50 us, node 3 nothing.
