@@ -1,10 +1,17 @@
 //! Drives with profiles, on the whole path and on virtual time: each way in which a drive may be built, and each profile that ships.
 
+use isocnc::bus::powerlink::Powerlink;
+use isocnc::bus::powerlink::managing_node::{mn_config, node_configs};
+use isocnc::bus::watch::Watch;
 use isocnc::config::{self, Config, DRIVE_PROFILES, parse_drive_profile};
 use isocnc::machine::sequence::Outcome;
-use isocnc::operator::rehearsal::{Rehearsal, rehearse};
-use isocnc::sim::NetConfig;
+use isocnc::operator::console::Operator;
+use isocnc::operator::rehearsal::{Rehearsal, rehearse, rehearse_on};
+use isocnc::sim::near_end::VirtualBus;
+use isocnc::sim::{NetConfig, SimMachine, VirtualNet};
+use powerlink::wire::NetTime;
 use std::path::Path;
+use std::sync::Arc;
 
 const DEMO: &str = include_str!("../configs/cabinet2-demo.toml");
 const PART: &str = "G21 G90 G54 G64\nG1 X30 Y10 F6000\nG2 X30 Y30 J10\nG1 X0 Y0\nM2\n";
@@ -52,7 +59,11 @@ fn each_profile_that_ships_can_be_read_and_says_that_it_was_not_tried() {
         assert!(Path::new(&file).exists(), "{file}");
     }
     let folder = std::fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/drives")).expect("drives");
-    assert_eq!(folder.count(), DRIVE_PROFILES.len());
+    let is_profile = |entry: &std::io::Result<std::fs::DirEntry>| {
+        let path = entry.as_ref().expect("an entry").path();
+        path.extension().is_some_and(|extension| extension == "toml")
+    };
+    assert_eq!(folder.filter(is_profile).count(), DRIVE_PROFILES.len());
 }
 
 #[test]
@@ -62,7 +73,7 @@ fn a_machine_of_drives_that_are_known_makes_its_part() {
         panic!("three nodes")
     };
     assert_eq!((x.identity.vendor_id, y.identity.vendor_id), (Some(0x6A), Some(0xFB)));
-    assert_eq!(config.joints[0].counts_per_unit, [1_048_576, 10]);
+    assert_eq!(config.joints[0].counts_per_unit, [524_288, 5]);
     assert_eq!(config.joints[1].reactions.shutdown, Some(0));
     let plans = isocnc::bus::plan(&config);
     let writes = |node: usize, index: u16| plans[node].writes.iter().any(|write| write.index == index);
@@ -91,7 +102,29 @@ fn a_drive_of_each_build_homes_and_cuts() {
         assert!(text.contains(from));
         text.replace(from, to)
     };
-    let cases: [(&str, Change<'_>); 12] = [
+    let by_turns = |text: String| text.replace("counts_per_unit = [400, 1]", "turns_per_unit = [1, 5]");
+    let by_velocity = |text: String| {
+        let pid =
+            "mode = \"csv\"\nloop = \"pid\"\npid = { p = 40.0, ff1 = 1.0, ff2 = 0.005 }\ncounts_per_unit = [400, 1]";
+        text.replace("counts_per_unit = [400, 1]", pid)
+    };
+    let factors = "[factor_group]\nencoder = [131072, 1]\ngear = [5, 2]\nfeed = [5000, 1]\nvelocity = [60, 1]";
+    let kept = format!("{factors}\nwrite = false");
+    let encoders = format!("{factors}\nvelocity_encoder = [4096, 1]");
+    let cases: [(&str, Change<'_>); 24] = [
+        ("axes = 2\n[identity]\nvendor_id = 0x12D\nserial = 7", &same),
+        ("without = [\"0x607C\", \"0x6085\"]", &same),
+        ("increments_per_turn = 2000", &by_turns),
+        ("[sto]\nobject = \"0x60FD\"\nbit = 24\nactive = false", &same),
+        ("[[sdo]]\nobject = \"0x6067\"\nvalue = 20\nbits = 32", &same),
+        (factors, &same),
+        (factors, &offset),
+        (factors, &by_control),
+        // 2000 units a turn of the motor.
+        (factors, &by_turns),
+        (factors, &by_velocity),
+        (&encoders, &by_velocity),
+        (&kept, &by_velocity),
         ("", &same),
         ("home_offset = \"minus\"", &offset),
         ("home_offset = \"plus\"", &offset),
@@ -115,6 +148,15 @@ fn a_drive_of_each_build_homes_and_cuts() {
         ),
         ("[reactions]\nquick_stop = 6\ndisable = 0", &same),
     ];
+    // Every key of a profile is of one of them, or of one below.
+    let schema: serde_json::Value = serde_json::from_str(include_str!("../drives/profile.schema.json")).expect("JSON");
+    let keys = schema["properties"].as_object().expect("keys").keys();
+    let is_tried = |key: &str| cases.iter().any(|(profile, _)| profile.contains(key));
+    let others = ["schema", "description", "device_file", "homing_methods"];
+    let untried: Vec<&String> = keys
+        .filter(|key| !is_tried(key) && !others.contains(&key.as_str()))
+        .collect();
+    assert!(untried.is_empty(), "{untried:?}");
     for (profile, change) in cases {
         let config = with_profile(profile, change).unwrap_or_else(|errors| panic!("{profile}: {errors}"));
         cuts(&config, profile);
@@ -126,6 +168,95 @@ fn a_drive_of_each_build_homes_and_cuts() {
         let config = with_profile(&profile, change).unwrap_or_else(|errors| panic!("{profile}: {errors}"));
         cuts(&config, &profile);
     }
+}
+
+/// What the journal has after three seconds of a control of this machine, on whose wire that one is.
+fn journal_beside(wanted: &Config, there: &Config) -> String {
+    let plans = isocnc::bus::plan(wanted);
+    let nodes = node_configs(&wanted.bus, &plans);
+    let link = VirtualNet::new(SimMachine::new(there).expect("simulated"), NetConfig::clean(1));
+    let network = mn_config(wanted, &nodes, [2, 0, 0, 0, 0, 0xF0]);
+    let bus: VirtualBus<'_> =
+        Powerlink::new(network, link, Arc::new(Watch::default()), NetTime::default).expect("a network");
+    rehearse_on(wanted, b"", bus, Operator::standing_by, |run| {
+        run.run_until(3000, |_| false)?;
+        let entries = run.operator.journal().iter();
+        Ok(entries.map(|entry| format!("{}\n", entry.text)).collect())
+    })
+    .expect("a control")
+}
+
+#[test]
+fn a_factor_group_is_written_and_compared_or_compared_alone() {
+    let group = |feed: u32, write: bool| {
+        let profile =
+            format!("[factor_group]\nencoder = [4096, 1]\ngear = [1, 1]\nfeed = [{feed}, 1]\nwrite = {write}");
+        with_profile(&profile, |text| text).unwrap_or_else(|errors| panic!("{errors}"))
+    };
+    let plan = |config: &Config| isocnc::bus::plan(config).swap_remove(1);
+    let of_group = |index: u16| (0x608F..=0x6096).contains(&index);
+    let written = plan(&group(5000, true));
+    let writes = written.writes.iter().filter(|it| of_group(it.index));
+    let writes: Vec<_> = writes.map(|it| (it.index, it.sub, it.value.clone())).collect();
+    let value = |number: u32| number.to_le_bytes().to_vec();
+    assert_eq!(
+        writes,
+        [
+            (0x608F, 1, value(4096)),
+            (0x608F, 2, value(1)),
+            (0x6091, 1, value(1)),
+            (0x6091, 2, value(1)),
+            (0x6092, 1, value(5000)),
+            (0x6092, 2, value(1)),
+        ]
+    );
+    // Before all that is in the units that it makes.
+    let place = |index: u16| written.writes.iter().position(|it| it.index == index);
+    assert!(place(0x6092) < place(0x6065) && place(0x6092) < place(0x6099));
+    let compared = written.expected.iter().filter(|it| of_group(it.index));
+    assert_eq!(
+        compared.map(|it| it.value).collect::<Vec<_>>(),
+        [4096, 1, 1, 1, 5000, 1]
+    );
+    let kept = plan(&group(5000, false));
+    assert!(kept.writes.iter().all(|it| !of_group(it.index)));
+    assert_eq!(kept.expected, written.expected);
+    // The drive was given another one with its own tool.
+    let told = "6092h:1 is 0x00000fa0, expected 0x00001388";
+    let text = journal_beside(&group(5000, false), &group(4000, false));
+    assert!(text.contains(&format!("y-drive (node 2): {told}")), "{text}");
+    let text = journal_beside(&group(5000, true), &group(4000, true));
+    assert!(!text.contains(told), "{text}");
+}
+
+#[test]
+fn the_drive_of_the_spindle_has_its_factor_group_too() {
+    let text = |group: &str| {
+        let drive = format!("mode = \"pv\"\n{group}");
+        DEMO.replace("drive = \"schneider-atv320\"", "drive = \"own.toml\"")
+            .replace("mode = \"vl\"", &drive)
+    };
+    let folder = tempfile::tempdir().expect("a folder");
+    let profile = format!("{HEAD}[factor_group]\nencoder = [4096, 1]\ngear = [2, 1]\nfeed = [3600, 1]");
+    std::fs::write(folder.path().join("own.toml"), profile).expect("written");
+    let config = config::parse(
+        &text("factor_group = { velocity = [1, 60] }"),
+        &folder.path().join("m.toml"),
+    );
+    let config = config.unwrap_or_else(|errors| panic!("{errors}"));
+    // 1800 units a turn of the motor; a velocity unit is 60 of them a second.
+    assert_eq!(config.spindle.axis.map(|axis| axis.units_per_rpm), Some([1, 2]));
+    let part = "G21 G90 G54\nM3 S1200\nG4 P2\nG1 X10 F6000\nM5\nM2\n";
+    rehearse(&config, part.as_bytes(), NetConfig::clean(3), |run| {
+        assert_eq!(
+            run.run(CYCLES_MAX).expect("an end"),
+            Outcome::Completed,
+            "{}",
+            journal(run)
+        );
+        Ok(())
+    })
+    .expect("a run");
 }
 
 #[test]
@@ -156,7 +287,7 @@ fn a_drive_shows_its_safety_circuit_where_its_profile_says() {
 fn what_a_drive_cannot_is_refused_with_what_it_can() {
     let same = |text: String| text;
     let by = |from: &'static str, to: &'static str| move |text: String| text.replacen(from, to, 1);
-    let cases: [(&str, Change<'_>, &str); 10] = [
+    let cases: [(&str, Change<'_>, &str); 16] = [
         (
             "[outputs]\nobjects_max = 2",
             &same,
@@ -202,7 +333,52 @@ fn what_a_drive_cannot_is_refused_with_what_it_can() {
         (
             "",
             &by("counts_per_unit = [400, 1]", "turns_per_unit = [1, 5]"),
-            "joint[1].turns_per_unit = [1, 5]: needs a drive profile that has increments_per_turn",
+            "joint[1].turns_per_unit = [1, 5]: needs a drive profile that has increments_per_turn, or a factor_group that has feed and gear",
+        ),
+        (
+            "[factor_group]\nfeed = [5000, 1]\ngear = [5, 2]",
+            &by(
+                "counts_per_unit = [400, 1]",
+                "counts_per_unit = [401, 1]\nturns_per_unit = [1, 5]",
+            ),
+            "joint[1].counts_per_unit = [401, 1]: contradicts turns_per_unit, which makes [400, 1]: one of them is wrong",
+        ),
+        (
+            "increments_per_turn = 131072\n[factor_group]\nfeed = [5000, 1]\ngear = [5, 2]",
+            &same,
+            "own.toml:3:23: increments_per_turn = 131072: contradicts factor_group, which makes 2000 units of 0x6064 of a turn of the motor",
+        ),
+        (
+            "[factor_group]\nvelocity = [60, 1]",
+            &by(
+                "counts_per_unit = [400, 1]",
+                "counts_per_unit = [400, 1]\nvelocity_ratio = [1, 1]",
+            ),
+            "joint[1].velocity_ratio = [1, 1]: must be the velocity of factor_group, [60, 1], or be left out",
+        ),
+        (
+            "without = [\"0x6091:1\"]",
+            &by(
+                "counts_per_unit = [400, 1]",
+                "counts_per_unit = [400, 1]\nfactor_group = { gear = [1, 1] }",
+            ),
+            "joint[1].factor_group.gear = [1, 1]: the drive has no 0x6091:1, as own.toml says",
+        ),
+        (
+            "increments_per_turn = 2000",
+            &by(
+                "homing = { method = 23,",
+                "homing = { by = \"control\", towards = \"negative\", switch_mm = -3.0, index_distance_mm = 5.1,",
+            ),
+            "joint[1].homing.index_distance_mm = 5.1: must not be above 5, the way of a turn of the motor: a zero mark that is missed",
+        ),
+        (
+            "[[sdo]]\nobject = \"0x6092:1\"\nvalue = 4000\nbits = 32",
+            &by(
+                "counts_per_unit = [400, 1]",
+                "counts_per_unit = [400, 1]\nfactor_group = { feed = [5000, 1] }",
+            ),
+            "joint[1].factor_group.feed = [5000, 1]: must be what `sdo` of the node writes into 0x6092:1, or stand there no more",
         ),
         (
             "increments_per_turn = 4096",
@@ -210,7 +386,7 @@ fn what_a_drive_cannot_is_refused_with_what_it_can() {
                 "counts_per_unit = [400, 1]",
                 "turns_per_unit = [1, 5]\ncounts_per_unit = [400, 1]",
             ),
-            "cannot stand beside turns_per_unit: both are the scale",
+            "counts_per_unit = [400, 1]: contradicts turns_per_unit, which makes [4096, 5]",
         ),
         (
             "modes = [\"cps\"]\nhome = 3",

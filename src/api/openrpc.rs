@@ -88,7 +88,7 @@ fn errors(method: &Method) -> Value {
     if matches!(method.name, "program.load" | "program.check" | "program.run") {
         codes.push((code::UNREADABLE, "the control cannot read the file: upload it"));
     }
-    if method.name.starts_with("bus.sdo") {
+    if method.name.starts_with("bus.sdo") || method.name == "sim.fault" {
         codes.push((code::NODE, "the node does not answer, or cannot be asked now"));
         codes.push((code::NODE_ABORT, "the node has refused it, with an abort code"));
         codes.push((code::NODE_NO_OBJECT, "the node does not have the object"));
@@ -118,6 +118,7 @@ fn kind(param: &Param) -> Value {
             let letters: Vec<String> = Axis::ALL.iter().map(|axis| axis.letter().to_string()).collect();
             json!({ "type": "string", "enum": letters })
         }
+        Kind::SimFault => json!({ "type": "string", "enum": super::methods::sim_faults() }),
         Kind::WorkSystem => json!({ "type": "string", "enum": super::methods::WORK_SYSTEMS }),
     }
 }

@@ -119,6 +119,9 @@ enum Command {
     /// Print what has happened at a running control, and before, where the machine file names a state folder.
     #[command(after_help = "Example: isocnc journal --since 100")]
     Journal(tables::JournalArgs),
+    /// Let something go wrong with a simulated drive of a running control, or mend it.
+    #[command(after_help = "Example: isocnc fault overcurrent --node 1")]
+    Fault(control::FaultArgs),
     /// Work with a running control on a whole screen of a terminal, by keys.
     #[command(after_help = "Example: isocnc top")]
     Top(top::TopArgs),
@@ -216,6 +219,7 @@ pub fn main() -> ExitCode {
         Command::Override(args) => control::set_overrides(args),
         Command::Parts(args) => tables::parts(args),
         Command::Journal(args) => tables::journal(args),
+        Command::Fault(args) => control::fault(args),
         Command::Top(args) => top::top(args),
         Command::Alarm(args) => control::alarm(args),
         Command::Check(args) => check::check(args),

@@ -1,7 +1,7 @@
 //! What a shell, `man` and an editor know of isocnc.
 //!
-//! In:  the command line's description; the schema of the machine file, which `tests/references` makes of its readers; the methods
-//! of the control socket.
+//! In:  the command line's description; the schemas of machine file and drive profile, which `tests/references` makes of their
+//! readers; the methods of the control socket.
 //! Out: a completion script or the schema on standard output; a page of the manual for each command.
 
 use crate::api::openrpc;
@@ -26,6 +26,9 @@ pub struct SchemaArgs {
     /// The methods of the control socket, as an OpenRPC document
     #[arg(long)]
     rpc: bool,
+    /// The schema of a drive profile
+    #[arg(long, conflicts_with = "rpc")]
+    drive: bool,
 }
 
 /// Arguments of `man`.
@@ -92,14 +95,15 @@ complete -c isocnc -n "__fish_seen_subcommand_from hal; and __fish_seen_subcomma
     }
 }
 
-/// Prints the schema of the machine file, or the methods of the control socket.
+/// Prints the schema of the machine file or of a drive profile, or the methods of the control socket.
 ///
 /// # Errors
 /// None.
 pub fn schema(args: &SchemaArgs) -> anyhow::Result<ExitCode> {
-    match args.rpc {
-        true => say(&format!("{:#}\n", openrpc::document())),
-        false => say(include_str!("../../configs/machine.schema.json")),
+    match (args.rpc, args.drive) {
+        (true, _) => say(&format!("{:#}\n", openrpc::document())),
+        (false, true) => say(include_str!("../../drives/profile.schema.json")),
+        (false, false) => say(include_str!("../../configs/machine.schema.json")),
     }
     Ok(ExitCode::SUCCESS)
 }

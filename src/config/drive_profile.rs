@@ -8,6 +8,7 @@ use super::device;
 use super::document::{Log, Section};
 use super::drive::{self, DriveMode, Reactions};
 use super::error::nearest;
+use super::factor_group::{self, FactorGroup};
 use super::joints;
 use super::mapping::parse_object;
 use super::types::{ConfigurationWrite, Identity, Mapped, Profile, Sto};
@@ -75,6 +76,8 @@ pub struct DriveProfile {
     pub inputs: MappingLimits,
     /// How it stops, where the joint does not say.
     pub reactions: Reactions,
+    /// In which units it counts, where the joint does not say.
+    pub factor_group: FactorGroup,
     /// Values that are written before those of the machine file.
     pub writes: Vec<ConfigurationWrite>,
 }
@@ -218,6 +221,15 @@ pub fn parse(name: &str, text: &str, beside: Option<&Path>) -> Result<DriveProfi
     }
 }
 
+/// What the reader asks of each key while it reads this text, which may be wrong, as if it stood in the file `beside`.
+#[cfg(feature = "testing")]
+pub fn questions(text: &str, beside: &Path) -> Vec<(String, super::Question)> {
+    let log = Log::new("", text);
+    let (document, _) = DeTable::parse_recoverable(text);
+    read(Section::root(&log, document.get_ref()), "", Some(beside));
+    log.into_questions()
+}
+
 fn read(mut root: Section<'_, '_>, name: &str, beside: Option<&Path>) -> Option<DriveProfile> {
     root.integer("schema", 1..=1, None);
     let description = root.required("description", "what the drive is, and where what stands here is from");
@@ -265,6 +277,25 @@ fn read(mut root: Section<'_, '_>, name: &str, beside: Option<&Path>) -> Option<
         table.done();
         reactions
     });
+    let factor_group = root.section("factor_group").and_then(|mut table| {
+        let group = factor_group::values(&mut table, &FactorGroup::default());
+        table.done();
+        group
+    });
+    let of_turn = factor_group.and_then(|group| group.units_per_turn());
+    if let (Some([units, turns]), Some(Some(increments))) = (of_turn, increments_per_turn)
+        && (turns != 1 || i64::try_from(units) != Ok(increments))
+    {
+        let units = if turns == 1 {
+            units.to_string()
+        } else {
+            format!("{units}/{turns}")
+        };
+        root.wrong(
+            "increments_per_turn",
+            format!("contradicts factor_group, which makes {units} units of 0x6064 of a turn of the motor"),
+        );
+    }
     let writes = device::writes(&mut root, None, &[]);
     root.done();
     Some(DriveProfile {
@@ -284,6 +315,7 @@ fn read(mut root: Section<'_, '_>, name: &str, beside: Option<&Path>) -> Option<
         outputs: outputs?,
         inputs: inputs?,
         reactions: reactions?,
+        factor_group: factor_group?,
         writes: writes?,
     })
 }

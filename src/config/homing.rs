@@ -60,6 +60,8 @@ pub(super) struct Known<'n> {
     pub(super) velocity_mm_s: Option<f64>,
     pub(super) stop: Option<StopLimits>,
     pub(super) counts_per_unit: Option<[u32; 2]>,
+    /// Way of a turn of its motor, mm.
+    pub(super) turn_mm: Option<f64>,
     /// It has no drive that could search.
     pub(super) is_local: bool,
     /// What is known of its drive.
@@ -242,6 +244,15 @@ fn by_control(
             .number(&section.key("index_distance_mm"), Bound::Positive(LENGTH_MAX))
             .map(Some),
     };
+    if let (Some(Some(distance_mm)), Some(turn_mm)) = (index_distance_mm, known.turn_mm)
+        && distance_mm > turn_mm
+    {
+        let rule = format!(
+            "must not be above {turn_mm}, the way of a turn of the motor: a zero mark that is missed would not be told, and the next \
+             one be taken for it"
+        );
+        section.wrong("index_distance_mm", rule);
+    }
     let index_probe = section.optional_integer("index_probe", 1..=2);
     if let (Some(Some(_)), Some(None)) = (index_probe, index_distance_mm) {
         section.wrong("index_probe", "is for a joint with index_distance_mm");

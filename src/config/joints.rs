@@ -4,13 +4,12 @@ use super::analog;
 use super::compensation;
 use super::document::{Bound, Item, Section};
 use super::drive;
+use super::factor_group::{self, FactorGroup};
 use super::homing::{self, Known};
 use super::mapping::parse_object;
 use super::position_loop;
 use super::steps;
-use super::types::{
-    AxisMap, DriveProfile, HomingBy, InputBits, Joint, JointLimits, Mapped, Node, Profile, Sto, StopLimits,
-};
+use super::types::{AxisMap, HomingBy, InputBits, Joint, JointLimits, Mapped, Node, Profile, Sto, StopLimits};
 use cia402::profile::object_of;
 use motion::canon::{Axis, Position};
 use std::path::Path;
@@ -53,9 +52,10 @@ enum Output {
 
 /// Notes keys that are about a drive on the bus where there is none.
 fn refuse_keys_of_drives(section: &mut Section<'_, '_>, output: Output) {
-    const OF_DRIVES: [&str; 8] = [
+    const OF_DRIVES: [&str; 9] = [
         "node",
         "drive_axis",
+        "factor_group",
         "velocity_ratio",
         "torque_per_mm_s2",
         "reactions",
@@ -108,14 +108,14 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
     let axis = drive_axis.unwrap_or(0);
     let known = of_node.and_then(|node| node.drive.as_ref());
     let mode = drive::mode(section, known);
-    let counts_per_unit = counts_per_unit(section, known, output != Output::Drive || of_node.is_some());
-    let velocity_ratio = match section.optional("velocity_ratio") {
-        None => Some([1, 1]),
-        Some(item) => {
-            let rule = "must be two integers: what 60FFh counts, and the increments/s that it makes";
-            ratio_of_integers(section, "velocity_ratio", item, rule)
-        }
+    let factor_group = match output {
+        Output::Drive => factor_group::factor_group(section, axis, of_node),
+        Output::Step | Output::Analog => Some(FactorGroup::default()),
     };
+    let known_turn = factor_group.and_then(|group| factor_group::units_per_turn(&group, known));
+    let node_is_known = output != Output::Drive || of_node.is_some() && factor_group.is_some();
+    let counts_per_unit = counts_per_unit(section, known_turn, node_is_known);
+    let velocity_ratio = velocity_ratio(section, factor_group);
     let travel_mm = travel(section);
     let velocity_mm_s = section.number("velocity_mm_s", Bound::Positive(VELOCITY_MAX), None);
     let acceleration_mm_s2 = section.number("acceleration_mm_s2", Bound::Positive(ACCELERATION_MAX), None);
@@ -196,6 +196,9 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
                 jerk_mm_s3,
             }),
         counts_per_unit,
+        turn_mm: known_turn
+            .zip(counts_per_unit)
+            .map(|([units, turns], counts)| units as f64 / turns as f64 / ratio(counts)),
         is_local: output != Output::Drive,
         drive: known,
     };
@@ -283,6 +286,7 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
         velocity_ratio: velocity_ratio?,
         torque_per_mm_s2: torque_per_mm_s2?,
         reactions: reactions?,
+        factor_group: factor_group?,
         pid: pid?.map(|(gains, _)| gains),
         amplifier_lag_s: pid?.and_then(|(_, lag_s)| lag_s),
         travel_mm: travel_mm?,
@@ -313,42 +317,81 @@ fn home_count(node: &Node, axis: u8) -> i64 {
     }
 }
 
-/// `counts_per_unit`, or `turns_per_unit` of a motor whose drive profile knows the increments of a turn. `node_is_known`: the node
-/// has no errors of its own.
+/// `velocity_ratio`; the factor group of the drive, where it has one of speeds, must say the same.
+fn velocity_ratio(section: &mut Section<'_, '_>, group: Option<FactorGroup>) -> Option<[u32; 2]> {
+    let Some(item) = section.optional("velocity_ratio") else {
+        return group.map(|group| group.velocity_ratio());
+    };
+    let rule = "must be two integers: what 60FFh counts, and the increments/s that it makes";
+    let ratio = ratio_of_integers(section, "velocity_ratio", item, rule)?;
+    if let Some([above, below]) = group.and_then(|group| group.velocity)
+        && !factor_group::same(ratio, [above, below])
+    {
+        let rule = format!("must be the velocity of factor_group, [{above}, {below}], or be left out");
+        section.wrong("velocity_ratio", rule);
+        return None;
+    }
+    Some(ratio)
+}
+
+/// `counts_per_unit`, or `turns_per_unit` of a motor of which it is known what its drive counts in a turn, `known_turn`; with both
+/// they must be the same. `drive_is_known`: what is said of the drive has no errors of its own.
 fn counts_per_unit(
     section: &mut Section<'_, '_>,
-    known: Option<&DriveProfile>,
-    node_is_known: bool,
+    known_turn: Option<[u64; 2]>,
+    drive_is_known: bool,
 ) -> Option<[u32; 2]> {
     let turns = section.optional("turns_per_unit");
+    let counts = match section.optional("counts_per_unit") {
+        None => None,
+        Some(item) => {
+            let rule = "must be two integers: increments and the mm (degrees) that they make";
+            Some(ratio_of_integers(section, "counts_per_unit", item, rule)?)
+        }
+    };
     let Some(item) = turns else {
         let what = "increments of the drive, or steps, per mm (degree), like [10000, 1]";
-        let item = section.required("counts_per_unit", what)?;
-        let rule = "must be two integers: increments and the mm (degrees) that they make";
-        return ratio_of_integers(section, "counts_per_unit", item, rule);
+        if counts.is_none() {
+            section.required("counts_per_unit", what)?;
+        }
+        return counts;
     };
     let rule = "must be two integers: turns of the motor and the mm (degrees) that they make";
     let [turns, units] = ratio_of_integers(section, "turns_per_unit", item, rule)?;
-    if section.optional("counts_per_unit").is_some() {
-        let rule = "cannot stand beside turns_per_unit: both are the scale";
-        section.wrong("counts_per_unit", rule);
-        return None;
-    }
-    let Some(increments) = known.and_then(|known| known.increments_per_turn) else {
-        if node_is_known {
-            let rule = "needs a drive profile that has increments_per_turn; without one counts_per_unit is the scale";
+    let Some([per_turn, of_turns]) = known_turn else {
+        if drive_is_known {
+            let rule = "needs a drive profile that has increments_per_turn, or a factor_group that has feed and gear; without one \
+                        counts_per_unit is the scale";
             section.wrong("turns_per_unit", rule);
         }
         return None;
     };
-    let Some(counts) = increments.checked_mul(turns) else {
+    let products = per_turn
+        .checked_mul(turns.into())
+        .zip(of_turns.checked_mul(units.into()));
+    let both = products.map(|(above, below)| factor_group::lowest([above, below]));
+    let fits = both.and_then(|both| Some([u32::try_from(both[0]).ok()?, u32::try_from(both[1]).ok()?]));
+    let Some(scale) = fits else {
+        let turn = if of_turns == 1 {
+            format!("{per_turn} a turn")
+        } else {
+            format!("{per_turn} in {of_turns} turns")
+        };
         section.wrong(
             "turns_per_unit",
-            format!("makes more increments than there are numbers, {increments} a turn"),
+            format!("makes more increments than there are numbers, {turn}"),
         );
         return None;
     };
-    Some([counts, units])
+    if let Some(counts) = counts.filter(|counts| !factor_group::same(*counts, scale)) {
+        let [[counted, of], [made, makes]] = [counts, scale];
+        let rule = format!(
+            "contradicts turns_per_unit, which makes [{made}, {makes}]: one of them is wrong, and one is enough; it is [{counted}, {of}]"
+        );
+        section.wrong("counts_per_unit", rule);
+        return None;
+    }
+    Some(scale)
 }
 
 /// How fast it may be jogged before it is homed; left out: a tenth of its velocity.

@@ -19,6 +19,7 @@ mod drive;
 mod drive_profile;
 mod error;
 mod external;
+mod factor_group;
 mod homing;
 mod joints;
 mod kinematics;
@@ -60,6 +61,8 @@ mod types;
 pub use analog::AnalogOutput;
 pub use bus::{is_name, wire_time_ns};
 pub use document::{Bound, Question};
+#[cfg(feature = "testing")]
+pub use drive_profile::questions as drive_profile_questions;
 pub use drive_profile::{BUILT_IN as DRIVE_PROFILES, parse as parse_drive_profile};
 pub use error::{ConfigError, ConfigErrors};
 pub use logics::{End, Interface, LogicPin, LogicTask, pin_type};

@@ -40,15 +40,18 @@ pub enum SimFaultKind {
     Sto,
 }
 
-const FAULTS: [(&str, SimFaultKind); 7] = [
-    ("overcurrent", SimFaultKind::Overcurrent),
-    ("following-error", SimFaultKind::FollowingError),
-    ("limit-switch", SimFaultKind::LimitSwitch),
-    ("index-missing", SimFaultKind::IndexMissing),
-    ("slow-enable", SimFaultKind::SlowEnable),
-    ("power-off", SimFaultKind::PowerOff),
-    ("sto", SimFaultKind::Sto),
-];
+impl SimFaultKind {
+    /// All of them, with their words.
+    pub const WORDS: [(&'static str, SimFaultKind); 7] = [
+        ("overcurrent", SimFaultKind::Overcurrent),
+        ("following-error", SimFaultKind::FollowingError),
+        ("limit-switch", SimFaultKind::LimitSwitch),
+        ("index-missing", SimFaultKind::IndexMissing),
+        ("slow-enable", SimFaultKind::SlowEnable),
+        ("power-off", SimFaultKind::PowerOff),
+        ("sto", SimFaultKind::Sto),
+    ];
+}
 
 /// No machine is larger, mm.
 const LENGTH_MAX: f64 = 1e6;
@@ -159,7 +162,7 @@ fn fault(mut section: Section<'_, '_>, nodes: Option<&[Node]>) -> Option<SimFaul
     const AFTER_MAX_S: f64 = 3600.0;
     let id = section.integer("node", 1..=239, None);
     let drive_axis = section.integer("drive_axis", 0..=i64::from(AXES_MAX) - 1, 0);
-    let kind = section.word("kind", &FAULTS, None);
+    let kind = section.word("kind", &SimFaultKind::WORDS, None);
     let after_s = section.number("after_s", Bound::Within(0.0, AFTER_MAX_S), 1.0);
     if let Some(SimFaultKind::IndexMissing | SimFaultKind::SlowEnable) = kind
         && section.has("after_s")

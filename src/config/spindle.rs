@@ -5,9 +5,10 @@
 
 use super::document::{Bound, Section};
 use super::drive::{self, DriveMode, Reactions, SPINDLE_MODES, modes_are_offered};
+use super::factor_group::{self, FactorGroup};
 use super::joints::{ratio, ratio_of_integers};
 use super::mapping::parse_object;
-use super::types::{Exchange, Joint, Mapped, Node, Profile};
+use super::types::{DriveProfile, Exchange, Joint, Mapped, Node, Profile};
 use motion::canon::SPINDLES;
 
 /// `[spindle]`
@@ -60,6 +61,8 @@ pub struct SpindleAxis {
     pub ramp_rpm_s: Option<f64>,
     /// How it stops.
     pub reactions: Reactions,
+    /// In which units it counts.
+    pub factor_group: FactorGroup,
 }
 
 /// `[spindle.encoder]`
@@ -214,16 +217,18 @@ fn axis(
             modes_are_offered(&mut section, (node, number), mode, false);
         }
     }
-    let increments = found.and_then(|(_, node)| node.drive.as_ref()?.increments_per_turn);
+    let factor_group = factor_group::factor_group(&mut section, number, found.map(|(_, node)| node));
+    let known = found.and_then(|(_, node)| node.drive.as_ref());
+    let per_rpm = factor_group.and_then(|group| units_per_rpm(&group, known));
     let item = section.optional("units_per_rpm");
-    let units_per_rpm = match (item, mode, increments) {
+    let units_per_rpm = match (item, mode, per_rpm) {
         (Some(item), ..) => {
             let rule = "must be two integers: what the target counts, and the 1/min that it makes";
             ratio_of_integers(&mut section, "units_per_rpm", item, rule)
         }
         // By the profile 6042 is in 1/min.
         (None, Some(DriveMode::Vl), _) => Some([1, 1]),
-        (None, Some(_), Some(increments)) => Some([increments, 60]),
+        (None, Some(_), Some(per_rpm)) => Some(per_rpm),
         (None, Some(_), None) => {
             section.wrong(
                 "units_per_rpm",
@@ -266,7 +271,18 @@ fn axis(
         units_per_rpm: units_per_rpm?,
         ramp_rpm_s: ramp_rpm_s?,
         reactions: reactions?,
+        factor_group: factor_group?,
     })
+}
+
+/// Velocity units of 1/min, where they are known and can be written.
+fn units_per_rpm(group: &FactorGroup, known: Option<&DriveProfile>) -> Option<[u32; 2]> {
+    let [units, turns] = factor_group::units_per_turn(group, known)?;
+    let [velocity, per] = group.velocity_ratio().map(u64::from);
+    let above = units.checked_mul(velocity)?;
+    let below = turns.checked_mul(per)?.checked_mul(60)?;
+    let [above, below] = factor_group::lowest([above, below]);
+    Some([u32::try_from(above).ok()?, u32::try_from(below).ok()?])
 }
 
 /// The encoder, and its lead.

@@ -7,6 +7,7 @@ use super::analog::AnalogOutput;
 pub use super::channels::{Channel, ChannelKind, Follow, ObjectKind};
 pub use super::drive::{DriveMode, Reactions, targets, touch_probe_objects};
 pub use super::drive_profile::{DriveProfile, InputBits, MappingLimits};
+pub use super::factor_group::FactorGroup;
 use super::logics::LogicTask;
 use super::panel::Panel;
 pub use super::sim::{SimFault, SimFaultKind};
@@ -428,6 +429,8 @@ pub struct Joint {
     pub torque_per_mm_s2: Option<f64>,
     /// What the drive does when it stops; see [`Reactions`].
     pub reactions: Reactions,
+    /// In which units the drive counts; see [`FactorGroup`].
+    pub factor_group: FactorGroup,
     /// 60FF and 60B1 of the drive per increment/s: numerator and denominator; default 1 to 1.
     pub velocity_ratio: [u32; 2],
     /// The position loop that the control closes for a drive in CSV or CST: mm to mm/s, or to a share of the rated torque;

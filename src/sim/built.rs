@@ -3,7 +3,7 @@
 //! In:  a node of the machine file, with the profile of its drive.
 //! Out: the quirks of its device, the lines of its object dictionary.
 
-use crate::config::{Mapped, Node};
+use crate::config::{FactorGroup, Mapped, Node};
 use cia402::device::{DRIVE_OBJECTS, DRIVE_OBJECTS_WITH_DEMAND, Quirks};
 use cia402::profile::{axis_of, object_of};
 use obd::{Access, DataType, EntryDef, PdoAccess};
@@ -18,11 +18,15 @@ fn takes_target_in_demand(node: &Node) -> bool {
     node.outputs.iter().any(|object| axis_of(object.index).1 == 0x6062)
 }
 
-pub(super) fn quirks(node: &Node) -> Quirks {
+pub(super) fn quirks(node: &Node, group: &FactorGroup) -> Quirks {
     let mut quirks = Quirks {
         target_in_demand: takes_target_in_demand(node),
         ..Quirks::default()
     };
+    // The machine file tells both encoders as they are.
+    if let (Some(velocity), Some(position)) = (group.velocity_encoder, group.encoder) {
+        quirks.encoders = [velocity, position];
+    }
     let Some(drive) = &node.drive else { return quirks };
     quirks.home_offset_adds = drive.home_offset_adds;
     quirks.stays_in_quick_stop = drive.stays_in_quick_stop;

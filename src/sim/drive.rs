@@ -9,14 +9,15 @@
 
 use super::SimError;
 use super::built::{MAKER_ENTRIES, objects, quirks};
+use super::faults::{FAULT, FAULT_OBJECTS, FaultOrder, check_order};
 use super::motor::{Motor, MotorConfig};
 use super::track::{Track, mm_to_counts};
 use crate::config::{
-    Config, DriveMode, Homing, HomingBy, InputBits, Joint, JointLimits, Node, NodeIndex, Reactions, SimFaultKind,
-    SpindleAxis, Sto, StopLimits,
+    Config, DriveMode, FactorGroup, Homing, HomingBy, InputBits, Joint, JointLimits, Node, NodeIndex, Reactions,
+    SimFaultKind, SpindleAxis, Sto, StopLimits,
 };
 use cia402::State;
-use cia402::device::{DEVICE_TYPE, DRIVE_OBJECTS, Delays, Demand, Device, Injected, check_write};
+use cia402::device::{self, DEVICE_TYPE, DRIVE_OBJECTS, Delays, Demand, Device, Injected};
 use cia402::profile::{AXES_MAX, object_of};
 use obd::{AbortCode, Dictionary, EntryDef, Handle, Key};
 use powerlink::cn::objects::{COMMUNICATION_BYTES, COMMUNICATION_ENTRIES, COMMUNICATION_PROFILE};
@@ -24,8 +25,8 @@ use powerlink::cn::{Cn, Events, QueueError};
 use powerlink::nmt::{NmtState, Reset};
 use powerlink::wire::FRAME_LEN_MAX;
 
-const ENTRIES: usize = COMMUNICATION_ENTRIES + AXES_MAX as usize * obd::lines_of(DRIVE_OBJECTS) + MAKER_ENTRIES;
-const OCTETS: usize = COMMUNICATION_BYTES + AXES_MAX as usize * obd::octets_of(DRIVE_OBJECTS) + 8 * MAKER_ENTRIES;
+const ENTRIES: usize = COMMUNICATION_ENTRIES + AXES_MAX as usize * (obd::lines_of(DRIVE_OBJECTS) + 1) + MAKER_ENTRIES;
+const OCTETS: usize = COMMUNICATION_BYTES + AXES_MAX as usize * (obd::octets_of(DRIVE_OBJECTS) + 8) + 8 * MAKER_ENTRIES;
 
 /// Periods without a SoC after which a drive goes on by its own clock.
 pub(super) const FREE_RUN_PERIODS: u64 = 5;
@@ -60,6 +61,14 @@ const BENCH: Joint = Joint {
         halt: None,
         fault: None,
         connection_lost: None,
+    },
+    factor_group: FactorGroup {
+        encoder: None,
+        velocity_encoder: None,
+        gear: None,
+        feed: None,
+        velocity: None,
+        compare_only: false,
     },
     pid: None,
     travel_mm: [-1000.0, 1000.0],
@@ -101,22 +110,44 @@ const BENCH: Joint = Joint {
 
 /// Change of the speed of a spindle, turns/s².
 const SPINDLE_RAMP_TURNS_S2: f64 = 2000.0 / 60.0;
+/// Increments of a turn of the motor, and position units of a turn of the shaft, of a drive as it comes.
+const FACTORY_INCREMENTS: u32 = 10_000;
 /// Increments of a turn of a spindle whose drive counts in 1/min.
 const SPINDLE_INCREMENTS: u32 = 10_000;
 
 /// The bench of a drive that turns the spindle; its unit is a turn.
 fn of_spindle(of: &SpindleAxis) -> Joint {
     let [units, rpm] = of.units_per_rpm.map(f64::from);
-    let increments = match of.mode {
-        DriveMode::Vl => SPINDLE_INCREMENTS,
-        _ => (60.0 * units / rpm).round().clamp(1.0, f64::from(u32::MAX)) as u32,
+    let [velocity, per] = of.factor_group.velocity_ratio().map(f64::from);
+    let of_turn = of.factor_group.units_per_turn();
+    let increments = match (of_turn, of.mode) {
+        (Some([units, turns]), _) => units as f64 / turns as f64,
+        (None, DriveMode::Vl) => f64::from(SPINDLE_INCREMENTS),
+        (None, _) => 60.0 * units / rpm * per / velocity,
     };
     let mut bench = BENCH;
     bench.mode = of.mode;
-    bench.counts_per_unit = [increments, 1];
+    bench.factor_group = of.factor_group;
+    bench.counts_per_unit = [increments.round().clamp(1.0, f64::from(u32::MAX)) as u32, 1];
     bench.limits.acceleration_mm_s2 = SPINDLE_RAMP_TURNS_S2;
     bench.stop.acceleration_mm_s2 = 2.0 * SPINDLE_RAMP_TURNS_S2;
     bench
+}
+
+/// 603F: continuous over-current at the output.
+const OVERCURRENT: u16 = 0x2310;
+
+/// Values that the drive takes by SDO.
+fn check_write<const E: usize, const B: usize>(
+    objects: &Dictionary<E, B>,
+    index: u16,
+    sub: u8,
+    value: &[u8],
+) -> Result<(), AbortCode> {
+    match index {
+        FAULT => check_order(value),
+        _ => device::check_write(objects, index, sub, value),
+    }
 }
 
 /// What a drive is made of; kept for the next power-on.
@@ -132,6 +163,8 @@ struct Setup {
 #[derive(Clone, Debug)]
 struct AxisSetup {
     joint: Joint,
+    /// Increments of its motor for a position unit of the network.
+    increments: f64,
     /// Of one that turns the spindle: its highest speed, 1/min.
     rpm_max: Option<f64>,
     delays: Delays,
@@ -145,6 +178,12 @@ struct Axis {
     demand: Demand,
     /// The object in which it shows its safety circuit, where that is not 60FD.
     sto: Option<(Handle, Sto)>,
+    /// Bit of 60FD that shows its lower limit switch.
+    lower_limit: u8,
+    /// Takes orders of what is to go wrong.
+    order: Key<u64>,
+    /// How long what was asked for lasts still, ns, in the order of [`SimFaultKind::WORDS`]; `None`: it is not there, or has no end.
+    lasts_ns: [Option<u64>; SimFaultKind::WORDS.len()],
     /// Error code that 1001h and the error history have been told of.
     reported: u16,
 }
@@ -155,6 +194,9 @@ pub(super) struct Drive {
     cn: Cn<ENTRIES, OCTETS>,
     axes: Vec<Axis>,
     powered: bool,
+    /// When its supply goes, and when it comes back, ns from now.
+    supply_goes_ns: Option<u64>,
+    supply_back_ns: Option<u64>,
     error_register: Key<u8>,
     /// Bits of 1001h that stand for the error codes of the axes.
     register_bits: u8,
@@ -192,9 +234,14 @@ impl Drive {
         let node = &setup.node;
         let failed = |error: AbortCode| SimError::new(node, error);
         let mut objects: Dictionary<ENTRIES, OCTETS> =
-            Dictionary::new(&[COMMUNICATION_PROFILE, setup.objects]).map_err(|error| SimError::new(node, error))?;
+            Dictionary::new(&[COMMUNICATION_PROFILE, setup.objects, &FAULT_OBJECTS[..setup.axes.len()]])
+                .map_err(|error| SimError::new(node, error))?;
         let sto = node.drive.as_ref().and_then(|drive| drive.sto);
         let sto = sto.filter(|sto| sto.object != (0x60FD, 0));
+        let bits = node
+            .drive
+            .as_ref()
+            .map_or(InputBits::default(), |drive| drive.input_bits);
         let mut axes = Vec::new();
         for (number, (of, motor)) in (0..).zip(setup.axes.iter().zip(motors)) {
             commission(&mut objects, number, &of.joint).map_err(failed)?;
@@ -204,10 +251,13 @@ impl Drive {
             let device = Device::of_axis(&objects, number, setup.period_ns, of.delays).map_err(failed)?;
             let find = |sto: Sto| objects.find(object_of(number, sto.object.0), sto.object.1).ok();
             axes.push(Axis {
-                device: device.with_quirks(quirks(node)),
+                device: device.with_quirks(quirks(node, &of.joint.factor_group)),
                 motor,
                 demand: Demand::default(),
                 sto: sto.and_then(|sto| Some((find(sto)?, sto))),
+                lower_limit: bits.limits[0],
+                order: objects.key(FAULT, number + 1).map_err(failed)?,
+                lasts_ns: [None; SimFaultKind::WORDS.len()],
                 reported: 0,
             });
         }
@@ -218,6 +268,8 @@ impl Drive {
             cn,
             axes,
             powered: true,
+            supply_goes_ns: None,
+            supply_back_ns: None,
             error_register,
             register_bits: 0,
             period_start_ns: now_ns,
@@ -307,6 +359,7 @@ impl Drive {
 
     /// Ends one period of the motors and begins the next.
     fn step(&mut self) {
+        self.go_wrong();
         let period_s = f64::from(self.setup.period_ns) * 1e-9;
         // How long the drive trusts its last set-point without a SoC is the business of its node: 1C14 and 1C0B.
         let led = self.cn.nmt_state() == NmtState::Operational && !self.reset_due;
@@ -371,6 +424,101 @@ impl Drive {
         }
     }
 
+    /// Takes orders of what is to go wrong, and mends what has lasted as long as it was to.
+    fn go_wrong(&mut self) {
+        let period_ns = u64::from(self.setup.period_ns);
+        // Whether the time is over now.
+        let is_over = |left_ns: &mut Option<u64>| {
+            *left_ns = left_ns.map(|left_ns| left_ns.saturating_sub(period_ns));
+            *left_ns == Some(0)
+        };
+        is_over(&mut self.supply_back_ns);
+        if is_over(&mut self.supply_goes_ns) {
+            self.supply_goes_ns = None;
+            self.power_off();
+        }
+        for axis in 0..self.axes.len() {
+            for at in 0..SimFaultKind::WORDS.len() {
+                if is_over(&mut self.axes[axis].lasts_ns[at]) {
+                    self.set_fault(axis, SimFaultKind::WORDS[at].1, None);
+                }
+            }
+            let key = self.axes[axis].order;
+            let value = self.cn.dictionary().get(key);
+            if value != 0 && self.powered {
+                self.cn.dictionary_mut().set(key, 0);
+                if let Some(order) = FaultOrder::of_value(value) {
+                    self.fault(axis as u8, order);
+                }
+            }
+        }
+    }
+
+    /// Lets something go wrong with an axis, or mends it; false: there is no such axis.
+    pub(super) fn fault(&mut self, axis: u8, order: FaultOrder) -> bool {
+        let axis = usize::from(axis);
+        if axis >= self.axes.len() {
+            return false;
+        }
+        let lasts_ns = u64::from(order.lasts_100ms) * 100_000_000;
+        match order.kind {
+            Some(kind) => self.set_fault(axis, kind, Some(lasts_ns)),
+            None => {
+                for (_, kind) in SimFaultKind::WORDS {
+                    self.set_fault(axis, kind, None);
+                }
+            }
+        }
+        true
+    }
+
+    /// `lasts_ns`: how long; 0 has no end; `None`: it is mended.
+    fn set_fault(&mut self, axis: usize, kind: SimFaultKind, lasts_ns: Option<u64>) {
+        /// Until the supply goes, so that whoever has asked for it is still answered.
+        const ANSWERED_NS: u64 = 100_000_000;
+        let is_there = lasts_ns.is_some();
+        let lasts_ns = lasts_ns.filter(|lasts_ns| *lasts_ns > 0);
+        let axis = &mut self.axes[axis];
+        let at = SimFaultKind::WORDS.iter().position(|(_, other)| *other == kind);
+        if let Some(at) = at {
+            axis.lasts_ns[at] = lasts_ns;
+        }
+        match kind {
+            SimFaultKind::Overcurrent => {
+                axis.device.injected.cause_stays = lasts_ns.is_some();
+                if is_there {
+                    axis.device.raise_fault(OVERCURRENT);
+                }
+            }
+            SimFaultKind::FollowingError => axis.motor.jammed = is_there,
+            SimFaultKind::LimitSwitch => {
+                let bit = 1 << axis.lower_limit;
+                let inputs = &mut axis.device.injected.digital_inputs;
+                *inputs = if is_there { *inputs | bit } else { *inputs & !bit };
+            }
+            SimFaultKind::IndexMissing => axis.motor.index_missing = is_there,
+            SimFaultKind::SlowEnable => {
+                let mut delays = Delays::default();
+                if is_there {
+                    delays.0[ENABLE_OPERATION] = SLOW_NS;
+                }
+                axis.device.set_delays(delays);
+            }
+            SimFaultKind::PowerOff if is_there => {
+                self.supply_goes_ns = Some(ANSWERED_NS);
+                self.supply_back_ns = lasts_ns.map(|lasts_ns| lasts_ns + ANSWERED_NS);
+            }
+            // Who has no supply hears nothing: its time ends it.
+            SimFaultKind::PowerOff => {}
+            SimFaultKind::Sto => axis.device.injected.sto_open = is_there,
+        }
+    }
+
+    /// Whether it is off, and its supply has come back.
+    pub(super) fn supply_is_back(&self) -> bool {
+        !self.powered && self.supply_back_ns == Some(0)
+    }
+
     pub(super) fn power_off(&mut self) {
         self.powered = false;
         for axis in &mut self.axes {
@@ -378,13 +526,20 @@ impl Drive {
         }
     }
 
+    /// It starts from its defaults, and its encoders from zero. In place: see [`Cn::power_on`].
     pub(super) fn power_on(&mut self, now_ns: u64) -> Result<(), SimError> {
-        let motors = self.axes.iter().map(|axis| {
-            let mut motor = axis.motor.clone();
-            motor.power_on();
-            motor
-        });
-        *self = Drive::switch_on(self.setup.clone(), motors.collect(), now_ns)?;
+        self.cn.power_on(now_ns);
+        for (number, (axis, of)) in (0..).zip(self.axes.iter_mut().zip(&self.setup.axes)) {
+            axis.motor.power_on();
+            let device = Device::of_axis(self.cn.dictionary(), number, self.setup.period_ns, of.delays);
+            let device = device.map_err(|error| SimError::new(&self.setup.node, error))?;
+            axis.device = device.with_quirks(quirks(&self.setup.node, &of.joint.factor_group));
+            (axis.demand, axis.reported) = (Demand::default(), 0);
+        }
+        (self.powered, self.due, self.free_running, self.reset_due) = (true, false, true, false);
+        (self.supply_goes_ns, self.supply_back_ns) = (None, None);
+        self.register_bits = 0;
+        self.period_start_ns = now_ns;
         Ok(())
     }
 
@@ -424,7 +579,7 @@ impl Drive {
     pub(super) fn machine_position_mm(&self, axis: u8) -> Option<f64> {
         let axis = usize::from(axis);
         let (axis, of) = (self.axes.get(axis)?, &self.setup.axes[axis]);
-        Some(axis.motor.machine_position() / mm_to_counts(&of.joint, 1.0))
+        Some(axis.motor.machine_position() / (mm_to_counts(&of.joint, 1.0) * of.increments))
     }
 }
 
@@ -457,10 +612,12 @@ fn axis_setup(config: &Config, index: NodeIndex, axis: u8) -> (AxisSetup, Motor)
         Some(_) => Track::endless(joint.counts_per_unit[0].into()),
         None => Track::for_joint(&joint, sim.start, number.and_then(|number| sim.joint(number))),
     };
+    let increments = increments_of_unit(&joint.factor_group);
+    let track = track.in_increments(increments);
     let motor = MotorConfig {
         natural_frequency_rad_s: sim.natural_frequency_hz * std::f64::consts::TAU,
         damping: sim.damping,
-        acceleration_max: MOTOR_RESERVE * mm_to_counts(&joint, joint.stop.acceleration_mm_s2),
+        acceleration_max: MOTOR_RESERVE * mm_to_counts(&joint, joint.stop.acceleration_mm_s2) * increments,
     };
     let mut motor = Motor::new(motor, track);
     motor.index_missing = sim.is_faulty(index, axis, SimFaultKind::IndexMissing);
@@ -470,15 +627,28 @@ fn axis_setup(config: &Config, index: NodeIndex, axis: u8) -> (AxisSetup, Motor)
     }
     let setup = AxisSetup {
         joint,
+        increments,
         rpm_max: spindle.map(|_| config.spindle.rpm_max),
         delays,
     };
     (setup, motor)
 }
 
+/// Increments of a motor for a position unit of a drive with this factor group; what it leaves open is as drives come.
+fn increments_of_unit(group: &FactorGroup) -> f64 {
+    const OF_TURN: [u32; 2] = [FACTORY_INCREMENTS, 1];
+    let quotient = |ratio: Option<[u32; 2]>, usual: [u32; 2]| {
+        let [above, below] = ratio.unwrap_or(usual).map(f64::from);
+        above / below
+    };
+    quotient(group.encoder, OF_TURN) * quotient(group.gear, [1, 1]) / quotient(group.feed, OF_TURN)
+}
+
 /// Sets the drive's parameters as whoever put the machine into service did; they outlive resets.
 fn commission(objects: &mut Dictionary<ENTRIES, OCTETS>, axis: u8, joint: &Joint) -> Result<(), AbortCode> {
     let counts = |mm: f64| (mm_to_counts(joint, mm).round().clamp(1.0, f64::from(u32::MAX)) as u32).to_le_bytes();
+    let [velocity, per] = joint.factor_group.velocity_ratio().map(f64::from);
+    let velocity_units = |mm: f64| counts(mm * velocity / per);
     let homing = &joint.homing;
     let (method, acceleration_mm_s2) = match homing.by {
         HomingBy::Drive {
@@ -491,17 +661,23 @@ fn commission(objects: &mut Dictionary<ENTRIES, OCTETS>, axis: u8, joint: &Joint
     let values: [(u16, u8, &[u8]); 9] = [
         (0x6007, 0, &ABORT_QUICK_STOP.to_le_bytes()),
         (0x6065, 0, &counts(joint.following_error_mm)),
-        (0x6083, 0, &counts(joint.limits.acceleration_mm_s2)),
-        (0x6084, 0, &counts(joint.limits.acceleration_mm_s2)),
-        (0x6085, 0, &counts(joint.stop.acceleration_mm_s2)),
+        (0x6083, 0, &velocity_units(joint.limits.acceleration_mm_s2)),
+        (0x6084, 0, &velocity_units(joint.limits.acceleration_mm_s2)),
+        (0x6085, 0, &velocity_units(joint.stop.acceleration_mm_s2)),
         (0x6098, 0, &method.to_le_bytes()),
-        (0x6099, 1, &counts(homing.search_mm_s)),
-        (0x6099, 2, &counts(homing.latch_mm_s)),
-        (0x609A, 0, &counts(acceleration_mm_s2)),
+        (0x6099, 1, &velocity_units(homing.search_mm_s)),
+        (0x6099, 2, &velocity_units(homing.latch_mm_s)),
+        (0x609A, 0, &velocity_units(acceleration_mm_s2)),
     ];
     for (index, sub, octets) in values {
         let handle = objects.find(object_of(axis, index), sub)?;
         objects.set_default(handle, octets)?;
+    }
+    // What the control does not write it was given with its own tool.
+    let kept = joint.factor_group.objects().filter(|_| joint.factor_group.compare_only);
+    for (index, sub, value) in kept {
+        let handle = objects.find(object_of(axis, index), sub)?;
+        objects.set_default(handle, &value.to_le_bytes())?;
     }
     Ok(())
 }
@@ -514,13 +690,17 @@ fn commission_spindle(
     rpm_max: f64,
 ) -> Result<(), AbortCode> {
     let ramp_rpm_s = (60.0 * SPINDLE_RAMP_TURNS_S2) as u32;
+    let increments = joint.counts_per_unit[0];
+    let of_encoder = [(0x608F, 1, increments), (0x6092, 1, increments)];
+    // With a factor group it is set, or was, as that says.
+    let has_group = joint.factor_group.objects().next().is_some();
+    let of_encoder = of_encoder.into_iter().filter(|_| !has_group);
     let values = [
-        (0x608F, 1, joint.counts_per_unit[0]),
         (0x6046, 2, rpm_max.ceil() as u32),
         (0x6048, 1, ramp_rpm_s),
         (0x6049, 1, ramp_rpm_s),
     ];
-    for (index, sub, value) in values {
+    for (index, sub, value) in of_encoder.chain(values) {
         let handle = objects.find(object_of(axis, index), sub)?;
         objects.set_default(handle, &value.to_le_bytes())?;
     }

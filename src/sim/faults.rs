@@ -1,13 +1,77 @@
-//! Faults of the simulated machine that its machine file asks for.
+//! Faults of the simulated machine that its machine file asks for, or somebody while it runs.
 //!
-//! In:  `[[sim.fault]]`, the time, the states of the drives. Out: what happens to a drive, once.
+//! In:  `[[sim.fault]]`, the time, the states of the drives; what is written into [`FAULT`] of a drive.
+//! Out: what happens to a drive, once.
 
 use super::machine::SimMachine;
-use crate::config::{Config, InputBits, SimFaultKind};
+use crate::config::{Config, SimFaultKind};
 use cia402::State;
+use cia402::profile::AXES_MAX;
+use obd::{AbortCode, DataType, EntryDef};
 
-/// 603F: continuous over-current at the output.
-const OVERCURRENT: u16 = 0x2310;
+/// Object of a simulated drive, with a subindex for each axis from 1 on, into which a [`FaultOrder`] is written. No drive that turns
+/// a motor has it.
+pub const FAULT: u16 = 0x5F00;
+
+/// Its lines, one for each axis that a drive may have.
+pub(super) static FAULT_OBJECTS: [EntryDef; AXES_MAX as usize] = {
+    let mut lines = [EntryDef::rw(FAULT, DataType::U64, "Simulated_fault"); AXES_MAX as usize];
+    let mut axis = 0;
+    while axis < AXES_MAX {
+        lines[axis as usize] = lines[axis as usize].sub(axis + 1);
+        axis += 1;
+    }
+    lines
+};
+
+/// What is to go wrong with an axis of a simulated drive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FaultOrder {
+    /// `None`: nothing, and what had gone wrong is mended.
+    pub kind: Option<SimFaultKind>,
+    /// For so many tenths of a second; 0: until it is mended.
+    pub lasts_100ms: u16,
+}
+
+impl FaultOrder {
+    /// Behind the order: a drive that happens to have such an object and that means something else by it takes no such value.
+    const SIGN: [u8; 5] = *b"iSIM\x01";
+
+    /// The octets of the object: number of the kind, how long, [`FaultOrder::SIGN`].
+    pub fn octets(self) -> [u8; 8] {
+        let number = SimFaultKind::WORDS
+            .iter()
+            .position(|(_, kind)| Some(*kind) == self.kind);
+        let number = number.map_or(0, |at| at as u8 + 1);
+        let [low, high] = self.lasts_100ms.to_le_bytes();
+        let [a, b, c, d, e] = FaultOrder::SIGN;
+        [number, low, high, a, b, c, d, e]
+    }
+
+    fn from_octets(octets: &[u8]) -> Option<FaultOrder> {
+        let [number, low, high, sign @ ..] = octets else {
+            return None;
+        };
+        let kind = match number.checked_sub(1) {
+            None => None,
+            Some(at) => Some(SimFaultKind::WORDS.get(usize::from(at))?.1),
+        };
+        (*sign == FaultOrder::SIGN).then_some(FaultOrder {
+            kind,
+            lasts_100ms: u16::from_le_bytes([*low, *high]),
+        })
+    }
+
+    /// The order in a value of [`FAULT`]; `None`: there is none.
+    pub(super) fn of_value(value: u64) -> Option<FaultOrder> {
+        FaultOrder::from_octets(&value.to_le_bytes())
+    }
+}
+
+/// Whether the object takes a value.
+pub(super) fn check_order(value: &[u8]) -> Result<(), AbortCode> {
+    FaultOrder::from_octets(value).map(drop).ok_or(AbortCode::VALUE_RANGE)
+}
 
 /// A fault that is still to come, or has come.
 #[derive(Clone, Copy, Debug)]
@@ -21,8 +85,6 @@ pub(super) struct Scripted {
     /// When the operation of the drive was first enabled.
     enabled_ns: Option<u64>,
     done: bool,
-    /// Bit of 60FD that shows the lower limit switch of the drive.
-    lower_limit: u8,
 }
 
 /// The faults of a machine file that come later.
@@ -34,10 +96,6 @@ pub(super) fn script(config: &Config) -> Vec<Scripted> {
         after_ns: (fault.after_s * 1e9) as u64,
         enabled_ns: None,
         done: false,
-        lower_limit: {
-            let drive = config.bus.nodes[fault.node].drive.as_ref();
-            drive.map_or(InputBits::default(), |drive| drive.input_bits).limits[0]
-        },
     });
     faults.collect()
 }
@@ -58,29 +116,50 @@ impl Scripted {
 
     /// Does it to the drive of a node.
     pub(super) fn strike(self, machine: &mut SimMachine, node: u8) {
-        let id = (node, self.axis);
         match self.kind {
-            SimFaultKind::Overcurrent => {
-                machine.raise_drive_fault(id, OVERCURRENT);
-            }
-            SimFaultKind::FollowingError => {
-                machine.jam(id, true);
-            }
-            SimFaultKind::LimitSwitch => {
-                if let Some(injected) = machine.drive_injected(id) {
-                    injected.digital_inputs |= 1 << self.lower_limit;
-                }
-            }
             SimFaultKind::PowerOff => {
                 machine.power_off(node);
             }
-            SimFaultKind::Sto => {
-                if let Some(injected) = machine.drive_injected(id) {
-                    injected.sto_open = true;
-                }
-            }
             // So from the start.
             SimFaultKind::IndexMissing | SimFaultKind::SlowEnable => {}
+            kind => {
+                let order = FaultOrder {
+                    kind: Some(kind),
+                    lasts_100ms: 0,
+                };
+                machine.fault((node, self.axis), order);
+            }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_order_comes_through_the_object_and_nothing_else_does() {
+        let kinds = SimFaultKind::WORDS.map(|(_, kind)| Some(kind));
+        for kind in kinds.into_iter().chain([None]) {
+            let order = FaultOrder { kind, lasts_100ms: 513 };
+            assert_eq!(FaultOrder::of_value(u64::from_le_bytes(order.octets())), Some(order));
+            assert_eq!(check_order(&order.octets()), Ok(()));
+        }
+        let good = FaultOrder {
+            kind: None,
+            lasts_100ms: 0,
+        }
+        .octets();
+        for at in 3..8 {
+            let mut other = good;
+            other[at] ^= 1;
+            assert_eq!(check_order(&other), Err(AbortCode::VALUE_RANGE), "octet {at}");
+        }
+        assert_eq!(check_order(&good[..4]), Err(AbortCode::VALUE_RANGE));
+        assert_eq!(
+            check_order(&[8, 0, 0, b'i', b'S', b'I', b'M', 1]),
+            Err(AbortCode::VALUE_RANGE)
+        );
+        assert_eq!(FaultOrder::of_value(0), None);
     }
 }

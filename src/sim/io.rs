@@ -56,7 +56,6 @@ const ORIENT: u8 = 0x80;
 
 #[derive(Debug)]
 pub(super) struct Io {
-    node: Node,
     cn: Cn<ENTRIES, OCTETS>,
     powered: bool,
     input_keys: [Key<u8>; 2],
@@ -167,7 +166,6 @@ impl Io {
             .collect::<Result<_, SimError>>()?;
         let cn = super::node::build(node, DEVICE_TYPE, objects, now_ns)?;
         Ok(Io {
-            node: node.clone(),
             cn,
             powered: true,
             input_keys,
@@ -263,14 +261,13 @@ impl Io {
         self.powered = false;
     }
 
-    pub(super) fn power_on(&mut self, now_ns: u64) -> Result<(), SimError> {
-        let wired = self.wired;
-        let signals: Vec<SimSignal> = self.signals.iter().map(|signal| signal.is).collect();
-        let amplifiers: Vec<Amplifier> = self.amplifiers.iter().map(|(amplifier, _)| amplifier.anew()).collect();
-        let node = self.node.clone();
-        *self = Io::new(&node, self.spindle, &signals, &amplifiers, self.period_ns, now_ns)?;
-        self.wired = wired;
-        Ok(())
+    /// In place: see [`Cn::power_on`].
+    pub(super) fn power_on(&mut self, now_ns: u64) {
+        self.cn.power_on(now_ns);
+        for (amplifier, _) in &mut self.amplifiers {
+            *amplifier = amplifier.anew();
+        }
+        (self.powered, self.sensed, self.cycles) = (true, 0, 0);
     }
 
     pub(super) fn nmt_state(&self) -> NmtState {

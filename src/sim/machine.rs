@@ -9,7 +9,7 @@
 use super::SimError;
 use super::amplifier::Amplifier;
 use super::drive::Drive;
-use super::faults::{self, Scripted};
+use super::faults::{self, FaultOrder, Scripted};
 use super::io::Io;
 use super::sensors::Sensors;
 use super::spindle::Spindle;
@@ -255,6 +255,13 @@ impl SimMachine {
     pub fn poll(&mut self, now_ns: u64, send: &mut dyn FnMut(&[u8])) {
         self.now_ns = now_ns;
         for index in 0..self.places.len() {
+            if let Device::Drive(drive) = &self.places[index].device
+                && drive.supply_is_back()
+            {
+                self.power_on(self.places[index].id);
+            }
+        }
+        for index in 0..self.places.len() {
             if let Some(length) = self.places[index].poll(now_ns, &mut self.answer) {
                 send(&self.answer[..length]);
                 self.hear(now_ns, index, length);
@@ -307,6 +314,12 @@ impl SimMachine {
         self.drive(id.node)?.injected(id.axis)
     }
 
+    /// Lets something go wrong with an axis of a drive, or mends it.
+    pub fn fault(&mut self, id: impl Into<DriveId>, order: FaultOrder) -> bool {
+        let id = id.into();
+        self.drive(id.node).is_some_and(|drive| drive.fault(id.axis, order))
+    }
+
     /// Jams what a drive moves, or lets it go.
     pub fn jam(&mut self, id: impl Into<DriveId>, jammed: bool) -> bool {
         let id = id.into();
@@ -339,10 +352,13 @@ impl SimMachine {
         let now_ns = self.now_ns;
         let device = self.place(node_id).map(|place| &mut place.device);
         device.is_some_and(|device| {
-            // What was built once from the same setup can be built again.
+            // What was built once from the same dictionary can be built again.
             match device {
                 Device::Drive(drive) => drive.power_on(now_ns).is_ok(),
-                Device::Io(io) => io.power_on(now_ns).is_ok(),
+                Device::Io(io) => {
+                    io.power_on(now_ns);
+                    true
+                }
             }
         })
     }

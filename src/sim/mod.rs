@@ -20,6 +20,7 @@ pub mod stepper;
 mod track;
 mod virtual_net;
 
+pub use faults::{FAULT, FaultOrder};
 pub use machine::{DriveId, SimMachine};
 pub use node::node_mac;
 pub use run::{Served, serve};

@@ -53,6 +53,7 @@ pub(super) fn test_config() -> Config {
         mode: DriveMode::Csp,
         counts_per_unit: [10_000, 1],
         velocity_ratio: [1, 1],
+        factor_group: FactorGroup::default(),
         torque_per_mm_s2: None,
         amplifier_lag_s: None,
         reactions: Reactions::default(),

@@ -2,6 +2,7 @@
 
 use super::{Disturbance, NetConfig, SimMachine, VirtualNet, test_config};
 use crate::config::{Config, Mapped, Node, Profile};
+use crate::host::setup::STACK_SIZE;
 use cia402::axis::{Axis, AxisConfig, AxisFault, Feedback, HomingState, Request, Status};
 use cia402::profile::State;
 use obd::cdc::CdcWriter;
@@ -250,6 +251,22 @@ impl Rig {
     fn position_mm(&self, joint: usize) -> f64 {
         self.net.machine().joint_position_mm(joint).unwrap()
     }
+}
+
+/// What a simulated machine does in its own thread moves nothing large over the stack, which is locked memory.
+#[test]
+fn a_machine_is_switched_on_and_a_drive_again_on_a_small_stack() {
+    let mut machine = SimMachine::new(&test_config()).expect("a machine");
+    let run = move || {
+        machine.switch_on(5_000_000);
+        machine.power_off(1);
+        assert_eq!(machine.nmt_state(1), Some(NmtState::Off));
+        machine.power_on(1);
+        assert_eq!(machine.nmt_state(1), Some(NmtState::NotActive));
+        machine.poll(6_000_000, &mut |_| {});
+    };
+    let thread = std::thread::Builder::new().stack_size(STACK_SIZE / 8).spawn(run);
+    thread.expect("a thread").join().expect("an end");
 }
 
 #[test]

@@ -92,6 +92,21 @@ impl Track {
         track
     }
 
+    /// The same places for a motor with so many increments for a count.
+    pub(super) fn in_increments(self, of_count: f64) -> Track {
+        let increments = |counts: i64| (counts as f64 * of_count).round() as i64;
+        Track {
+            start: increments(self.start),
+            negative_limit: increments(self.negative_limit),
+            positive_limit: increments(self.positive_limit),
+            home: (increments(self.home.0), increments(self.home.1)),
+            mark: increments(self.mark),
+            mark_distance: increments(self.mark_distance).max(1),
+            stop_low: increments(self.stop_low),
+            stop_high: increments(self.stop_high),
+        }
+    }
+
     /// What turns has no ends and no switches.
     pub(super) fn endless(counts_per_turn: i64) -> Track {
         /// Further than anything turns.

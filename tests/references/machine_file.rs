@@ -7,7 +7,7 @@ use super::{ByHand, check, code, compare, head, root, row};
 use isocnc::config::{self, Bound, Question};
 use serde_json::{Value as Json, json};
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 use toml::{Table, Value};
 
@@ -39,7 +39,7 @@ read = "0x6064/32"
 into = "0x2010:1/32"
 "#;
 
-fn parse(text: &str) -> Table {
+pub(super) fn parse(text: &str) -> Table {
     text.parse().unwrap_or_else(|error| panic!("{error}"))
 }
 
@@ -118,7 +118,7 @@ struct Change {
 }
 
 #[derive(Default)]
-struct Keys {
+pub(super) struct Keys {
     order: Vec<String>,
     keys: BTreeMap<String, Key>,
     /// Each key once with a value of a wrong type.
@@ -166,15 +166,16 @@ fn trials(question: &Question, is_there: bool) -> Vec<(Value, bool)> {
 }
 
 impl Keys {
-    /// Reads the files and all changes of them that may show more.
-    fn explore(files: Vec<(Table, PathBuf)>) -> Keys {
+    /// Reads the files and all changes of them that may show more. `read`: what a reader asks while it reads a text, as if it stood
+    /// in this file.
+    pub(super) fn explore(files: Vec<(Table, PathBuf)>, read: fn(&str, &Path) -> Vec<(String, Question)>) -> Keys {
         let mut found = Keys::default();
         let mut free = BTreeSet::new();
         let mut tried = BTreeSet::new();
         let mut files: VecDeque<(Table, PathBuf, bool)> =
             files.into_iter().map(|(file, beside)| (file, beside, true)).collect();
         while let Some((file, beside, is_good)) = files.pop_front() {
-            let asked = config::questions(&file.to_string(), &beside);
+            let asked = read(&file.to_string(), &beside);
             found.take(&asked, is_good, &mut free);
             let value = Value::Table(file.clone());
             for (path, question) in &asked {
@@ -280,11 +281,30 @@ impl Keys {
         })
     }
 
-    fn schema(&self, meanings: &BTreeMap<String, String>) -> Json {
+    pub(super) fn schema(&self, title: &str, meanings: &BTreeMap<String, String>) -> Json {
         let mut schema = self.table_schema("", meanings);
         schema["$schema"] = json!("http://json-schema.org/draft-07/schema#");
-        schema["title"] = json!("isocnc machine file");
+        schema["title"] = json!(title);
         schema
+    }
+
+    /// Compares the tables of a document, and the schema.
+    pub(super) fn check(&self, document: &str, schema: &str, title: &str) {
+        let mut meanings = BTreeMap::new();
+        check(document, |by_hand: &ByHand| {
+            let mut text = String::new();
+            for (heading, rows) in self.tables() {
+                text += &format!("{heading}\n\n{}", head(&["key", "value", "left out", "meaning"]));
+                for (path, [name, kind, left_out]) in rows {
+                    let meaning = by_hand.cell(&heading, &name);
+                    text += &row(&[&name, &kind, &left_out, meaning]);
+                    meanings.insert(path, meaning.to_owned());
+                }
+                text.push('\n');
+            }
+            text
+        });
+        compare(schema, &format!("{:#}\n", self.schema(title, &meanings)));
     }
 
     fn table_schema(&self, table: &str, meanings: &BTreeMap<String, String>) -> Json {
@@ -488,33 +508,21 @@ static KEYS: LazyLock<Keys> = LazyLock::new(|| {
     let node = text.find("[[bus.node]]\nid = 2").expect("the second node");
     text.insert_str(node, &format!("[[{cross}\n"));
     files.push((parse(&format!("{text}\n{values}")), path));
-    Keys::explore(files)
+    Keys::explore(files, config::questions)
 });
+
+const TITLE: &str = "isocnc machine file";
 
 #[test]
 fn the_keys_of_the_machine_file() {
-    let mut meanings = BTreeMap::new();
-    check("docs/machine-file.md", |by_hand: &ByHand| {
-        let mut text = String::new();
-        for (heading, rows) in KEYS.tables() {
-            text += &format!("{heading}\n\n{}", head(&["key", "value", "left out", "meaning"]));
-            for (path, [name, kind, left_out]) in rows {
-                let meaning = by_hand.cell(&heading, &name);
-                text += &row(&[&name, &kind, &left_out, meaning]);
-                meanings.insert(path, meaning.to_owned());
-            }
-            text.push('\n');
-        }
-        text
-    });
-    compare(SCHEMA, &format!("{:#}\n", KEYS.schema(&meanings)));
+    KEYS.check("docs/machine-file.md", SCHEMA, TITLE);
 }
 
 fn validator() -> jsonschema::Validator {
-    jsonschema::validator_for(&KEYS.schema(&BTreeMap::new())).expect("a schema")
+    jsonschema::validator_for(&KEYS.schema(TITLE, &BTreeMap::new())).expect("a schema")
 }
 
-fn as_json(file: &Table) -> Json {
+pub(super) fn as_json(file: &Table) -> Json {
     serde_json::to_value(file).expect("JSON")
 }
 

@@ -7,6 +7,7 @@
 
 mod alarms;
 mod components;
+mod drive_profiles;
 mod faults;
 mod machine_file;
 mod pins;

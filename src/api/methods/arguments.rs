@@ -2,16 +2,23 @@
 
 use crate::api::orders::{Jog, Jogged, Order, Source};
 use crate::api::rpc::{Params, RpcError, code};
+use crate::bus::service::MailboxError;
 use crate::config::JOINTS_MAX;
+use crate::config::SimFaultKind;
 use crate::program::Change;
 use crate::program::tool_path::TOLERANCE_MIN_MM;
 use crate::rt::joint_jog::JogMotion;
 use crate::scope::record::Mode;
 use crate::scope::stream::Wanted;
 use crate::scope::trigger::Trigger;
+use crate::sim::{FAULT, FaultOrder};
+use cia402::profile::AXES_MAX;
 use glob::Pattern;
 use hal_pins::scope::CHANNELS_MAX;
 use motion::canon::Axis;
+use obd::AbortCode;
+use serde_json::{Value, json};
+use std::fmt;
 
 /// Longest line of MDI, octets.
 const LINE_MAX: usize = gcode::LINE_OCTETS_MAX;
@@ -265,4 +272,108 @@ pub(super) fn tool(params: &Params) -> Result<Change, RpcError> {
 
 fn tool_number(params: &Params) -> Result<u32, RpcError> {
     Ok(params.number("tool", 0, u64::from(u32::MAX))? as u32)
+}
+
+/// What mends all.
+const NO_FAULT: &str = "none";
+
+/// Words of "sim.fault".
+pub fn sim_faults() -> Vec<&'static str> {
+    let kinds = SimFaultKind::WORDS.iter().map(|(word, _)| *word);
+    kinds.chain([NO_FAULT]).collect()
+}
+
+/// What "sim.fault" asks of a drive.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Fault {
+    /// In words.
+    pub(super) drive: String,
+    pub(super) axis: u8,
+    kind: String,
+    pub(super) order: FaultOrder,
+}
+
+/// The node of "sim.fault", and what is asked of it.
+pub(super) fn sim_fault(params: &Params) -> Result<(u64, Fault), RpcError> {
+    /// What the object holds.
+    const LONGEST_S: f64 = 6553.5;
+    let invalid = |what: String| Err(RpcError::new(code::INVALID_PARAMS, what));
+    let node = params.number("node", 1, 239)?;
+    let axis = match params.has("axis") {
+        true => params.number("axis", 0, u64::from(AXES_MAX) - 1)? as u8,
+        false => 0,
+    };
+    let word = needed(params.text("kind")?, "kind", "a text")?;
+    let found = SimFaultKind::WORDS.iter().find(|(known, _)| *known == word);
+    if found.is_none() && word != NO_FAULT {
+        let known = sim_faults().join(", ");
+        return invalid(format!("parameter \"kind\": expected one of {known}, got \"{word}\""));
+    }
+    let lasts_100ms = match params.real("for_s")? {
+        None => 0,
+        Some(_) if word == NO_FAULT => return invalid("parameter \"for_s\": \"none\" has no time".into()),
+        Some(seconds) if (0.1..=LONGEST_S).contains(&seconds) => (10.0 * seconds).round() as u16,
+        Some(seconds) => {
+            return invalid(format!(
+                "parameter \"for_s\": expected a number from 0.1 to {LONGEST_S}, got {seconds}"
+            ));
+        }
+    };
+    let order = FaultOrder {
+        kind: found.map(|(_, kind)| *kind),
+        lasts_100ms,
+    };
+    let fault = Fault {
+        drive: String::new(),
+        axis,
+        kind: word.to_owned(),
+        order,
+    };
+    Ok((node, fault))
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Fault {
+            drive,
+            axis,
+            kind,
+            order,
+        } = self;
+        write!(f, "simulated fault asked of {drive}, axis {axis}: {kind}")?;
+        match order.lasts_100ms {
+            0 => Ok(()),
+            tenths => write!(f, " for {:.1} s", f64::from(tenths) / 10.0),
+        }
+    }
+}
+
+impl Fault {
+    /// What the drive has made of it.
+    pub(super) fn answer(&self, result: Result<Vec<u8>, MailboxError>) -> Result<Value, RpcError> {
+        let (drive, sub) = (&self.drive, self.axis + 1);
+        match result {
+            Ok(_) => Ok(json!({})),
+            Err(MailboxError::Aborted(AbortCode::NO_SUB_INDEX)) => {
+                let what = format!(
+                    "{drive} has no axis {}, if it is a simulated drive: it has no 0x{FAULT:04X}:{sub}",
+                    self.axis
+                );
+                Err(RpcError::new(code::NODE_ABORT, what))
+            }
+            Err(MailboxError::Aborted(abort)) => {
+                let what = format!(
+                    "{drive} is no simulated drive: 0x{FAULT:04X}:{sub}: {} (0x{:08X})",
+                    abort.text(),
+                    abort.0
+                );
+                let kind = match abort {
+                    AbortCode::NO_OBJECT => code::NODE_NO_OBJECT,
+                    _ => code::NODE_ABORT,
+                };
+                Err(RpcError::new(kind, what))
+            }
+            Err(MailboxError::Failed(what)) => Err(RpcError::new(code::NODE, format!("{drive}: {what}"))),
+        }
+    }
 }

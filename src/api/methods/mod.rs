@@ -12,7 +12,7 @@ mod pin_values;
 mod pins;
 pub mod table;
 
-pub use arguments::WORK_SYSTEMS;
+pub use arguments::{WORK_SYSTEMS, sim_faults};
 pub use pins::{pin_json, value_json};
 
 use super::control::{Control, NAME_MAX, Needs, Who};
@@ -39,6 +39,7 @@ use crate::rt::joint_jog::JogMotion;
 use crate::rt::logic::Desk as LogicDesk;
 use crate::rt::overrides::Overridden;
 use crate::rt::shared::RtStatus;
+use crate::sim::FAULT;
 use files::read::PROGRAM_MAX;
 use motion::canon::LengthUnit;
 use motion::kinematics::Transform;
@@ -98,6 +99,8 @@ pub struct Methods {
     network: NetworkView,
     /// Orders under way that read: the others answer without a value.
     reading: Vec<Ticket>,
+    /// Faults that simulated drives are asked for: of which drive, and which.
+    faults: Vec<(Ticket, arguments::Fault)>,
     /// Way to the operator.
     operator: OrderClient,
     control: Control,
@@ -145,6 +148,7 @@ impl Methods {
             bus,
             network,
             reading: Vec::new(),
+            faults: Vec::new(),
             operator,
             control: Control::default(),
             uploads: Uploads::default(),
@@ -611,26 +615,63 @@ impl Methods {
             true => params.octets("value", SDO_VALUE_MAX)?,
             false => Vec::new(),
         };
-        let node = self.network.nodes.iter().position(|node| u64::from(node.id) == id);
-        let Some(node) = node else {
-            let ids: Vec<String> = self.network.nodes.iter().map(|node| node.id.to_string()).collect();
-            let what = format!("no node has the id {id}; nodes are {}", ids.join(", "));
-            return Err(RpcError::new(code::INVALID_PARAMS, what));
-        };
         let request = MailboxRequest {
             ticket,
-            node,
+            node: self.node_of(id)?,
             index,
             sub,
             value: write.then_some(value),
         };
-        self.bus.request(request).map_err(|_| {
-            let what = "as many objects as possible are being read or written already";
-            RpcError::new(code::REFUSED, what)
-        })?;
+        self.ask(request)?;
         if !write {
             self.reading.push(ticket);
         }
+        Ok(())
+    }
+
+    /// The place of a node.
+    fn node_of(&self, id: u64) -> Result<usize, RpcError> {
+        let node = self.network.nodes.iter().position(|node| u64::from(node.id) == id);
+        node.ok_or_else(|| {
+            let ids: Vec<String> = self.network.nodes.iter().map(|node| node.id.to_string()).collect();
+            let what = format!("no node has the id {id}; nodes are {}", ids.join(", "));
+            RpcError::new(code::INVALID_PARAMS, what)
+        })
+    }
+
+    fn ask(&mut self, request: MailboxRequest) -> Result<(), RpcError> {
+        self.bus.request(request).map_err(|_| {
+            let what = "as many objects as possible are being read or written already";
+            RpcError::new(code::REFUSED, what)
+        })
+    }
+
+    fn sim_fault(&mut self, call: &Call<'_>) -> Answer {
+        match self.order_fault(call) {
+            Ok(()) => None,
+            Err(error) => Some(Err(error)),
+        }
+    }
+
+    fn order_fault(&mut self, call: &Call<'_>) -> Result<(), RpcError> {
+        let (id, mut fault) = arguments::sim_fault(call.params)?;
+        let node = self.node_of(id)?;
+        let found = &self.network.nodes[node];
+        if found.profile != "drive" {
+            let what = format!("node {id} ({}) is no drive", found.name);
+            return Err(RpcError::new(code::INVALID_PARAMS, what));
+        }
+        fault.drive = format!("{} (node {id})", found.name);
+        self.ask(MailboxRequest {
+            ticket: call.ticket,
+            node,
+            index: FAULT,
+            sub: fault.axis + 1,
+            value: Some(fault.order.octets().to_vec()),
+        })?;
+        // Nobody waits for its answer.
+        let _ = self.operator.put(0, Order::Note(fault.to_string()));
+        self.faults.push((call.ticket, fault));
         Ok(())
     }
 
@@ -653,6 +694,11 @@ impl Methods {
         let read = self.reading.iter().position(|ticket| *ticket == reply.ticket);
         if let Some(at) = read {
             self.reading.swap_remove(at);
+        }
+        let fault = self.faults.iter().position(|(ticket, _)| *ticket == reply.ticket);
+        if let Some(at) = fault {
+            let (_, fault) = self.faults.swap_remove(at);
+            return Some((reply.ticket, fault.answer(reply.result)));
         }
         let result = match reply.result {
             Ok(value) if read.is_some() => Ok(json!({ "value": to_hex(&value) })),

@@ -15,6 +15,7 @@ use crate::api::uploads::PART_MAX;
 use crate::bus::SDO_VALUE_MAX;
 use crate::config::JOINTS_MAX;
 use crate::rt::joint_jog::JogMotion;
+use cia402::profile::AXES_MAX;
 use files::read::PROGRAM_MAX;
 use hal_pins::scope::CHANNELS_MAX;
 
@@ -85,6 +86,8 @@ pub enum Kind {
     Axis,
     /// G54 to G59.3.
     WorkSystem,
+    /// A kind of `[[sim.fault]]`, or "none".
+    SimFault,
 }
 
 /// What a method answers; [`crate::api::openrpc`] says what these are.
@@ -313,6 +316,21 @@ pub const METHODS: &[Method] = &[
         does: "writes an object of a node; \"value\" holds its octets as hexadecimal digits",
         role: Role::SetUp,
         call: |methods, call| methods.sdo(call, true),
+        ..ORDER
+    },
+    Method {
+        name: "sim.fault",
+        params: &[
+            needed("node", Kind::Whole(1, 239)),
+            needed("kind", Kind::SimFault),
+            optional("axis", Kind::Whole(0, AXES_MAX as u64 - 1)),
+            optional("for_s", Kind::Number),
+        ],
+        does: "lets something go wrong with an \"axis\" (without it 0) of the simulated drive of a node: a \"kind\" of [[sim.fault]] of \
+               the machine file, for so many seconds, or until \"none\" mends all; \"overcurrent\" without a time can be acknowledged at \
+               once, \"power-off\" without one stays. A drive that is no simulated one refuses",
+        role: Role::SetUp,
+        call: |methods, call| methods.sim_fault(call),
         ..ORDER
     },
     Method {

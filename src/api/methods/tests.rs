@@ -134,7 +134,7 @@ fn refusals_say_what_there_is() {
         refusal(&mut methods, "bus.nodes", json!({})),
         "no method \"bus.nodes\"; there are methods, rpc.discover, client.identify, status, subscribe, unsubscribe, control.take, \
          control.release, ping, machine.describe, metrics, bus.network, bus.sdo_read, bus.sdo_write, \
-         on, off, estop, estop.reset, home, program.upload.begin, \
+         sim.fault, on, off, estop, estop.reset, home, program.upload.begin, \
          program.upload.append, program.upload.commit, program.load, program.start, program.check, program.run, program.report, \
          program.text, program.path.begin, program.path.next, program.path.end, \
          hal.list, scope.begin, scope.next, scope.end, \

@@ -1,5 +1,5 @@
 //! `isocnc status`, `on`, `off`, `home`, `program`, `mdi`, `hold`, `resume`, `reverse`, `single-block`, `stop`, `override`,
-//! `tool-changed`, `alarm acknowledge`: clients of a running control.
+//! `tool-changed`, `alarm acknowledge`, `fault`: clients of a running control.
 //!
 //! In:  the control socket of a machine, or of the only one that runs.
 //! Out: a few lines or one JSON value. Exit code 1: the control refuses, or none runs.
@@ -8,11 +8,13 @@ mod status;
 mod waiting;
 
 use crate::api::client::{Client, ClientError};
+use crate::api::methods::sim_faults;
 use crate::api::rpc::code;
 use crate::host::signals::StopSignal;
 use crate::host::terminal;
 use crate::operator::program_reports::StandByReport;
 use anyhow::Context;
+use clap::builder::PossibleValuesParser;
 use clap::{Args, Subcommand, ValueEnum};
 use files::read::PROGRAM_MAX;
 use serde_json::{Value, json};
@@ -168,6 +170,25 @@ enum EstopCommand {
     Reset,
 }
 
+/// Arguments of `fault`.
+#[derive(Clone, Debug, Args)]
+pub struct FaultArgs {
+    #[command(flatten)]
+    control: ControlArgs,
+    /// What goes wrong; none: all is mended
+    #[arg(value_parser = PossibleValuesParser::new(sim_faults()))]
+    kind: String,
+    /// Id of the node
+    #[arg(long, value_name = "N")]
+    node: u8,
+    /// Which of its axes, from 0
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    axis: u8,
+    /// For so many seconds; without it until `fault none`
+    #[arg(long = "for", value_name = "S")]
+    for_s: Option<f64>,
+}
+
 /// Arguments of `reverse`.
 #[derive(Clone, Debug, Args)]
 pub struct ReverseArgs {
@@ -265,6 +286,32 @@ pub fn skip(args: &ControlArgs) -> anyhow::Result<ExitCode> {
     let answer = call(args, "skip", json!({}))?;
     let what = answer["skips"].as_str().unwrap_or_default();
     print(args, &answer, &format!("left out: {what}"));
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Lets something go wrong with a simulated drive, or mends it.
+///
+/// # Errors
+/// No control answers, or it refuses, or the drive is no simulated one.
+pub fn fault(args: &FaultArgs) -> anyhow::Result<ExitCode> {
+    let FaultArgs {
+        control,
+        kind,
+        node,
+        axis,
+        for_s,
+    } = args;
+    let mut params = json!({ "kind": kind, "node": node, "axis": axis });
+    if let Some(for_s) = for_s {
+        params["for_s"] = json!(for_s);
+    }
+    let answer = call(control, "sim.fault", params)?;
+    let told = match (kind.as_str(), for_s) {
+        ("none", _) => "what had gone wrong is mended; see: isocnc status".to_owned(),
+        (kind, Some(for_s)) => format!("{kind} for {for_s} s; see: isocnc status"),
+        (kind, None) => format!("{kind}; see: isocnc status"),
+    };
+    print(control, &answer, &told);
     Ok(ExitCode::SUCCESS)
 }
 

@@ -203,7 +203,7 @@ impl Operator {
                 expected,
                 got,
             } => format!(
-                "{}: {index:04X}h:{sub} is {got:#010x}, expected {expected:#010x}: it is another drive than its profile says",
+                "{}: {index:04X}h:{sub} is {got:#010x}, expected {expected:#010x}: it is another drive, or set otherwise, than its profile or the machine file says",
                 self.node_names[node]
             ),
             BusEvent::Missing(node) => self.modules.missing(node),

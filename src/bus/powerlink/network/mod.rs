@@ -8,8 +8,8 @@ use super::managing_node::{exchanges, pres_mn_octets};
 use crate::bus::layout::Layout;
 use crate::bus::plan::{LeftOut, LeftOutReason, NodePlan};
 use crate::config::{
-    Bus, Config, ConfigurationWrite, DeviceDescription, DriveMode, DriveProfile, Exchange, HomingBy, Joint, Mapped,
-    Node, SpindleAxis, Stamp,
+    Bus, Config, ConfigurationWrite, DeviceDescription, DriveMode, DriveProfile, Exchange, FactorGroup, HomingBy,
+    Joint, Mapped, Node, SpindleAxis, Stamp,
 };
 use cia402::profile::{axis_of, object_of};
 use obd::cdc::CdcWriter;
@@ -51,8 +51,8 @@ pub fn plan(config: &Config) -> Vec<NodePlan> {
             let stamp = dcf.stamp();
             let axes = config.joints.iter().filter(|joint| joint.node == index);
             let axes = axes
-                .map(|joint| joint.drive_axis)
-                .chain(spindle.map(|spindle| spindle.drive_axis));
+                .map(|joint| (joint.drive_axis, joint.factor_group))
+                .chain(spindle.map(|spindle| (spindle.drive_axis, spindle.factor_group)));
             let expected = dcf.expected(node, axes);
             NodePlan {
                 expected,
@@ -332,11 +332,24 @@ impl<'a> Configuration<'a> {
         (self.has(DATE.0, DATE.1) && self.has(TIME.0, TIME.1)).then_some(stamp)
     }
 
-    /// What a drive with a profile must say of itself: its modes (6502), and the interpolation time (60C2) that was written.
-    fn expected(&self, node: &Node, axes: impl Iterator<Item = u8>) -> Vec<Expected> {
-        let Some(drive) = &node.drive else { return Vec::new() };
+    /// What a drive must say of itself: its factor group, and with a profile its modes (6502) and the interpolation time (60C2) that
+    /// was written.
+    fn expected(&self, node: &Node, axes: impl Iterator<Item = (u8, FactorGroup)> + Clone) -> Vec<Expected> {
+        let factors = axes.clone().flat_map(|(axis, group)| {
+            let objects = group.objects().map(move |(index, sub, value)| Expected {
+                index: object_of(axis, index),
+                sub,
+                mask: u32::MAX,
+                value,
+            });
+            objects.collect::<Vec<_>>()
+        });
+        let factors = factors.filter(|it| !self.without.contains(&(axis_of(it.index).1, it.sub)));
+        let Some(drive) = &node.drive else {
+            return factors.collect();
+        };
         let modes = drive.modes.into_iter();
-        let modes = axes.flat_map(|axis| {
+        let modes = axes.flat_map(|(axis, _)| {
             modes.clone().map(move |modes| Expected {
                 index: object_of(axis, 0x6502),
                 sub: 0,
@@ -353,7 +366,17 @@ impl<'a> Configuration<'a> {
                 value: u32::from(*write.value.first()?),
             })
         });
-        modes.chain(times).collect()
+        modes.chain(times).chain(factors).collect()
+    }
+
+    /// 608F to 6096, unless the drive keeps them by itself. Before all that is in the units that they make.
+    fn factor_group(&mut self, group: &FactorGroup) {
+        if group.compare_only {
+            return;
+        }
+        for (index, sub, value) in group.objects() {
+            self.set(index, sub, value);
+        }
     }
 
     /// 60C2.
@@ -373,6 +396,7 @@ impl<'a> Configuration<'a> {
     /// What the drive of the spindle must know: how it stops, its mode where it is not told that in each cycle.
     fn spindle(&mut self, spindle: &SpindleAxis, node: &Node, bus: &Bus, cycle_us: u32) {
         self.axis = spindle.drive_axis;
+        self.factor_group(&spindle.factor_group);
         if spindle.mode == DriveMode::Csv {
             // It hears a set-point each time that it is polled.
             let cycles = match node.exchange {
@@ -401,22 +425,26 @@ impl<'a> Configuration<'a> {
         self.axis = joint.drive_axis;
         let [counts, units] = joint.counts_per_unit.map(f64::from);
         let increments = |mm: f64| (mm * counts / units).round().clamp(0.0, f64::from(u32::MAX)) as u32;
+        let [velocity, per] = joint.factor_group.velocity_ratio().map(f64::from);
+        // Speeds and ramps.
+        let velocity_units = |mm: f64| increments(mm * velocity / per);
+        self.factor_group(&joint.factor_group);
         self.interpolation_time(cycle_us);
         // The drive's own watch is wider than ours: it is the second line of defence.
         self.set(0x6065, 0, increments(2.0 * joint.following_error_mm));
         for (index, value) in joint.reactions.writes() {
             self.set(index, 0, value);
         }
-        self.set(0x6085, 0, increments(joint.stop.acceleration_mm_s2));
+        self.set(0x6085, 0, velocity_units(joint.stop.acceleration_mm_s2));
         if let HomingBy::Drive {
             method,
             acceleration_mm_s2,
         } = joint.homing.by
         {
             self.set(0x6098, 0, method);
-            self.set(0x6099, 1, increments(joint.homing.search_mm_s));
-            self.set(0x6099, 2, increments(joint.homing.latch_mm_s));
-            self.set(0x609A, 0, increments(acceleration_mm_s2));
+            self.set(0x6099, 1, velocity_units(joint.homing.search_mm_s));
+            self.set(0x6099, 2, velocity_units(joint.homing.latch_mm_s));
+            self.set(0x609A, 0, velocity_units(acceleration_mm_s2));
         }
         self.set(0x607C, 0, 0_i32);
         self.mode(node, joint.mode);
