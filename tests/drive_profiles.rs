@@ -28,15 +28,23 @@ fn journal(run: &Rehearsal<'_>) -> String {
         .collect()
 }
 
-/// Homes, runs the part and ends where it should: at the work offset, by a rule on the machine.
-fn cuts(config: &Config, case: &str) {
+/// Units of which neither positions nor speeds are increments.
+const FACTORS: &str = "[factor_group]\nencoder = [131072, 1]\ngear = [5, 2]\nfeed = [5000, 1]\nvelocity = [60, 1]";
+
+/// Homes and runs the part; where both joints are in the end, by a rule on the machine, mm.
+fn places(config: &Config, case: &str) -> [f64; 2] {
     let places = rehearse(config, PART.as_bytes(), NetConfig::clean(3), |run| {
         let outcome = run.run(CYCLES_MAX).expect("an end");
         assert_eq!(outcome, Outcome::Completed, "{case}:\n{}", journal(run));
         let net = run.net();
         Ok([0, 1].map(|joint| net.machine().joint_position_mm(joint).expect("a joint")))
     });
-    let places = places.unwrap_or_else(|error| panic!("{case}: {error}"));
+    places.unwrap_or_else(|error| panic!("{case}: {error}"))
+}
+
+/// Homes, runs the part and ends where it should: at the work offset.
+fn cuts(config: &Config, case: &str) {
+    let places = places(config, case);
     for place in places {
         assert!((place - 20.0).abs() < 0.01, "{case}: {places:?}");
     }
@@ -103,28 +111,17 @@ fn a_drive_of_each_build_homes_and_cuts() {
         text.replace(from, to)
     };
     let by_turns = |text: String| text.replace("counts_per_unit = [400, 1]", "turns_per_unit = [1, 5]");
-    let by_velocity = |text: String| {
-        let pid =
-            "mode = \"csv\"\nloop = \"pid\"\npid = { p = 40.0, ff1 = 1.0, ff2 = 0.005 }\ncounts_per_unit = [400, 1]";
-        text.replace("counts_per_unit = [400, 1]", pid)
-    };
-    let factors = "[factor_group]\nencoder = [131072, 1]\ngear = [5, 2]\nfeed = [5000, 1]\nvelocity = [60, 1]";
-    let kept = format!("{factors}\nwrite = false");
-    let encoders = format!("{factors}\nvelocity_encoder = [4096, 1]");
-    let cases: [(&str, Change<'_>); 24] = [
+    let cases: [(&str, Change<'_>); 21] = [
         ("axes = 2\n[identity]\nvendor_id = 0x12D\nserial = 7", &same),
         ("without = [\"0x607C\", \"0x6085\"]", &same),
         ("increments_per_turn = 2000", &by_turns),
         ("[sto]\nobject = \"0x60FD\"\nbit = 24\nactive = false", &same),
         ("[[sdo]]\nobject = \"0x6067\"\nvalue = 20\nbits = 32", &same),
-        (factors, &same),
-        (factors, &offset),
-        (factors, &by_control),
+        (FACTORS, &same),
+        (FACTORS, &offset),
+        (FACTORS, &by_control),
         // 2000 units a turn of the motor.
-        (factors, &by_turns),
-        (factors, &by_velocity),
-        (&encoders, &by_velocity),
-        (&kept, &by_velocity),
+        (FACTORS, &by_turns),
         ("", &same),
         ("home_offset = \"minus\"", &offset),
         ("home_offset = \"plus\"", &offset),
@@ -184,6 +181,25 @@ fn journal_beside(wanted: &Config, there: &Config) -> String {
         Ok(entries.map(|entry| format!("{}\n", entry.text)).collect())
     })
     .expect("a control")
+}
+
+#[test]
+fn a_loop_of_the_control_ends_at_the_same_place_whatever_the_drive_counts_in() {
+    let by_velocity = |text: String| {
+        let pid =
+            "mode = \"csv\"\nloop = \"pid\"\npid = { p = 40.0, ff1 = 1.0, ff2 = 0.005 }\ncounts_per_unit = [400, 1]";
+        text.replace("counts_per_unit = [400, 1]", pid)
+    };
+    let of = |profile: &str| {
+        let config = with_profile(profile, by_velocity).unwrap_or_else(|errors| panic!("{profile}: {errors}"));
+        places(&config, profile)[1]
+    };
+    let plain = of("");
+    for more in ["", "\nwrite = false", "\nvelocity_encoder = [4096, 1]"] {
+        let place = of(&format!("{FACTORS}{more}"));
+        // Two increments of the plain one.
+        assert!((place - plain).abs() < 0.005, "{more}: {place} where {plain} is wanted");
+    }
 }
 
 #[test]

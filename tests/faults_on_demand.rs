@@ -14,7 +14,7 @@ fn standing_by(name: &str) -> Control {
 }
 
 fn journal(control: &Control) -> String {
-    control.ask(&["journal"]).expect("a journal").to_string()
+    control.words(&["journal"]).1
 }
 
 fn has_alarm(status: &Value) -> bool {
