@@ -79,7 +79,7 @@ fn the_examples_do_what_is_kept() {
 }
 
 /// Small changes: what stands in a program, and what takes its place.
-const CHANGES: [(&str, &str); 24] = [
+const CHANGES: [(&str, &str); 26] = [
     (" AND ", " OR "),
     (" OR ", " AND "),
     (" XOR ", " OR "),
@@ -104,6 +104,8 @@ const CHANGES: [(&str, &str); 24] = [
     ("F_TRIG", "R_TRIG"),
     (": SR", ": TON"),
     ("ELSIF", "END_IF; IF"),
+    ("SEL(", "SEL(FALSE AND "),
+    ("SEL(", "SEL(TRUE OR "),
 ];
 
 /// Every mutant of a program, with its line and what was changed. Comments and what is declared stay, instances change their kind.
@@ -132,6 +134,23 @@ fn mutants(text: &str) -> Vec<(usize, String, String)> {
             for (at, _) in code.match_indices(from) {
                 changed(at, from.len(), to);
             }
+        }
+        // Conditions that always hold or never do.
+        if let (Some(at), Some(end)) = (code.find("IF "), code.find(" THEN"))
+            && !code.contains("END_IF")
+        {
+            changed(at + 3, end - at - 3, "TRUE");
+            changed(at + 3, end - at - 3, "FALSE");
+        }
+        // A block that is not called.
+        let trimmed = code.trim();
+        if trimmed.ends_with(");") && !trimmed.starts_with("IF") && trimmed.find('(') < trimmed.find(":=") {
+            changed(code.len() - code.trim_start().len(), trimmed.len(), ";");
+        }
+        // Times that are a scan longer.
+        for (at, _) in code.match_indices("T#") {
+            let end = code[at..].find([')', ',', ';', ' ']).map_or(code.len(), |end| at + end);
+            changed(at, end - at, &format!("({} + T#10ms)", &code[at..end]));
         }
         // An assignment that is left out, and numbers that are one more.
         if let (Some(at), true) = (code.find(" := "), code.trim_end().ends_with(';')) {
