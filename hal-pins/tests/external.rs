@@ -1,6 +1,6 @@
 //! External components: a control and the processes that write its pins, in Rust, C and Python.
 
-use hal_pins::{AnyValue, Change, Claim, External, ExternalPin, Hal, HalError, Kind, Lost};
+use hal_pins::{AnyValue, Change, Claim, EXTERNAL_PINS_MAX, External, ExternalPin, Hal, HalError, Kind, Lost};
 use proptest::prelude::*;
 use std::io::{BufRead, BufReader};
 use std::os::unix::fs::{FileExt, PermissionsExt};
@@ -45,7 +45,7 @@ fn rig_of(name: &str, pins: &[ExternalPin], limit: u64) -> Rig {
     let dirs = vec![folder.path().join("isocnc")];
     std::fs::create_dir(&dirs[0]).unwrap();
     std::fs::set_permissions(&dirs[0], std::fs::Permissions::from_mode(0o700)).unwrap();
-    let mut hal = Hal::create_in(&dirs, "mill.3", 64).unwrap();
+    let mut hal = Hal::create_in(&dirs, "mill.3", 512).unwrap();
     let panel = External::create(&mut hal, name, pins, limit, limit).unwrap();
     Rig {
         hal,
@@ -282,6 +282,114 @@ fn a_file_that_is_cut_short_costs_the_component_and_nothing_else() {
         assert_eq!(rig.cycle(), None);
     }
     assert_eq!(rig.value("panel.0.losses"), AnyValue::U32(1));
+}
+
+/// Whatever lies in the place of the file is no way in, and what it leads to stays as it is.
+#[test]
+fn links_pipes_and_files_of_others_in_the_place_of_the_file_are_refused() {
+    let mut rig = rig();
+    let mine = rig.folder.path().join("mine");
+    std::fs::write(&mine, "mine").unwrap();
+    let refused = |rig: &Rig| rig.claim().err().unwrap().to_string();
+    let file = rig.file();
+    let replace = |with: &dyn Fn()| {
+        std::fs::remove_file(&file).unwrap();
+        with();
+    };
+    replace(&|| std::os::unix::fs::symlink(&mine, &file).unwrap());
+    assert!(refused(&rig).contains("not a regular file"), "{}", refused(&rig));
+    replace(&|| nix::unistd::mkfifo(&file, nix::sys::stat::Mode::S_IRWXU).unwrap());
+    assert!(refused(&rig).contains("not a regular file"), "{}", refused(&rig));
+    // Somebody else's is not even looked for: no control holds its lock.
+    replace(&|| std::fs::write(&file, "theirs").unwrap());
+    assert!(refused(&rig).contains("has no external component"), "{}", refused(&rig));
+    rig.cycle();
+    assert_eq!(rig.outputs(), SAFE);
+    // What lies there before a control begins is replaced, and not followed.
+    std::os::unix::fs::symlink(&mine, rig.dirs[0].join("isocnc-external-later.mill.3")).unwrap();
+    let outputs = [pin("out", Kind::Output, 1.0)];
+    let later = External::create(&mut rig.hal, "later", &outputs, LIMIT, LIMIT).unwrap();
+    let found = std::fs::symlink_metadata(rig.dirs[0].join("isocnc-external-later.mill.3")).unwrap();
+    assert!(found.is_file() && found.permissions().mode() & 0o777 == 0o600);
+    drop(later);
+    assert_eq!(std::fs::read_to_string(&mine).unwrap(), "mine");
+}
+
+#[test]
+fn a_heartbeat_that_goes_back_is_none() {
+    let mut rig = rig();
+    let mut claim = rig.claim().unwrap();
+    for level in 1..=5 {
+        claim.set("level", level).unwrap();
+        claim.update().unwrap();
+        rig.cycle();
+    }
+    for cycle in 0..LIMIT {
+        // Numbers of records that were: their places hold others.
+        rig.write(10, 3 - cycle % 2);
+        assert_eq!((rig.cycle(), rig.value("panel.0.level")), (None, AnyValue::S32(5)));
+    }
+    rig.write(10, 1);
+    assert_eq!((rig.cycle(), rig.outputs()), (Some(Change::Lost), SAFE));
+}
+
+#[test]
+fn what_is_no_number_is_handed_on_as_by_any_component() {
+    let mut rig = rig_of("panel.0", &[pin("x", Kind::Output, 1.0)], LIMIT);
+    let mut claim = rig.claim().unwrap();
+    for value in [f64::NAN, f64::INFINITY, f64::MIN_POSITIVE / 2.0, -0.0] {
+        claim.set("x", value).unwrap();
+        claim.update().unwrap();
+        rig.cycle();
+        let AnyValue::Float(shown) = rig.value("panel.0.x") else {
+            panic!()
+        };
+        assert_eq!(shown.to_bits(), value.to_bits());
+    }
+}
+
+/// A writer without a pause is never lost for it, however large its record.
+#[test]
+fn a_writer_that_never_rests_is_heard() {
+    for pins in [1, EXTERNAL_PINS_MAX] {
+        let outputs: Vec<ExternalPin> = (0..pins)
+            .map(|number| pin(&format!("out-{number}"), Kind::Output, 0u64))
+            .collect();
+        // Looked at every 50 us: this is a tenth of a second, in which any machine lets the writer in.
+        let mut rig = rig_of("panel.0", &outputs, 2000);
+        let mut claim = rig.claim().unwrap();
+        let done = std::sync::atomic::AtomicBool::new(false);
+        let ordering = std::sync::atomic::Ordering::Relaxed;
+        let (written, shown) = std::thread::scope(|scope| {
+            let writer = scope.spawn(|| {
+                let mut written = 0u64;
+                while !done.load(ordering) {
+                    written += 1;
+                    for output in &outputs {
+                        claim.set(&output.name, written).unwrap();
+                    }
+                    claim.update().unwrap();
+                }
+                written
+            });
+            let mut shown = std::collections::BTreeSet::new();
+            for _ in 0..4000 {
+                let change = rig.cycle();
+                assert!(matches!(change, None | Some(Change::Attached)), "{change:?}");
+                let [first, last] = [0, pins - 1].map(|number| rig.value(&format!("panel.0.out-{number}")));
+                assert_eq!(first, last);
+                let AnyValue::U64(first) = first else { panic!() };
+                shown.insert(first);
+                std::thread::sleep(Duration::from_micros(50));
+            }
+            done.store(true, ordering);
+            (writer.join().unwrap(), shown.len())
+        });
+        assert!(
+            written > 10_000 && shown > 100,
+            "{pins} pins: {written} written, {shown} shown"
+        );
+    }
 }
 
 proptest! {
