@@ -3,7 +3,7 @@
 mod common;
 
 use common::Control;
-use hal_pins::{AnyValue, Attached, Claim, HalError, directories};
+use hal_pins::{AnyValue, Attached, Claim, HalError, Kind, Type, directories};
 use isocnc::config;
 use isocnc::machine::sequence::Outcome;
 use isocnc::operator::rehearsal::{Rehearsal, rehearse};
@@ -165,6 +165,44 @@ fn processes_that_come_and_go_are_told_of_once_a_second_at_the_most() {
         assert!((2..=12).contains(&told.len()), "{told:#?}");
         Ok(())
     });
+}
+
+/// What is no number, at all inputs of the control at once, costs what each of them says, and no program.
+#[test]
+fn what_is_no_number_at_every_input_stops_nothing() {
+    let plain = config::parse(MACHINE, Path::new("mill3-demo.toml")).unwrap_or_else(|errors| panic!("{errors}"));
+    let mut inputs = Vec::new();
+    rehearse(&plain, PROGRAM.as_bytes(), NetConfig::clean(1), |run| {
+        let pins = run.hal.list().into_iter();
+        let free = pins.filter(|pin| pin.kind == Kind::Input && pin.value_type() == Type::Float && pin.net.is_none());
+        inputs = free.map(|pin| pin.name).collect();
+        Ok(())
+    })
+    .expect("a machine to rehearse on");
+    assert!(inputs.len() > 10, "{inputs:?}");
+    let external = "[[hal.external]]\nname = \"panel\"\npins = [{ name = \"x\", direction = \"out\", type = \"float\", safe = 0.5 }]\n";
+    let text = format!("{MACHINE}{external}[[hal.net]]\nname = \"x\"\nsource = \"panel.x\"\ntargets = {inputs:?}\n");
+    let config = config::parse(&text, Path::new("mill3-demo.toml")).unwrap_or_else(|errors| panic!("{errors}"));
+    rehearse(&config, PROGRAM.as_bytes(), NetConfig::clean(1), |run| {
+        let x = run.hal.reader::<f64>("axis.x.pos-cmd")?;
+        let target = run.hal.reader::<f64>("joint.0.motor-pos-cmd")?;
+        let mut panel = claim(run);
+        panel.set("x", f64::NAN).unwrap();
+        run.run_until(CYCLES_MAX, |run| {
+            panel.update().unwrap();
+            assert!(target.get().is_finite());
+            run.operator.outcome().is_some()
+        })?;
+        assert_eq!(
+            run.operator.outcome(),
+            Some(Outcome::Completed),
+            "{:#?}",
+            run.operator.journal()
+        );
+        assert!(x.get() > 59.9);
+        Ok(())
+    })
+    .expect("a machine to rehearse on");
 }
 
 /// A process of ours that ends with the test.

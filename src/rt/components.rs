@@ -117,6 +117,16 @@ pub fn late_reads(config: &Config) -> Vec<LateRead> {
     late
 }
 
+/// Whether it is a pin of a node, of a program in Structured Text or of another process: their outputs are taken before components
+/// run, and their inputs are read behind everything.
+pub fn is_of_others(config: &Config, pin: &str) -> bool {
+    let of_external = config.external.iter().any(|external| {
+        let rest = pin.strip_prefix(external.name.as_str());
+        rest.is_some_and(|rest| rest.starts_with('.'))
+    });
+    of_external || ["io.", "cia402.", "logic."].iter().any(|start| pin.starts_with(start))
+}
+
 /// When in a cycle a pin is written or read: part of the cycle and place in its list; and whether it is a component's.
 fn moment(config: &Config, pin: &str, is_source: bool) -> ((u8, usize), bool) {
     const INPUTS: u8 = 0;
@@ -135,13 +145,7 @@ fn moment(config: &Config, pin: &str, is_source: bool) -> ((u8, usize), bool) {
         };
         return ((part, at), true);
     }
-    // Outputs of programs and of other processes come with the inputs of nodes, and their inputs are read behind everything.
-    let of_others = config.external.iter().any(|external| {
-        let rest = pin.strip_prefix(external.name.as_str());
-        rest.is_some_and(|rest| rest.starts_with('.'))
-    });
-    let of_nodes = of_others || ["io.", "cia402.", "logic."].iter().any(|start| pin.starts_with(start));
-    let part = match (of_nodes, is_source) {
+    let part = match (is_of_others(config, pin), is_source) {
         (true, true) => INPUTS,
         (true, false) => OUTPUTS,
         (false, _) => MOTION,
@@ -189,6 +193,22 @@ mod tests {
         assert!(!late(&after, "not.1.out", "not.0.in"));
         // A net without components is as it always was.
         assert!(!late(&after, "motion.digital-out-01", "motion.feed-hold"));
+    }
+
+    #[test]
+    fn pins_of_other_processes_are_made_first_and_read_last() {
+        let late = |place: &str, source: &str, target: &str| {
+            let text = format!(
+                "{DEMO}[[hal.component]]\nname = \"not.0\"\ntype = \"not\"\nplace = {place:?}\n[[hal.external]]\nname = \"panel\"\n\
+                 pins = [{{ name = \"key\", direction = \"out\", type = \"bit\", safe = false }},\n\
+                 {{ name = \"lamp\", direction = \"in\", type = \"bit\" }}]\n\
+                 [[hal.net]]\nname = \"n\"\nsource = {source:?}\ntargets = [{target:?}]\n"
+            );
+            !late_reads(&parse(&text, Path::new("m.toml")).unwrap_or_else(|errors| panic!("{errors}"))).is_empty()
+        };
+        for place in ["before-motion", "after-motion"] {
+            assert!(!late(place, "panel.key", "not.0.in") && !late(place, "not.0.out", "panel.lamp"));
+        }
     }
 
     #[test]

@@ -63,12 +63,40 @@ struct Drive {
     per_rpm: f64,
 }
 
+/// The wanted speed, as drives of spindles may ask for it.
+struct SpeedOut {
+    rpm: Output<f64>,
+    rpm_abs: Output<f64>,
+    rps: Output<f64>,
+    rps_abs: Output<f64>,
+}
+
+impl SpeedOut {
+    fn new(hal: &mut Hal, spindle: u8) -> Result<SpeedOut, HalError> {
+        let mut output = |pin: &str| hal.output(&format!("spindle.{spindle}.speed-out{pin}"));
+        Ok(SpeedOut {
+            rpm: output("")?,
+            rpm_abs: output("-abs")?,
+            rps: output("-rps")?,
+            rps_abs: output("-rps-abs")?,
+        })
+    }
+
+    /// RT.
+    fn set(&mut self, rpm: f64) {
+        self.rpm.set(rpm);
+        self.rpm_abs.set(rpm.abs());
+        self.rps.set(rpm / 60.0);
+        self.rps_abs.set(rpm.abs() / 60.0);
+    }
+}
+
 /// The spindle of the machine.
 pub struct Spindle {
     on: Output<bool>,
     forward: Output<bool>,
     reverse: Output<bool>,
-    speed_out: Output<f64>,
+    speed_out: SpeedOut,
     speed_in: Output<f64>,
     at_speed: Input<bool>,
     orientation: Orientation,
@@ -141,7 +169,7 @@ impl Spindle {
             on: hal.output("spindle.0.on")?,
             forward: hal.output("spindle.0.forward")?,
             reverse: hal.output("spindle.0.reverse")?,
-            speed_out: hal.output("spindle.0.speed-out")?,
+            speed_out: SpeedOut::new(hal, 0)?,
             speed_in: hal.output("spindle.0.speed-in")?,
             at_speed: hal.input("spindle.0.at-speed", true)?,
             orientation: Orientation::new(hal)?,
@@ -522,7 +550,7 @@ pub struct OtherSpindle {
     on: Output<bool>,
     forward: Output<bool>,
     reverse: Output<bool>,
-    speed_out: Output<f64>,
+    speed_out: SpeedOut,
     at_speed: Input<bool>,
     waits: bool,
     rpm_max: f64,
@@ -544,7 +572,7 @@ impl OtherSpindle {
             on: hal.output(&name("on"))?,
             forward: hal.output(&name("forward"))?,
             reverse: hal.output(&name("reverse"))?,
-            speed_out: hal.output(&name("speed-out"))?,
+            speed_out: SpeedOut::new(hal, number)?,
             at_speed: hal.input(&name("at-speed"), true)?,
             waits: spindle.wait_for_speed,
             rpm_max: spindle.rpm_max,
@@ -575,7 +603,7 @@ impl OtherSpindle {
     pub fn late(&self) -> Option<SpeedNotReached> {
         (self.waited_s > self.timeout_s).then(|| SpeedNotReached {
             spindle: self.number,
-            wanted_rpm: self.speed_out.get(),
+            wanted_rpm: self.speed_out.rpm.get(),
             measured_rpm: None,
         })
     }

@@ -64,3 +64,12 @@ fn the_components_with_their_pins() {
         sections.join("\n").trim_end().to_owned()
     });
 }
+
+#[test]
+fn every_component_stands_once_in_the_table_by_purpose() {
+    let page = std::fs::read_to_string(super::root("docs/components.md")).expect("the page");
+    for kind in &CATALOGUE {
+        let link = format!("[{0}](#{0})", kind.name);
+        assert_eq!(page.matches(&link).count(), 1, "{link}");
+    }
+}

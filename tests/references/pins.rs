@@ -72,7 +72,10 @@ fn pins() -> BTreeMap<String, (&'static str, Kind)> {
         let of_component = |pin: &str| {
             let components = config.components.iter().map(|component| format!("{}.", component.name));
             // Of programs in Structured Text, which docs/logic.md describes.
-            let mut names = components.chain(config.logics.iter().map(|task| format!("logic.{}.", task.name)));
+            let logics = config.logics.iter().map(|task| format!("logic.{}.", task.name));
+            // Of other processes, which docs/external-components.md describes.
+            let external = config.external.iter().map(|external| format!("{}.", external.name));
+            let mut names = components.chain(logics).chain(external);
             names.any(|name| pin.starts_with(&name))
         };
         let is_own = |pin: &hal_pins::PinInfo| pin.kind != Kind::Net && !of_component(&pin.name);

@@ -12,6 +12,7 @@
 use crate::config::{Component, Config, Place};
 use crate::plot::sheet::{Anchor, Face, Sheet};
 use crate::plot::{BODY, INK, SMALL, TITLE};
+use crate::rt::components::is_of_others;
 use hal_pins::{Kind, PinInfo};
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -102,7 +103,7 @@ impl Graph {
             &format!("Nets of {}", config.name),
             &config.components,
             &nets.collect::<Vec<_>>(),
-            true,
+            Some(&|pin| is_of_others(config, pin)),
         )
     }
 
@@ -125,11 +126,19 @@ impl Graph {
             &format!("Nets of {machine}, as it runs"),
             &[],
             &nets.collect::<Vec<_>>(),
-            false,
+            None,
         )
     }
 
-    fn new(title: &str, components: &[Component], nets: &[Net<'_>], knows_lists: bool) -> Graph {
+    /// `is_outside`: of nodes, of programs, of other processes; `None`: of a control that does not tell its lists.
+    fn new(
+        title: &str,
+        components: &[Component],
+        nets: &[Net<'_>],
+        is_outside: Option<&dyn Fn(&str) -> bool>,
+    ) -> Graph {
+        let knows_lists = is_outside.is_some();
+        let is_outside = is_outside.unwrap_or(&|pin| pin.starts_with("io.") || pin.starts_with("cia402."));
         let mut groups: Vec<Group> = Vec::new();
         // A component without a net is part of its list all the same.
         for (order, component) in components.iter().enumerate() {
@@ -148,12 +157,12 @@ impl Graph {
         }
         let mut wires = Vec::new();
         for (net, of) in nets.iter().enumerate() {
-            let from = place(&mut groups, of.source, true);
+            let from = place(&mut groups, of.source, true, is_outside);
             for target in &of.targets {
                 wires.push(Wire {
                     net,
                     from,
-                    to: place(&mut groups, target, false),
+                    to: place(&mut groups, target, false, is_outside),
                     is_late: false,
                 });
             }
@@ -428,7 +437,7 @@ fn quoted(text: &str) -> String {
 }
 
 /// The group and the number of a pin in it, both made where they are not there yet.
-fn place(groups: &mut Vec<Group>, pin: &str, is_source: bool) -> (usize, usize) {
+fn place(groups: &mut Vec<Group>, pin: &str, is_source: bool, is_outside: &dyn Fn(&str) -> bool) -> (usize, usize) {
     let of_component = |group: &&mut Group| {
         let rest = pin.strip_prefix(group.name.as_str());
         !group.kind.is_empty() && rest.is_some_and(|rest| rest.starts_with('.'))
@@ -438,8 +447,7 @@ fn place(groups: &mut Vec<Group>, pin: &str, is_source: bool) -> (usize, usize) 
         Some((at, group)) => (at, pin[group.name.len() + 1..].to_owned()),
         None => {
             let (group, name) = pin.rsplit_once('.').unwrap_or(("", pin));
-            let of_node = pin.starts_with("io.") || pin.starts_with("cia402.");
-            let part = match (of_node, is_source) {
+            let part = match (is_outside(pin), is_source) {
                 (true, true) => Part::Inputs,
                 (true, false) => Part::Outputs,
                 (false, _) => Part::Control,
@@ -557,6 +565,28 @@ mod tests {
     }
 
     #[test]
+    fn what_other_processes_write_comes_first_and_what_they_read_last() {
+        let text = format!(
+            "{DEMO}[[hal.component]]\nname = \"a\"\ntype = \"not\"\n[[hal.external]]\nname = \"panel\"\npins = [\n\
+             {{ name = \"key\", direction = \"out\", type = \"bit\", safe = false }},\n\
+             {{ name = \"lamp\", direction = \"in\", type = \"bit\" }}]\n\
+             [[hal.net]]\nname = \"n\"\nsource = \"panel.key\"\ntargets = [\"a.in\"]\n\
+             [[hal.net]]\nname = \"m\"\nsource = \"a.out\"\ntargets = [\"panel.lamp\"]\n"
+        );
+        let graph = Graph::of_file(&parse(&text, Path::new("m.toml")).unwrap_or_else(|errors| panic!("{errors}")));
+        let parts: Vec<Part> = ["panel", "a", "panel"]
+            .iter()
+            .zip([0, 0, 1])
+            .map(|(name, number)| {
+                let mut of_name = graph.groups.iter().filter(|group| group.name == *name);
+                of_name.nth(number).expect("a box").part
+            })
+            .collect();
+        assert_eq!(parts, [Part::Inputs, Part::Before, Part::Outputs]);
+        assert!(graph.wires.iter().all(|wire| !wire.is_late));
+    }
+
+    #[test]
     fn rings_and_wrong_orders_are_drawn_and_dashed() {
         let graph = graph(
             &[("a", "not", "before-motion"), ("b", "not", "before-motion")],
@@ -570,7 +600,7 @@ mod tests {
             .collect();
         assert_eq!(late, ["n0"]);
         assert!(graph.svg().contains("stroke-dasharray") && graph.dot().contains("style=dashed"));
-        let empty = Graph::new("nothing", &[], &[], true);
+        let empty = Graph::new("nothing", &[], &[], None);
         assert!(roxmltree::Document::parse(&empty.svg()).is_ok());
     }
 }

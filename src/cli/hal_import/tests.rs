@@ -129,6 +129,40 @@ targets = ["and2.0.in1", "debounce.1.0.in"]
 }
 
 #[test]
+fn what_the_control_does_otherwise_is_told_with_what_takes_its_place() {
+    let translation = import(
+        "net x-pos joint.0.motor-pos-cmd => joint.0.motor-pos-fb\n\
+         net x-on joint.0.amp-enable-out => parport.0.pin-01-out\n\
+         net tool-number iocontrol.0.tool-prep-number => hal_manualtoolchange.number\n\
+         net turns spindle.0.revs\n\
+         net speed spindle.0.speed-out-rps => pyvcp.speed\n",
+        "",
+    );
+    let expected = [
+        (
+            1,
+            "joint.0.motor-pos-fb would be a second writer of x-pos: the control reads the position of a drive itself",
+        ),
+        (
+            2,
+            "no pin joint.0.amp-enable-out here: the control switches drives on itself; amp-enabled tells that one is on",
+        ),
+        (2, "no pin parport.0.pin-01-out here"),
+        (
+            3,
+            "no pin hal-manualtoolchange.number here: `isocnc tool-changed` or the panel says that the tool is in",
+        ),
+        (
+            4,
+            "no pin spindle.0.revs here: [spindle.encoder] of the machine file with source = \"pins\" makes spindle.0.revs and \
+             spindle.0.indexed",
+        ),
+        (5, "no pin pyvcp.speed here: it is of a user interface"),
+    ];
+    assert_eq!(refused(&translation), expected);
+}
+
+#[test]
 fn what_cannot_be_translated_is_told_with_its_line_and_reason() {
     let translation = import(
         "loadrt hostmot2\n\
@@ -158,13 +192,13 @@ fn what_cannot_be_translated_is_told_with_its_line_and_reason() {
         (2, "no component of this name here; hypot is the nearest"),
         (3, "bits=3: is no option here"),
         (4, "there is no base-thread: it runs once a cycle"),
-        (5, "no component of that function here"),
+        (5, "a function of a module that was not translated"),
         (6, "programs beside the control are not started by it"),
         (7, "no pin hm2-5i25.0.gpio.001.in here"),
         (8, "x-pid.saturated would be a second writer of two"),
         (
             9,
-            "x-pid.error is float, motion.feed-hold is bit here: conv_float_bit between them",
+            "x-pid.error is float, motion.feed-hold is bit here: nothing converts that",
         ),
         (10, "pid has no pin pgian here; pgain is the nearest"),
         (11, "\"many\" is no float"),

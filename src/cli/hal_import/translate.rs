@@ -312,7 +312,10 @@ impl<'a> Translator<'a> {
                 let hint = near.map_or(String::new(), |near| format!("; {near} is the nearest"));
                 match is_unknown {
                     true => format!("{pin} is a pin of a module that was not translated"),
-                    false => format!("no pin {pin} here{hint}"),
+                    false => match in_place_of(pin) {
+                        Some(instead) => format!("no pin {pin} here: {instead}"),
+                        None => format!("no pin {pin} here{hint}"),
+                    },
                 }
             }),
         }
@@ -343,7 +346,7 @@ impl<'a> Translator<'a> {
         let function = name_here(function);
         let is_motion = function.starts_with("motion-");
         if !is_motion && self.of_function(&function).is_empty() {
-            return self.refuse(at, "no component of that function here");
+            return self.refuse(at, "a function of a module that was not translated");
         }
         if thread.starts_with("base") || thread.starts_with("fast") {
             self.refuse(at, format!("there is no {thread}: it runs once a cycle"));
@@ -449,7 +452,10 @@ impl<'a> Translator<'a> {
                     }
                     Ok(known) if !known.is_output => targets.push((pin.clone(), known, *at)),
                     Ok(known) if source.is_none() => source = Some((pin.clone(), known)),
-                    Ok(_) => self.refuse(*at, format!("{pin} would be a second writer of {name}")),
+                    Ok(_) => {
+                        let why = in_place_of(pin).map_or(String::new(), |instead| format!(": {instead}"));
+                        self.refuse(*at, format!("{pin} would be a second writer of {name}{why}"));
+                    }
                 }
             }
             match (&source, &signal.value) {
@@ -467,10 +473,12 @@ impl<'a> Translator<'a> {
                 match &source {
                     Some((from, KnownPin { value_type, .. })) if *value_type != known.value_type => {
                         let (is, wants) = (value_type.name(), known.value_type.name());
-                        self.refuse(
-                            at,
-                            format!("{from} is {is}, {pin} is {wants} here: conv_{is}_{wants} between them"),
-                        );
+                        let converts = format!("conv_{is}_{wants}");
+                        let cure = match find(&converts) {
+                            Some(_) => format!("{converts} between them"),
+                            None => "nothing converts that".to_owned(),
+                        };
+                        self.refuse(at, format!("{from} is {is}, {pin} is {wants} here: {cure}"));
                     }
                     _ => wire.targets.push(pin),
                 }
@@ -495,6 +503,42 @@ impl<'a> Translator<'a> {
         }
         wires
     }
+}
+
+/// What does here what a pin of LinuxCNC's does.
+fn in_place_of(pin: &str) -> Option<&'static str> {
+    const OF_USER_INTERFACES: [&str; 10] = [
+        "pyvcp",
+        "gladevcp",
+        "gmoccapy",
+        "gscreen",
+        "qtvcp",
+        "qtdragon",
+        "touchy",
+        "axisui",
+        "axisremote",
+        "vismach",
+    ];
+    let levels: Vec<&str> = pin.split('.').collect();
+    Some(match levels[..] {
+        [first, ..] if OF_USER_INTERFACES.contains(&first) => "it is of a user interface",
+        ["hal-manualtoolchange", ..] => "`isocnc tool-changed` or the panel says that the tool is in",
+        ["joint", _, "motor-pos-fb"] => "the control reads the position of a drive itself",
+        ["joint", _, "amp-enable-out"] => "the control switches drives on itself; amp-enabled tells that one is on",
+        ["joint", _, "amp-fault-in"] => "the control hears itself what is wrong with a drive",
+        ["joint", _, "index-enable"] => "drives look for their index themselves",
+        ["spindle", _, "revs" | "index-enable"] => {
+            "[spindle.encoder] of the machine file with source = \"pins\" makes spindle.0.revs and spindle.0.indexed"
+        }
+        ["spindle", _, "speed-in"] => "the control measures it by [spindle.encoder]",
+        ["iocontrol", _, "lube" | "lube-level"] => "lubrication is a program, as configs/logic/lubrication.st",
+        ["axis", _, pin] if pin.starts_with("eoffset") => "there are no external offsets",
+        ["halui", pin] if pin.starts_with("mdi-command-") => "`isocnc mdi`, or a client of the control socket",
+        ["halui", "machine", "on" | "off"] => "`isocnc on`, `isocnc off`, or a client of the control socket",
+        ["halui", "program", "pause"] => "motion.feed-hold holds, halui.program.resume goes on",
+        ["halui", "abort"] => "halui.program.stop",
+        _ => return None,
+    })
 }
 
 /// The module's name, for a look-up.
