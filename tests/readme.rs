@@ -171,6 +171,8 @@ fn every_section_of_the_machine_file_is_in_an_example() {
         include_str!("../configs/mill3-demo.toml"),
         include_str!("../configs/gantry-demo.toml"),
         include_str!("../configs/cabinet2-demo.toml"),
+        include_str!("../configs/io-only.toml"),
+        include_str!("../configs/cell3-demo.toml"),
     ];
     let sections: Vec<&str> = code_spans().into_iter().filter(|span| span.starts_with('[')).collect();
     assert!(sections.len() >= 9, "{sections:?}");

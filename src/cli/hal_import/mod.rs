@@ -175,7 +175,7 @@ pub fn import(args: &ImportArgs, as_json: bool) -> anyhow::Result<ExitCode> {
         None => config::parse(EXAMPLE, Path::new("example.toml")).map_err(Refusal::from)?,
     };
     let ini = match &args.ini {
-        Some(path) => Ini::parse(&files::read_text(path, files::read::TEXT_MAX).context("INI file")?),
+        Some(path) => Ini::read(path).context("INI file")?,
         None => Ini::default(),
     };
     let translation = translated(&args.files, &ini, &OwnPins::new(&config)?, args.pins.is_some())?;

@@ -25,6 +25,16 @@ pub(super) struct Command {
 pub(super) struct Ini(BTreeMap<(String, String), String>);
 
 impl Ini {
+    /// Of a file, with what its lines `#INCLUDE FILE` name in their places.
+    ///
+    /// # Errors
+    /// Files that cannot be read, are too long, or include each other in a circle.
+    pub(super) fn read(path: &Path) -> anyhow::Result<Ini> {
+        let mut text = String::new();
+        expand(path, 0, &mut text)?;
+        Ok(Ini::parse(&text))
+    }
+
     pub(super) fn parse(text: &str) -> Ini {
         let mut values = BTreeMap::new();
         let mut section = String::new();
@@ -41,6 +51,34 @@ impl Ini {
         }
         Ini(values)
     }
+}
+
+fn expand(path: &Path, depth: usize, whole: &mut String) -> anyhow::Result<()> {
+    anyhow::ensure!(
+        depth < DEPTH_MAX,
+        "{}: files include each other in a circle",
+        path.display()
+    );
+    let text = files::read_text(path, files::read::TEXT_MAX)?;
+    let len = whole.len() + text.len();
+    anyhow::ensure!(
+        len as u64 <= files::read::TEXT_MAX,
+        "{}: too long with what includes it",
+        path.display()
+    );
+    for line in text.lines() {
+        match line.trim().strip_prefix("#INCLUDE").map(str::trim) {
+            Some(name) => {
+                let folder = path.parent().unwrap_or(Path::new(""));
+                expand(&folder.join(name), depth + 1, whole)?;
+            }
+            None => {
+                whole.push_str(line);
+                whole.push('\n');
+            }
+        }
+    }
+    Ok(())
 }
 
 /// All commands of a file and of those that it includes.

@@ -129,6 +129,33 @@ targets = ["and2.0.in1", "debounce.1.0.in"]
 }
 
 #[test]
+fn an_ini_file_may_include_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    write("mill.ini", "[A]\nX = 1\n  #INCLUDE more.inc\nX = 2\n");
+    write("more.inc", "[A]\nX = 3\n[B]\nY = 4\n# INCLUDE nothing\n");
+    write("round.ini", "#INCLUDE round.ini\n");
+    write("lost.ini", "#INCLUDE none.inc\n");
+    let hal = folder.path().join("x.hal");
+    std::fs::write(
+        &hal,
+        "loadrt scale\naddf scale.0 servo-thread\nsetp scale.0.gain [A]X\nsetp scale.0.offset [B]Y\n",
+    )
+    .unwrap();
+    let ini = Ini::read(&folder.path().join("mill.ini")).unwrap();
+    let own = OwnPins::new(&config::parse(EXAMPLE, Path::new("m.toml")).unwrap()).unwrap();
+    let translation = translated(&[hal], &ini, &own, false).unwrap();
+    assert!(
+        translation.toml.contains("set = { gain = 1.0, offset = 4.0 }"),
+        "{}",
+        translation.toml
+    );
+    let refused = |name: &str| Ini::read(&folder.path().join(name)).unwrap_err().to_string();
+    assert!(refused("round.ini").contains("in a circle"), "{}", refused("round.ini"));
+    assert!(refused("lost.ini").contains("none.inc"), "{}", refused("lost.ini"));
+}
+
+#[test]
 fn what_the_control_does_otherwise_is_told_with_what_takes_its_place() {
     let translation = import(
         "net x-pos joint.0.motor-pos-cmd => joint.0.motor-pos-fb\n\
