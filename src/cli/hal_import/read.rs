@@ -4,6 +4,7 @@
 //! Out: commands as words, each with its place; what cannot be read, with its place.
 
 use super::{Place, Refused};
+use anyhow::Context as _;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
@@ -59,7 +60,7 @@ fn expand(path: &Path, depth: usize, whole: &mut String) -> anyhow::Result<()> {
         "{}: files include each other in a circle",
         path.display()
     );
-    let text = files::read_text(path, files::read::TEXT_MAX)?;
+    let text = files::read_text(path, files::read::TEXT_MAX).with_context(|| path.display().to_string())?;
     let len = whole.len() + text.len();
     anyhow::ensure!(
         len as u64 <= files::read::TEXT_MAX,
