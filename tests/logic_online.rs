@@ -9,7 +9,7 @@ use std::process::Stdio;
 const CELL: &str = "PROGRAM cell
 VAR_INPUT press : BOOL; END_VAR
 VAR_OUTPUT lamp : BOOL; END_VAR
-VAR n : DINT; step : INT := 1; t : TON; END_VAR
+VAR n : DINT; step : INT := 1; t : TON; many : ARRAY[1..1200] OF SINT; END_VAR
 n := n + step;
 t(IN := press, PT := T#50ms);
 lamp := t.Q;
@@ -75,12 +75,25 @@ fn a_forced_variable_holds_is_told_everywhere_and_is_released() {
         &["logic", "force", "pres", "1"],
         "there is no variable pres; did you mean press?",
     );
+    control.refused(
+        &["logic", "force", "t", "1"],
+        "t has 6 values: name one of them, such as t.IN",
+    );
     control.refused(&["logic", "force", "press", "2"], "\"2\" is no BOOL: 0 or 1");
     control.refused(
         &["logic", "watch", "--once", "cel"],
         "no program is called \"cel\"; there are cell",
     );
     assert_eq!(control.ask(&["status"]).expect("a status")["forced"], json!([]));
+    // More than come in one answer.
+    let all = control.ask(&["logic", "watch", "--once"]).expect("a look");
+    let names: Vec<&str> = (all["variables"].as_array().into_iter().flatten())
+        .filter_map(|variable| variable["name"].as_str())
+        .collect();
+    assert_eq!(
+        (names.len(), names.first(), names.last()),
+        (1210, Some(&"press"), Some(&"many[1200]"))
+    );
 
     let said = control.ask(&["logic", "force", "press", "1"]).expect("forced");
     assert_eq!(said["forced"], "press = 1");

@@ -623,6 +623,22 @@ fn from_elsewhere_a_token_says_what_somebody_may_do() {
     );
     // For everybody; at rest there is nothing to stop.
     assert_eq!(watcher.call("stop", json!({})).unwrap_err()["code"], -32000);
+    // Signals are for everybody, and come by themselves.
+    let begun = watcher.call("scope.begin", json!({ "pins": ["motion.current-vel"], "rate_hz": 20 }));
+    let scope = begun.unwrap()["scope"].clone();
+    let mut rows = 0;
+    while rows < 200 {
+        let told = watcher.message();
+        assert_eq!((&told["method"], &told["params"]["scope"]), (&json!("scope"), &scope));
+        rows += told["params"]["rows"].as_u64().unwrap();
+    }
+    watcher.call("scope.end", json!({ "scope": scope })).unwrap();
+    let force = json!({ "variable": "a", "value": "1" });
+    let refused = watcher.call("logic.force", force).unwrap_err();
+    assert_eq!(
+        (&refused["code"], &refused["data"]["needed"]),
+        (&json!(-32006), &json!("set-up"))
+    );
     let mut operator = control.rpc();
     assert_eq!(
         operator.call("client.identify", json!({ "token": operate })).unwrap()["role"],

@@ -87,9 +87,34 @@ pub struct Logic {
     pub(crate) nesting: usize,
     pub(crate) steps_max: u64,
     pub(crate) variables: Vec<Variable>,
+    pub(crate) names: Names,
     /// Places of RETAIN variables, ascending.
     pub(crate) retained: Box<[u32]>,
     pub(crate) warnings: Vec<Diagnostic>,
+}
+
+/// Variables by their names, in lower case.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Names {
+    /// `None`: several are called so.
+    own: HashMap<String, Option<usize>>,
+    /// With the name of the program before it.
+    full: HashMap<String, usize>,
+}
+
+impl Names {
+    pub(crate) fn of(variables: &[Variable]) -> Names {
+        let mut names = Names::default();
+        for (at, variable) in variables.iter().enumerate() {
+            let own = names.own.entry(variable.name.to_ascii_lowercase());
+            own.and_modify(|several| *several = None).or_insert(Some(at));
+            names
+                .full
+                .entry(variable.full_name().to_ascii_lowercase())
+                .or_insert(at);
+        }
+        names
+    }
 }
 
 impl Logic {
@@ -130,17 +155,9 @@ impl Logic {
 
     /// The variable of this name; with the name of its program and a point before it where several programs have one.
     pub fn variable(&self, name: &str) -> Option<&Variable> {
-        let mut found = self
-            .variables
-            .iter()
-            .filter(|variable| variable.name.eq_ignore_ascii_case(name));
-        match (found.next(), found.next()) {
-            (Some(variable), None) => Some(variable),
-            _ => self
-                .variables
-                .iter()
-                .find(|variable| variable.full_name().eq_ignore_ascii_case(name)),
-        }
+        let name = name.to_ascii_lowercase();
+        let own = self.names.own.get(&name).copied().flatten();
+        self.variables.get(own.or_else(|| self.names.full.get(&name).copied())?)
     }
 
     /// The variable of this name, or all values of a structure, an array or a block of this name: `pocket`, `pocket[3]`, `delay`.

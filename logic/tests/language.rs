@@ -654,3 +654,29 @@ fn a_program_that_begins_anew_keeps_what_is_retained_alone() {
     assert_eq!(runtime.fault(), None);
     assert_eq!(["n", "parts", "hit"].map(|name| get(&runtime, name)), ["2", "8", "0"]);
 }
+
+#[test]
+fn a_variable_is_found_by_its_own_name_where_only_one_has_it_else_by_that_of_its_program() {
+    let text = "VAR_GLOBAL g : INT; END_VAR
+        PROGRAM a VAR n, m : INT; END_VAR n := 1; m := 2; END_PROGRAM
+        PROGRAM b VAR n : INT; END_VAR n := g; END_PROGRAM";
+    let logic = logic::compile(text).expect("a program");
+    let found = |name: &str| {
+        let variable = logic.variable(name)?;
+        Some(format!("{}.{}", variable.program, variable.name))
+    };
+    let names = ["n", "A.N", "b.n", "M", "a.m", "g", "c.n", ""].map(found);
+    let wanted = [
+        None,
+        Some("a.n"),
+        Some("b.n"),
+        Some("a.m"),
+        Some("a.m"),
+        Some(".g"),
+        None,
+        None,
+    ];
+    assert_eq!(names, wanted.map(|name| name.map(str::to_owned)));
+    let shortest: Vec<String> = logic.all_variables().map(|variable| logic.name(variable)).collect();
+    assert_eq!(shortest, ["g", "a.n", "m", "b.n"]);
+}

@@ -24,6 +24,8 @@ pub(super) struct Facts<'a> {
     pub(super) parts: u64,
     pub(super) tool: u32,
     pub(super) is_alarm: bool,
+    /// Variables of programs in Structured Text that somebody has forced.
+    pub(super) forced: usize,
     pub(super) controlled: bool,
 }
 
@@ -265,6 +267,12 @@ pub(super) fn text(facts: &Facts<'_>, live: &RtStatus, pin: impl Fn(&str) -> Opt
         f64::from(facts.is_alarm),
     );
     text.single(
+        "logic_forced",
+        "gauge",
+        "Variables of programs in Structured Text that somebody has forced.",
+        facts.forced as f64,
+    );
+    text.single(
         "control_taken",
         "gauge",
         "1 while a client has control.",
@@ -386,6 +394,7 @@ mod tests {
             parts: 7,
             tool: 3,
             is_alarm: true,
+            forced: 2,
             controlled: false,
         };
         let pin = |name: &str| Some(if name == "joint.1.f-error" { 2.0 } else { f64::NAN });
@@ -421,6 +430,7 @@ mod tests {
             "isocnc_build_info{version=\"0.1.0\",machine=\"a \\\"b\\\"\\\\\"} 1",
             "isocnc_joint_following_error_metres{joint=\"1\"} 0.002",
             "isocnc_joint_following_error_metres{joint=\"0\"} NaN",
+            "isocnc_logic_forced 2",
             "isocnc_state{state=\"booting\"} 1",
             "isocnc_state{state=\"running\"} 0",
             "isocnc_parts_total{result=\"completed\"} 7",

@@ -21,7 +21,7 @@ mod types;
 use crate::block::Block;
 use crate::code::{Op, Switch};
 use crate::diagnostic::{Diagnostic, Diagnostics, Kind, Reported, Span, place};
-use crate::logic::{Leaf, Logic, Role, Variable as LogicVariable};
+use crate::logic::{Leaf, Logic, Names, Role, Variable as LogicVariable};
 use crate::scalar::Scalar;
 use crate::syntax::{self, Section, UnitKind};
 use crate::{parse, token};
@@ -253,6 +253,7 @@ impl<'a, 't> Compiler<'a, 't> {
             stack,
             nesting,
             steps_max,
+            names: Names::of(&variables),
             variables,
             retained: retained.into(),
             warnings: self.told.finish(),

@@ -45,10 +45,9 @@ impl Methods {
             true => call.params.number("from", 0, u64::from(u32::MAX))? as usize,
             false => 0,
         };
-        let (time_ns, shown) = self.logic.look(task, &names).map_err(invalid)?;
-        let more = shown.len().saturating_sub(from) > VARIABLES_PER_PAGE;
-        let page = shown.into_iter().skip(from).take(VARIABLES_PER_PAGE);
-        let variables = page.map(|shown| {
+        let looked = self.logic.look_at(task, &names, from, VARIABLES_PER_PAGE);
+        let (time_ns, shown, more) = looked.map_err(invalid)?;
+        let variables = shown.into_iter().map(|shown| {
             let role = match shown.role {
                 ::logic::Role::Input => "input",
                 ::logic::Role::Output => "output",

@@ -245,6 +245,7 @@ impl Methods {
             parts: shown.parts.count,
             tool: shown.tool,
             is_alarm: shown.alarm.is_some(),
+            forced: self.logic.forced().len(),
             controlled: !self.control.shown(now_ns).is_null(),
         };
         json!({ "text": metrics::text(&facts, &self.live, |name| (self.pins)(name)) })

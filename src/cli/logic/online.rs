@@ -2,7 +2,7 @@
 //!
 //! In:  the control socket. Out: variables as a table or JSON, again where something has changed; a line for what was done.
 
-use crate::api::client::Client;
+use crate::api::client::{Client, ClientError};
 use crate::cli::control::{ControlArgs, call, connect, print};
 use crate::host::signals::StopSignal;
 use crate::host::terminal::{self, say};
@@ -78,7 +78,7 @@ fn params(of: &[(&str, &Option<String>)]) -> Value {
 }
 
 /// All variables that are asked for, page by page, and the first page.
-fn look(client: &mut Client, asked: &Value) -> anyhow::Result<(Value, Vec<Value>)> {
+fn look(client: &mut Client, asked: &Value) -> Result<(Value, Vec<Value>), ClientError> {
     let mut first = client.call("logic.look", asked.clone())?;
     let mut all: Vec<Value> = Vec::new();
     let mut page = first.clone();
@@ -103,7 +103,12 @@ pub(super) fn watch(args: &WatchArgs) -> anyhow::Result<ExitCode> {
     let asked = params(&[("program", &program(&args.program)), ("variable", &args.variable)]);
     let mut last = Vec::new();
     loop {
-        let (shown, all) = look(&mut client, &asked)?;
+        let (shown, all) = match look(&mut client, &asked) {
+            Err(ClientError::Io { .. }) if !last.is_empty() => {
+                bail!("the control has ended");
+            }
+            looked => looked?,
+        };
         let is_new = |at: usize| last.get(at) != all.get(at);
         let changed: Vec<&Value> = (0..all.len()).filter(|at| is_new(*at)).map(|at| &all[at]).collect();
         if !changed.is_empty() {

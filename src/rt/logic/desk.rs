@@ -10,6 +10,7 @@ use crate::machine::retain_file::Retained;
 use files::read::TEXT_MAX;
 use hal_pins::nearest;
 use logic::{Logic, Role, Scalar, Value, Variable};
+use std::collections::HashMap;
 use std::sync::atomic::Ordering::Relaxed;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -208,6 +209,21 @@ impl Desk {
     /// # Errors
     /// There is no such variable.
     pub fn look(&self, task: usize, names: &[String]) -> Result<(i64, Vec<Shown>), String> {
+        let (time_ns, all, _) = self.look_at(task, names, 0, usize::MAX)?;
+        Ok((time_ns, all))
+    }
+
+    /// The same from number `from` of them on, `most` at the most; true: there are others behind them.
+    ///
+    /// # Errors
+    /// There is no such variable.
+    pub fn look_at(
+        &self,
+        task: usize,
+        names: &[String],
+        from: usize,
+        most: usize,
+    ) -> Result<(i64, Vec<Shown>, bool), String> {
         let task = self.tasks.get(task).ok_or("no such program")?;
         let inner = task.inner();
         let logic = &inner.logic;
@@ -248,7 +264,9 @@ impl Desk {
                 forced: inner.forced.iter().any(|forced| forced.place == variable.place()),
             }
         };
-        Ok((time_ns, wanted.into_iter().map(shown).collect()))
+        let more = wanted.len().saturating_sub(from) > most;
+        let page = wanted.into_iter().skip(from).take(most);
+        Ok((time_ns, page.map(shown).collect(), more))
     }
 
     /// Forces a variable to a value from the next scan on, whatever the program or a pin makes of it. Says what it is in full.
@@ -402,11 +420,18 @@ impl Desk {
     }
 }
 
-/// Where a RETAIN variable goes in a program, and as what; `Err`: why it does not.
-pub(super) fn place(retained: &Retained, logic: &Logic) -> Result<(usize, i64), String> {
+/// Where each RETAIN variable goes in a program, and as what; `Err`: why it does not.
+pub(super) fn places(all: &[Retained], logic: &Logic) -> Vec<Result<(usize, i64), String>> {
+    let retained = logic
+        .all_variables()
+        .filter(|variable| variable.retain && !variable.constant);
+    let known: HashMap<String, &Variable> = retained.map(|variable| (full_name(variable), variable)).collect();
+    all.iter().map(|one| place(one, &known, logic)).collect()
+}
+
+fn place(retained: &Retained, known: &HashMap<String, &Variable>, logic: &Logic) -> Result<(usize, i64), String> {
     let Retained { name, ty, value } = retained;
-    let variable = logic.all_variables().find(|variable| full_name(variable) == *name);
-    let Some(variable) = variable.filter(|variable| variable.retain && !variable.constant) else {
+    let Some(variable) = known.get(name) else {
         return Err(format!("{name} is not RETAIN any more"));
     };
     if !variable.ty.eq_ignore_ascii_case(ty) {
@@ -470,6 +495,14 @@ impl Inner {
 }
 
 fn no_variable(logic: &Logic, name: &str) -> String {
+    let parts: Vec<String> = logic
+        .variables_of(name)
+        .into_iter()
+        .map(|part| logic.name(part))
+        .collect();
+    if let [first, ..] = &parts[..] {
+        return format!("{name} has {} values: name one of them, such as {first}", parts.len());
+    }
     let names: Vec<String> = logic.all_variables().map(|variable| logic.name(variable)).collect();
     match nearest(name, names.iter().map(String::as_str)) {
         Some(near) => format!("there is no variable {name}; did you mean {near}?"),

@@ -208,10 +208,7 @@ impl Ports {
             return Vec::new();
         };
         let logic = scanner.program.runtime.logic().clone();
-        let (taken, left): (Vec<_>, Vec<_>) = retained
-            .iter()
-            .map(|one| desk::place(one, &logic))
-            .partition(Result::is_ok);
+        let (taken, left): (Vec<_>, Vec<_>) = desk::places(retained, &logic).into_iter().partition(Result::is_ok);
         let taken: Vec<(usize, i64)> = taken.into_iter().flatten().collect();
         scanner.recall(time_ns, &taken);
         left.into_iter().filter_map(Result::err).collect()
