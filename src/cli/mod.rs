@@ -284,7 +284,9 @@ mod tests {
             let example = help.lines().find_map(|line| line.strip_prefix("Example: "));
             let example = example.unwrap_or_else(|| panic!("{words:?}: no example"));
             assert!(example.starts_with(&words.join(" ")), "{example}");
-            if let Err(error) = Cli::try_parse_from(example.split(' ')) {
+            // As a shell takes its quotes away.
+            let typed = example.split(' ').map(|word| word.trim_matches('\''));
+            if let Err(error) = Cli::try_parse_from(typed) {
                 panic!("{example}: {error}");
             }
             let wide = help.lines().find(|line| line.chars().count() > 80);
