@@ -49,7 +49,7 @@ pub(super) struct Clocks<const N: usize> {
     answered: usize,
     /// The device that leads.
     pub(super) reference: Option<usize>,
-    delays_known: bool,
+    pub(super) delays_known: bool,
     /// The time of the bus begins anew.
     pub(super) restarted: bool,
 }

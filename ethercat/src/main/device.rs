@@ -23,6 +23,12 @@ pub(super) const STATION_FIRST: u16 = 0x1000;
 const SETTLE_CYCLES: u32 = 5;
 /// A device is tried again after twice the time each time, so often.
 const BACKOFF_MAX: u32 = 5;
+/// Its shortest cycle, ns, as it says itself.
+const QUICKEST: Object = Object {
+    index: 0x1C32,
+    sub: 5,
+    complete: false,
+};
 /// Ticks of the watchdog in a millisecond, as 0400h comes out of the box.
 const WATCHDOG_TICKS: u16 = 10;
 
@@ -50,6 +56,8 @@ pub(super) enum Step {
     MailIn,
     EepromLend,
     ToPreOp,
+    /// Its shortest cycle is read; one that does not tell it is taken as quick.
+    Quickest,
     StartValues,
     MapOutputs,
     MapInputs,
@@ -81,7 +89,7 @@ pub(super) enum Step {
 
 impl Step {
     /// The steps that follow each other.
-    const ORDER: [Step; 24] = [
+    const ORDER: [Step; 25] = [
         Step::Clock,
         Step::ToInit,
         Step::ClearFmmus,
@@ -91,6 +99,7 @@ impl Step {
         Step::MailIn,
         Step::EepromLend,
         Step::ToPreOp,
+        Step::Quickest,
         Step::StartValues,
         Step::MapOutputs,
         Step::MapInputs,
@@ -122,6 +131,8 @@ pub(super) enum Notice {
     Emergency(Emergency),
     /// Another one is at its position.
     Other(u16),
+    /// It says that it is slower than the cycle: so many ns.
+    Slow(u32),
 }
 
 /// What all devices have in common at a time.
@@ -135,6 +146,8 @@ pub(super) struct Now<'a> {
     pub(super) grid_ns: u64,
     /// Cycles so far.
     pub(super) cycle: u32,
+    /// Devices that are known; their station addresses are taken.
+    pub(super) count: usize,
 }
 
 /// Who has asked for the SDO that is under way.
@@ -144,6 +157,8 @@ enum Purpose {
     None,
     /// A value of the start.
     Start,
+    /// Its shortest cycle.
+    Quickest,
     /// Process data.
     Mapping,
     /// An order of the application, by its number.
@@ -252,7 +267,7 @@ impl<'a> Device<'a> {
             // Where it does not answer, its data do not come either.
             Step::Look => u64::MAX,
             // These have limits of their own.
-            Step::StartValues | Step::MapOutputs | Step::MapInputs | Step::Settle => u64::MAX,
+            Step::Quickest | Step::StartValues | Step::MapOutputs | Step::MapInputs | Step::Settle => u64::MAX,
             Step::Eeprom => times.eeprom_ns,
             Step::Near => times.clock_ns,
             Step::ToOp => times.op_ns,
@@ -288,6 +303,7 @@ impl<'a> Device<'a> {
             Step::ClearFmmus => self.counts.0 > 0,
             Step::ClearManagers => self.counts.1 > 0,
             Step::MailOut | Step::MailIn => self.found.mailboxes.receive.length > 0,
+            Step::Quickest => self.found.has_coe() && clock.is_some(),
             Step::StartValues => !config.start.is_empty(),
             Step::MapOutputs => self.found.has_coe() && !config.outputs.pdos.is_empty(),
             Step::MapInputs => self.found.has_coe() && !config.inputs.pdos.is_empty(),
@@ -595,7 +611,7 @@ impl<'a> Device<'a> {
                 let octets = SyncManager::LEN * usize::from(self.counts.1);
                 writer.push(Command::Fpwr, index, at(register::SYNC_MANAGER), octets)?;
             }
-            Step::StartValues | Step::MapOutputs | Step::MapInputs | Step::Run => {
+            Step::Quickest | Step::StartValues | Step::MapOutputs | Step::MapInputs | Step::Run => {
                 return self.ask_mailbox(now, orders, writer, index);
             }
             _ => {
@@ -653,6 +669,10 @@ impl<'a> Device<'a> {
     fn next_sdo(&mut self, now: &Now<'_>, orders: &mut Orders, number: usize, config: &DeviceConfig<'_>) {
         let until_ns = now.ns + now.config.times.mail_ns;
         match self.step {
+            Step::Quickest => {
+                self.purpose = Purpose::Quickest;
+                self.mailbox.begin(QUICKEST, None, until_ns);
+            }
             Step::StartValues => {
                 if let Some(start) = config.start.get(self.item as usize) {
                     let object = Object {
@@ -695,7 +715,7 @@ impl<'a> Device<'a> {
     pub(super) fn lost(&mut self) {
         if matches!(
             self.step,
-            Step::StartValues | Step::MapOutputs | Step::MapInputs | Step::Run
+            Step::Quickest | Step::StartValues | Step::MapOutputs | Step::MapInputs | Step::Run
         ) {
             self.mailbox.lost();
         }
@@ -711,7 +731,7 @@ impl<'a> Device<'a> {
     ) -> Option<Notice> {
         let acted = working_counter > 0;
         match self.step {
-            Step::StartValues | Step::MapOutputs | Step::MapInputs | Step::Run => {
+            Step::Quickest | Step::StartValues | Step::MapOutputs | Step::MapInputs | Step::Run => {
                 return self.mailed(now, working_counter, data, orders);
             }
             Step::Find => return self.was_found(now, acted, data),
@@ -872,20 +892,22 @@ impl<'a> Device<'a> {
     }
 
     fn was_at_position(&mut self, now: &Now<'_>, acted: bool, data: &[u8]) -> Option<Notice> {
-        let station = u16_at(data, 0).unwrap_or(0);
-        match (acted, station) {
-            // Out of the box, or without power for a while.
-            (true, 0) => {
-                self.enter(Step::Address, now);
-                None
-            }
-            (true, other) if other != self.station() => {
-                self.enter(Step::Away, now);
-                self.tries += 1;
-                Some(Notice::Other(other))
-            }
-            _ => Some(self.fail(now, SetupError::Gone)),
+        if !acted {
+            return Some(self.fail(now, SetupError::Gone));
         }
+        let station = u16_at(data, 0).unwrap_or(0);
+        let known = STATION_FIRST..STATION_FIRST + now.count as u16;
+        if station == self.station() {
+            self.enter(Step::Features, now);
+        } else if known.contains(&station) {
+            self.enter(Step::Away, now);
+            self.tries += 1;
+            return Some(Notice::Other(station));
+        } else {
+            // Out of the box, without power for a while, or told so by another main device before.
+            self.enter(Step::Address, now);
+        }
+        None
     }
 
     fn mailed(&mut self, now: &Now<'_>, working_counter: u16, data: &[u8], orders: &mut Orders) -> Option<Notice> {
@@ -907,6 +929,12 @@ impl<'a> Device<'a> {
             Purpose::Order(order) => {
                 orders.finish(order, result);
                 None
+            }
+            Purpose::Quickest => {
+                let least_ns = u32::from_le_bytes(self.small);
+                let is_slow = result == Ok(4) && least_ns > now.config.cycle_ns;
+                self.advance(now);
+                is_slow.then_some(Notice::Slow(least_ns))
             }
             Purpose::Start => match result {
                 Ok(_) => {

@@ -371,6 +371,18 @@ pub enum Event {
         /// Why.
         error: SetupError,
     },
+    /// A device says that its shortest cycle is longer than ours (1C32h:05); it is set up all the same, as some mean another one.
+    Slow {
+        /// Which.
+        device: u16,
+        /// Its shortest cycle, ns.
+        least_ns: u32,
+    },
+    /// More devices are on the wire than were counted; they are looked at.
+    More {
+        /// Devices.
+        devices: u16,
+    },
     /// A device is in OP.
     Up {
         /// Which.
@@ -445,6 +457,12 @@ impl core::fmt::Display for Event {
             }
             Event::Identified { device, position } => write!(f, "device {device} was found at position {position}"),
             Event::Failed { device, error } => write!(f, "device {device}: {error}"),
+            Event::Slow { device, least_ns } => write!(
+                f,
+                "device {device} says that its shortest cycle is {} us (1C32h:05), which is longer than ours",
+                least_ns.div_ceil(1000)
+            ),
+            Event::More { devices } => write!(f, "{devices} devices are on the wire now, more than there were"),
             Event::Up { device } => write!(f, "device {device} is in OP"),
             Event::Left {
                 device,

@@ -173,6 +173,8 @@ pub struct MainDevice<'a, const N: usize, const F: usize> {
     grid_ns: Option<u64>,
     window: Window,
     other_main: Option<Mac>,
+    /// Since when more devices answer than were counted.
+    more_since_ns: Option<u64>,
     shutting_down: bool,
 }
 
@@ -226,6 +228,7 @@ impl<'a, const N: usize, const F: usize> MainDevice<'a, N, F> {
             grid_ns: None,
             window: Window::new(),
             other_main: None,
+            more_since_ns: None,
             shutting_down: false,
         })
     }
@@ -237,6 +240,7 @@ impl<'a, const N: usize, const F: usize> MainDevice<'a, N, F> {
             bus_ns: self.bus_ns,
             grid_ns: self.grid_ns.unwrap_or(0),
             cycle: self.counters.cycles,
+            count: self.count,
         }
     }
 
@@ -342,6 +346,9 @@ impl<'a, const N: usize, const F: usize> MainDevice<'a, N, F> {
             self.survey.want(now_ns);
         } else if !is_whole {
             self.survey.want_later(now_ns);
+        }
+        if is_whole {
+            self.extend(now_ns);
         }
         self.choose_reference();
         lost
@@ -450,6 +457,7 @@ impl<'a, const N: usize, const F: usize> MainDevice<'a, N, F> {
                         .filter(|_| self.clocks.reference.is_some() && self.grid_ns.is_some()),
                     grid_ns: self.grid_ns.unwrap_or(0),
                     cycle: self.counters.cycles,
+                    count: self.count,
                 };
                 let devices = &mut self.devices[..self.count];
                 // What is measured has to be read before it is measured again: nobody else is asked then.
@@ -666,9 +674,55 @@ impl<'a, const N: usize, const F: usize> MainDevice<'a, N, F> {
         }
     }
 
+    /// The part of the configuration that a device without one is meant by.
+    fn place_of(&self, at: usize) -> Option<usize> {
+        let device = &self.devices[at];
+        let is_meant = |place: Place| match place {
+            Place::Position(position) => position == device.position,
+            Place::Alias(alias) => alias == device.found.alias,
+        };
+        let mut parts = self.config.devices.iter().zip(&self.places);
+        parts.position(|(config, taken)| taken.is_none() && is_meant(config.place))
+    }
+
+    /// More devices answer than were counted: those behind the last one are looked at.
+    fn extend(&mut self, now_ns: u64) {
+        let present = usize::from(self.cyclic.present());
+        if present <= self.count || present > N {
+            self.more_since_ns = None;
+            return;
+        }
+        let since_ns = *self.more_since_ns.get_or_insert(now_ns);
+        if now_ns - since_ns < COUNT_NS {
+            return;
+        }
+        // The ports of those that are known have changed.
+        if self.survey.done_ns < since_ns {
+            self.survey.want(now_ns);
+            return;
+        }
+        self.more_since_ns = None;
+        self.clocks.delays_known = false;
+        self.events.push(Event::More {
+            devices: present as u16,
+        });
+        let now = self.now(now_ns);
+        for device in &mut self.devices[self.count..present] {
+            device.enter(Step::FindPosition, &now);
+        }
+        self.count = present;
+        self.survey.want_later(now_ns);
+    }
+
     /// A device is known: is it the right one?
     fn identified(&mut self, now_ns: u64, at: usize) {
         let now = self.now(now_ns);
+        let device = &self.devices[at];
+        if device.config.is_none()
+            && let Some(number) = self.place_of(at)
+        {
+            self.take_place(number, at);
+        }
         let device = &mut self.devices[at];
         let Some((number, _)) = device.config else {
             let (position, identity) = (device.position, device.found.identity);
@@ -711,7 +765,7 @@ impl<'a, const N: usize, const F: usize> MainDevice<'a, N, F> {
             }
             self.choose_reference();
         }
-        if let Some(event) = self.survey.run(&self.devices[..self.count]) {
+        if let Some(event) = self.survey.run(now_ns, &mut self.devices[..self.count]) {
             self.events.push(event);
         }
         if self
@@ -759,6 +813,7 @@ impl<'a, const N: usize, const F: usize> MainDevice<'a, N, F> {
                 }
                 self.orders.drop_device(number, error);
             }
+            Notice::Slow(least_ns) => self.events.push(Event::Slow { device, least_ns }),
             Notice::Other(station) => {
                 let position = self.devices[at].position;
                 let event = Event::OrderChanged {

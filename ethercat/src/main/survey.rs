@@ -41,6 +41,8 @@ pub(super) struct Survey<const N: usize> {
     asked: Option<(usize, usize)>,
     broken: Option<Break>,
     lost_in_row: u8,
+    /// When the last one was whole.
+    pub(super) done_ns: u64,
 }
 
 impl<const N: usize> Survey<N> {
@@ -54,6 +56,7 @@ impl<const N: usize> Survey<N> {
             asked: None,
             broken: None,
             lost_in_row: 0,
+            done_ns: 0,
         }
     }
 
@@ -133,15 +136,23 @@ impl<const N: usize> Survey<N> {
     }
 
     /// What a survey that is whole says.
-    pub(super) fn run(&mut self, devices: &[Device<'_>]) -> Option<Event> {
+    pub(super) fn run(&mut self, now_ns: u64, devices: &mut [Device<'_>]) -> Option<Event> {
         let (_, done) = self.asked?;
         if done < 2 * devices.len() {
             return None;
         }
         self.asked = None;
         self.lost_in_row = 0;
+        self.done_ns = now_ns;
         let known = |at: usize| devices[at].step != Step::Stranger || self.seen[at].answers;
         let silent = (0..devices.len()).find(|at| !self.seen[*at].answers && known(*at));
+        if silent.is_none() {
+            // All are there: what lies behind which may have changed.
+            for (device, seen) in devices.iter_mut().zip(&self.seen) {
+                device.ports = seen.ports;
+            }
+            self.learn(devices);
+        }
         let broken = silent.map(|at| self.place(at));
         let news = broken.filter(|broken| self.broken != Some(*broken));
         self.broken = broken;

@@ -481,3 +481,21 @@ fn any_expectation_is_checked() {
     }
     assert_eq!(SetupError::Gone.to_string(), "does not answer any more");
 }
+
+#[test]
+fn a_drive_that_is_slower_than_the_cycle_says_so_and_comes_up() {
+    let mut device = drive(0, 0);
+    device.objects.preset(0x1C32, 5, &1_500_000_u32.to_le_bytes()).unwrap();
+    let mut world = World::new(vec![device, drive(0, 5)], vec![drive_config(0), drive_config(1)], 3);
+    world.run_to_op(3000);
+    let slow: Vec<String> = world
+        .events
+        .iter()
+        .filter(|event| matches!(event, Event::Slow { .. }))
+        .map(Event::to_string)
+        .collect();
+    assert_eq!(
+        slow,
+        ["device 0 says that its shortest cycle is 1500 us (1C32h:05), which is longer than ours"]
+    );
+}

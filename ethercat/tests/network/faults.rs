@@ -334,3 +334,41 @@ fn frames_that_arrive_spoilt_are_told_with_their_cable() {
         }]
     );
 }
+
+#[test]
+fn devices_that_are_switched_on_later_are_found_behind_the_others() {
+    let mut world = World::drives(4, 3);
+    world.segment.cut(2);
+    world.run(4000);
+    let events = world.take_events();
+    let missing = |event: &&Event| {
+        matches!(
+            event,
+            Event::Failed {
+                error: SetupError::Missing(_),
+                ..
+            }
+        )
+    };
+    assert_eq!(events.iter().filter(missing).count(), 3, "{events:?}");
+    assert!(!world.main.is_operational());
+    world.segment.heal(2);
+    world.run_to_op(5000);
+    let events = world.take_events();
+    assert!(events.contains(&Event::More { devices: 5 }), "{events:?}");
+    world.enable = true;
+    world.run(1500);
+    assert!((0..4).all(|drive| world.is_on(drive)));
+    // A cable that breaks among them is found, too.
+    world.take_events();
+    world.segment.cut(3);
+    world.run(400);
+    let events = world.take_events();
+    let place = Break {
+        before: Some((2, 1)),
+        behind: 3,
+        link_lost: true,
+        lost_links: 1,
+    };
+    assert!(events.contains(&Event::Broken(place)), "{events:?}");
+}
