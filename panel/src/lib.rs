@@ -13,6 +13,7 @@
 //! | who may do what | `guard.rs` (pages of others), `peer.rs` (users of this PC), `tokens.rs` (everybody else), `tls.rs` (whoever listens) |
 //! | a client of `/rpc`, from its first message to its end | `rpc.rs` |
 //! | the same without a socket, for fuzzing | `play.rs` |
+//! | MTConnect | `mtconnect.rs` |
 //! | pages; programs; the way of a program; figures; a backup | `pages.rs`; `programs.rs`; `path.rs`; `figures.rs`; `backup.rs` |
 
 mod ask;
@@ -21,6 +22,7 @@ mod counts;
 mod figures;
 mod guard;
 mod listen;
+mod mtconnect;
 mod pages;
 mod path;
 mod peer;

@@ -6,7 +6,7 @@ use crate::listen::Listener;
 use crate::programs::{self, Programs};
 use crate::tls::Tls;
 use crate::tokens::Tokens;
-use crate::{Control, figures, guard, pages, path, rpc};
+use crate::{Control, figures, guard, mtconnect, pages, path, rpc};
 use axum::Router;
 use axum::body::Body;
 use axum::extract::Request;
@@ -69,6 +69,7 @@ pub(crate) struct Panel {
     pub(crate) programs: Option<Arc<Programs>>,
     pub(crate) control: Arc<dyn Control>,
     pub(crate) counts: Arc<Counts>,
+    pub(crate) mtconnect: mtconnect::Shared,
     /// True: the control is ending.
     pub(crate) ending: watch::Receiver<bool>,
 }
@@ -91,6 +92,7 @@ impl Panel {
             programs: programs.map(Arc::new),
             control,
             counts,
+            mtconnect: mtconnect::Shared::default(),
             ending,
         }
     }
@@ -161,6 +163,8 @@ pub(crate) fn router(panel: &Arc<Panel>) -> Router {
         .route("/files/", any(programs::list))
         .route("/files/{name}", any(programs::one))
         .route("/path", get(path::path))
+        .route("/mtconnect", get(mtconnect::answer))
+        .route("/mtconnect/{*rest}", get(mtconnect::answer))
         .route("/metrics", get(figures::metrics))
         .route("/backup", any(backup::backup))
         .fallback(pages::page)

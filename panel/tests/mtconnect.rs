@@ -1,0 +1,150 @@
+//! MTConnect over HTTP, with a control of its own kind behind the panel: what it tells is what a client sees.
+
+use panel::{Control, Counts, Guest, Listener, Settings, serve};
+use serde_json::{Value, json};
+use std::io::{self, BufRead, BufReader, Read, Write};
+use std::net::{SocketAddr, TcpStream};
+use std::os::unix::net::UnixStream;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// A machine that stands at X 10, and moves to X 20 as soon as somebody subscribes.
+struct Fake;
+
+fn answer(method: &str) -> Value {
+    match method {
+        "machine.describe" => json!({
+            "machine": "mill",
+            "axes": [{ "axis": "X", "unit": "mm", "joints": [0] }, { "axis": "A", "unit": "degrees", "joints": [1] }],
+            "spindles": 1,
+        }),
+        "tool.list" => json!({
+            "unit": "inch", "in_spindle": 3,
+            "tools": [{ "tool": 3, "pocket": 1, "length": 2.0, "diameter": 0.25, "remark": "end mill" }],
+        }),
+        _ => state(10.0),
+    }
+}
+
+fn state(x: f64) -> Value {
+    json!({
+        "power": "on", "activity": "running", "mode": "auto", "single_block": false, "alarm": null, "waiting": null,
+        "program": { "name": "p.ngc", "result": null, "dry_run": false }, "line": 7, "tool": 3,
+        "axes": [{ "axis": "X", "joints": [0] }, { "axis": "A", "joints": [1] }],
+        "position_mm": [x, 0.0, 0.0, 90.0], "override": { "feed_percent": 80.0, "rapid_percent": 100.0 },
+        "codes": ["G54"], "messages": [], "parts": { "count": 4, "target": null },
+    })
+}
+
+impl Control for Fake {
+    fn connect(&self, _guest: &Guest) -> io::Result<UnixStream> {
+        let (inside, outside) = UnixStream::pair()?;
+        std::thread::spawn(move || {
+            let lines = BufReader::new(inside.try_clone().unwrap()).lines();
+            let mut inside = inside;
+            for line in lines.map_while(Result::ok) {
+                let request: Value = serde_json::from_str(&line).unwrap();
+                let (id, method) = (&request["id"], request["method"].as_str().unwrap());
+                let told = match method {
+                    "subscribe" => {
+                        let result = json!({ "id": id, "result": { "unix_s": 1.0e9, "state": state(10.0) } });
+                        let news = json!({ "method": "state", "params": { "unix_s": 1.0e9, "changed": { "position_mm": [20.0, 0.0, 0.0, 90.0] } } });
+                        format!("{result}\n{news}\n")
+                    }
+                    _ => format!("{}\n", json!({ "id": id, "result": answer(method) })),
+                };
+                if inside.write_all(told.as_bytes()).is_err() {
+                    return;
+                }
+            }
+        });
+        Ok(outside)
+    }
+}
+
+fn request(address: SocketAddr, path: &str, more: &str) -> TcpStream {
+    let mut stream = TcpStream::connect(address).unwrap();
+    stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+    write!(
+        stream,
+        "GET {path} HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n{more}\r\n"
+    )
+    .unwrap();
+    stream
+}
+
+fn get(address: SocketAddr, path: &str) -> String {
+    let mut told = String::new();
+    request(address, path, "").read_to_string(&mut told).unwrap();
+    told
+}
+
+fn beside(client: impl FnOnce(SocketAddr)) {
+    let listener = Listener::bind("127.0.0.1:0".parse().unwrap()).unwrap();
+    let address = listener.address();
+    let (stays, until) = UnixStream::pair().unwrap();
+    let serving = std::thread::spawn(move || {
+        serve(
+            listener,
+            Settings::default(),
+            Arc::new(Fake),
+            Arc::new(Counts::default()),
+            until,
+        )
+    });
+    client(address);
+    drop(stays);
+    serving.join().unwrap().unwrap();
+}
+
+#[test]
+fn a_client_sees_what_the_control_tells() {
+    beside(|address| {
+        let probe = get(address, "/mtconnect/probe");
+        assert!(
+            probe.starts_with("HTTP/1.1 200") && probe.contains("text/xml"),
+            "{probe}"
+        );
+        assert!(
+            probe.contains("<Linear id=\"x_axis\" name=\"X\">") && probe.contains("<Rotary id=\"a_axis\""),
+            "{probe}"
+        );
+        let current = get(address, "/mtconnect/mill/current");
+        for told in [">ACTIVE<", ">AUTOMATIC<", ">p.ngc<", ">80<", ">90<"] {
+            assert!(current.contains(told), "{told}: {current}");
+        }
+        let until = Instant::now() + Duration::from_secs(60);
+        while !get(address, "/mtconnect/current?path=//DataItem[@id='x_com']").contains(">20<") {
+            assert!(Instant::now() < until, "what is new is never told");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        let tool = get(address, "/mtconnect/asset/T3");
+        assert!(tool.contains("50.8") && tool.contains("6.35"), "in mm: {tool}");
+        assert!(get(address, "/mtconnect/asset/T9").starts_with("HTTP/1.1 404"));
+        assert!(get(address, "/mtconnect/sample?from=99999").contains("<OutOfRange>"));
+    });
+}
+
+#[test]
+fn a_stream_begins_at_once_and_ends_with_the_panel() {
+    beside(|address| {
+        let mut lines = BufReader::new(request(address, "/mtconnect/current?interval=50", "")).lines();
+        let mut next = |what: &str| {
+            lines
+                .find(|line| line.as_ref().is_ok_and(|line| line.contains(what)))
+                .is_some()
+        };
+        assert!(next("multipart/mixed;boundary="));
+        assert!(next("<MTConnectStreams") && next("<MTConnectStreams"));
+    });
+}
+
+#[test]
+fn a_page_of_another_site_is_told_nothing() {
+    beside(|address| {
+        let mut told = String::new();
+        let mut stream = request(address, "/mtconnect/current", "Sec-Fetch-Site: cross-site\r\n");
+        stream.read_to_string(&mut told).unwrap();
+        assert!(told.starts_with("HTTP/1.1 403"), "{told}");
+    });
+}
