@@ -147,6 +147,8 @@ pub struct Session {
     /// A door was opened, and nothing resumed since.
     is_door: bool,
     holds: bool,
+    /// A hold that is not answered yet.
+    hold: Option<u32>,
     /// Where jogs lead, machine coordinates, mm.
     jog_to: Option<[f64; 3]>,
     /// A status may still be older than the last jog: so many of them.
@@ -181,6 +183,7 @@ impl Session {
             is_check: false,
             is_door: false,
             holds: false,
+            hold: None,
             jog_to: None,
             jog_unseen: 0,
             homing: false,
@@ -250,6 +253,10 @@ impl Session {
         }
         if let Some((_, others)) = self.settling.take_if(|(settling, _)| *settling == number) {
             self.is_under_way = others && answer.is_ok();
+        }
+        if self.hold.take_if(|hold| *hold == number).is_some() && self.is_under_way {
+            // Where it was refused, the next status sees whether there is something to hold by then.
+            return self.go_on();
         }
         let is_sent = self.sent.take_if(|sent| *sent == number).is_some();
         match (self.busy, answer) {
@@ -356,6 +363,10 @@ impl Session {
         }
         if !self.is_under_way && self.status.activity == Activity::Idle {
             (self.holds, self.is_door) = (false, false);
+        }
+        // A hold that came before the first line had begun was refused: it counts for what runs now.
+        if self.holds && self.status.activity == Activity::Running && self.hold.is_none() {
+            self.hold = Some(self.give(Order::Hold));
         }
         if let Some(cause) = self.status.alarm.clone() {
             if before.is_none() {
@@ -471,7 +482,7 @@ impl Session {
             self.cancel_jog();
         }
         if self.is_under_way || matches!(self.status.activity, Activity::Running) {
-            self.give(Order::Hold);
+            self.hold = Some(self.give(Order::Hold));
             self.holds = true;
         }
         self.is_door |= by_door;

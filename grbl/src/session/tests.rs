@@ -250,6 +250,29 @@ fn hold_and_resume_are_taken_at_once() {
     assert_eq!(bench.state(bench.doing(Activity::Running)), "Run");
 }
 
+/// Else a machine would set out that was told to hold a moment before.
+#[test]
+fn a_hold_before_the_first_line_has_begun_holds_it_when_it_begins() {
+    let mut bench = Bench::new();
+    bench.send("G1F100X1\n");
+    bench.send("?");
+    bench.send("!");
+    let at = bench.open.iter().position(|(_, order)| *order == Order::Hold).unwrap();
+    let (number, _) = bench.open.remove(at);
+    bench.session.answered(number, Err("nothing runs".into()));
+    assert_eq!(bench.told(), "");
+    let holds = |bench: &Bench| bench.ordered.iter().filter(|order| **order == Order::Hold).count();
+    bench.state(bench.ready());
+    assert_eq!(holds(&bench), 1, "there is nothing to hold");
+    assert_eq!(bench.state(bench.doing(Activity::Running)), "Hold:1");
+    assert_eq!(holds(&bench), 2);
+    bench.state(bench.doing(Activity::Running));
+    assert_eq!(holds(&bench), 2, "the second one is not answered yet");
+    assert_eq!(bench.state(bench.doing(Activity::Held)), "Hold:0");
+    bench.send("~");
+    assert_eq!(bench.state(bench.doing(Activity::Running)), "Run");
+}
+
 #[test]
 fn what_the_machine_waits_for_is_told_once_and_released_by_resume() {
     let mut bench = Bench::new();
