@@ -158,8 +158,8 @@ pub fn run(octets: &[u8]) {
                 false
             }
         });
-        for device in 0..DEVICES.len() {
-            assert_eq!(main.inputs(device).len(), usize::from(DEVICES[device].inputs.octets));
+        for (device, expected) in DEVICES.iter().enumerate() {
+            assert_eq!(main.inputs(device).len(), usize::from(expected.inputs.octets));
             let _ = (main.device_state(device), main.found(device), main.answered(device));
             let _ = main.punctuality(device).map(|punctuality| punctuality.to_string());
         }
