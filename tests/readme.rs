@@ -156,6 +156,8 @@ fn every_file_exists() {
     let mut seen = 0;
     let links = README.split("](").skip(1).filter_map(|rest| rest.split(')').next());
     for path in links.chain(code_spans()) {
+        // A heading of it is not looked for.
+        let path = path.split('#').next().unwrap_or_default();
         let is_path = path.contains('/') && !path.contains(' ') && !path.contains("isocnc-out");
         if is_path || path.ends_with(".md") {
             assert!(exists(path), "{path}");

@@ -38,6 +38,8 @@ impl Screen {
             )
         };
         assert_eq!(made, 0);
+        // SAFETY: it has just been opened. Whoever is started would keep the terminal open by it.
+        assert_eq!(unsafe { libc::fcntl(near, libc::F_SETFD, libc::FD_CLOEXEC) }, 0);
         // SAFETY: they have just been opened, and nobody else has them.
         let (near, far) = unsafe { (OwnedFd::from_raw_fd(near), OwnedFd::from_raw_fd(far)) };
         let end = || Stdio::from(far.try_clone().unwrap());
