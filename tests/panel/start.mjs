@@ -81,6 +81,6 @@ export function launch() {
   const puppeteer = createRequire(join(root, "panel/web/package.json"))("puppeteer-core");
   return puppeteer.launch({
     executablePath: chromium,
-    args: ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"],
+    args: ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-accelerated-2d-canvas"],
   });
 }

@@ -23,6 +23,14 @@ function lines(rows: Rows): uPlot.AlignedData {
   return [twice(rows.time, rows.time), ...rows.least.map((least, channel) => twice(least, rows.greatest[channel]!))];
 }
 
+/** A scale on which what lies between these values fills one of some lanes, the first of them at the top. */
+function lane(least: number, greatest: number, at: number, lanes: number): [number, number] {
+  if (!Number.isFinite(least) || !Number.isFinite(greatest)) return [0, 1];
+  const height = 1.15 * (greatest - least) || Math.max(1, Math.abs(least));
+  const middle = (least + greatest) / 2;
+  return [middle - height * (lanes - at - 0.5), middle + height * (at + 0.5)];
+}
+
 export function Plot({
   rows,
   channels,
@@ -49,14 +57,18 @@ export function Plot({
     const element = place.current!;
     const ink = colour("--text");
     const axis = { stroke: ink, grid: { stroke: colour("--line"), width: 1 }, ticks: { stroke: colour("--line"), width: 1 }, font: "13px sans-serif" };
+    const lanes = own && channels.length > 1;
     const size = () => ({ width: element.clientWidth, height: Math.max(160, element.clientHeight) });
     const made = new uPlot(
       {
         ...size(),
         legend: { show: false },
         cursor: { y: false, drag: { x: true, y: false } },
-        scales: { x: { time: false } },
-        axes: [{ ...axis, size: 34 }, { ...axis, size: 64, scale: own ? channels[0]?.name : "y", show: channels.length > 0 }],
+        scales: {
+          x: { time: false },
+          ...(lanes ? Object.fromEntries(channels.map(({ name }, at) => [name, { range: (_: uPlot, least: number, greatest: number) => lane(least, greatest, at, channels.length) }])) : {}),
+        },
+        axes: [{ ...axis, size: 34 }, { ...axis, size: 64, scale: own ? channels[0]?.name : "y", show: !lanes }],
         series: [
           {},
           ...channels.map(({ name, type }, at) => ({

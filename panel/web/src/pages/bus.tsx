@@ -266,7 +266,7 @@ function Jitter() {
           <span>{seen}</span>
         </li>
       </ol>
-      <p class="legend">
+      <p class="series">
         <i class="all" /> {t("jitter-all")} <i class="live" /> {t("jitter-live")}
       </p>
       <div class="row">

@@ -1,11 +1,12 @@
 /** Pins of the control: all of them, some that are watched, some over time; variables of programs in Structured Text. */
+import type { ComponentChildren } from "preact";
 import { useEffect, useRef, useState } from "preact/hooks";
 import { useSmall } from "../hooks";
 import { fixed, parseNumber, t } from "../i18n";
 import { COLOURS, type Cursors, Plot } from "../plot";
 import { Rows, Scope } from "../scope";
 import { ask, connection, order, tellRefused, useStore } from "../store";
-import { Button, Card, Choice, Dialog, Field } from "../ui";
+import { Button, Card, Choice, Dialog, Field, Icon } from "../ui";
 
 interface Pin {
   name: string;
@@ -105,6 +106,19 @@ function PinRow({ pin, watched, onWatch }: { pin: Pin; watched: boolean; onWatch
 /** Of "joint.0.f-error", "joint.0". */
 const group = (name: string) => name.split(".").slice(0, -1).join(".") || name;
 
+/** Pins of one part of the control; `found`: few enough to be shown all. What is shut is not drawn. */
+function Group({ name, count, found, children }: { name: string; count: number; found: boolean; children: ComponentChildren }) {
+  const [open, setOpen] = useState(false);
+  return (
+    <details open={found || open} onToggle={(event) => setOpen(event.currentTarget.open)}>
+      <summary>
+        {name} <small>{count}</small>
+      </summary>
+      {(found || open) && <ul>{children}</ul>}
+    </details>
+  );
+}
+
 function Tree({ pins, watched, onWatch }: { pins: Pin[]; watched: string[]; onWatch: (name: string) => void }) {
   const [search, setSearch] = useState("");
   const words = search.toLowerCase().split(/\s+/).filter(Boolean);
@@ -117,16 +131,11 @@ function Tree({ pins, watched, onWatch }: { pins: Pin[]; watched: string[]; onWa
       <Field id="pin-search" label={t("search")} value={search} onInput={setSearch} />
       <div class="scroll" tabIndex={0} role="group" aria-label={t("pins")} data-testid="pins" data-count={found.length}>
         {[...groups].map(([name, members]) => (
-          <details key={name} open={open || undefined}>
-            <summary>
-              {name} <small>{members.length}</small>
-            </summary>
-            <ul>
-              {members.map((pin) => (
-                <PinRow key={pin.name} pin={pin} watched={watched.includes(pin.name)} onWatch={() => onWatch(pin.name)} />
-              ))}
-            </ul>
-          </details>
+          <Group key={name} name={name} count={members.length} found={open}>
+            {members.map((pin) => (
+              <PinRow key={pin.name} pin={pin} watched={watched.includes(pin.name)} onWatch={() => onWatch(pin.name)} />
+            ))}
+          </Group>
         ))}
       </div>
     </Card>
@@ -165,7 +174,9 @@ function Watch({
                 {shown(pin)} {pin.unit}
               </output>
               {maySet && pin.source === null && pin.net === null && pin.direction === "in" && <Button kind="plain" label={t("set")} onClick={() => setSetting(pin)} />}
-              <Button kind="plain" icon="close" title={t("watch-end")} label={`${t("watch-end")}: ${name}`} onClick={() => onRemove(name)} />
+              <button type="button" class="button plain" title={t("watch-end")} aria-label={`${t("watch-end")}: ${name}`} onClick={() => onRemove(name)}>
+                <Icon name="close" />
+              </button>
             </li>
           );
         })}
@@ -175,6 +186,8 @@ function Watch({
   );
 }
 
+/** Between two pictures of the oscilloscope. */
+const DRAW_MS = 100;
 const SECONDS = [0.5, 2, 10, 60];
 
 function useScope(pins: string[], running: boolean, wanted: { seconds: number; trigger: string; single: boolean }): Scope | null {
@@ -185,18 +198,18 @@ function useScope(pins: string[], running: boolean, wanted: { seconds: number; t
   const key = JSON.stringify([pins, wanted]);
   useEffect(() => {
     if (!running || pins.length === 0 || !connected || !has) return;
-    let frame = 0;
+    let timer = 0;
     const draw = () => {
-      frame ||= requestAnimationFrame(() => {
-        frame = 0;
+      timer ||= window.setTimeout(() => {
+        timer = 0;
         setDrawn((n) => n + 1);
-      });
+      }, DRAW_MS);
     };
     const made = new Scope({ pins, ...wanted }, draw);
     setScope(made);
     return () => {
       made.stop();
-      cancelAnimationFrame(frame);
+      clearTimeout(timer);
     };
   }, [running, key, connected, has]);
   return scope;
