@@ -12,13 +12,16 @@
 //! | who listens, who connects, limits of both | `listen.rs`, `serve.rs` |
 //! | who may do what | `guard.rs` (pages of others), `peer.rs` (users of this PC), `tokens.rs` (everybody else) |
 //! | a client of `/rpc`, from its first message to its end | `rpc.rs` |
+//! | senders of Grbl; MTConnect | `grbl.rs`; `mtconnect.rs` |
 //! | pages; programs; the way of a program; figures | `pages.rs`; `programs.rs`; `path.rs`; `figures.rs` |
 
 mod ask;
 mod counts;
 mod figures;
+mod grbl;
 mod guard;
 mod listen;
+mod mtconnect;
 mod pages;
 mod path;
 mod peer;

@@ -4,7 +4,7 @@ use crate::counts::Counts;
 use crate::listen::Listener;
 use crate::programs::{self, Programs};
 use crate::tokens::Tokens;
-use crate::{Control, figures, guard, pages, path, rpc};
+use crate::{Control, figures, grbl, guard, mtconnect, pages, path, rpc};
 use axum::Router;
 use axum::body::Body;
 use axum::extract::Request;
@@ -50,6 +50,10 @@ pub struct Settings {
     pub tokens: Tokens,
     /// Folder of programs.
     pub programs: Option<PathBuf>,
+    /// Where senders of Grbl connect.
+    pub grbl: Option<Listener>,
+    /// MTConnect answers at `/probe` and the like, too, not only below `/mtconnect`.
+    pub mtconnect_at_root: bool,
 }
 
 /// Everything that requests can reach.
@@ -59,6 +63,7 @@ pub(crate) struct Panel {
     pub(crate) programs: Option<Arc<Programs>>,
     pub(crate) control: Arc<dyn Control>,
     pub(crate) counts: Arc<Counts>,
+    pub(crate) mtconnect: mtconnect::Shared,
     /// True: the control is ending.
     pub(crate) ending: watch::Receiver<bool>,
 }
@@ -84,7 +89,7 @@ pub(crate) struct Connection {
 /// The system gives no runtime.
 pub fn serve(
     listener: Listener,
-    settings: Settings,
+    mut settings: Settings,
     control: Arc<dyn Control>,
     counts: Arc<Counts>,
     until: UnixStream,
@@ -106,13 +111,18 @@ pub fn serve(
                 .map_err(|cause| tracing::warn!(%cause, "there is no folder of programs"))
                 .ok()
         });
+        let senders = settings.grbl.take();
         let panel = Arc::new(Panel {
             settings,
             programs: programs.map(Arc::new),
             control,
             counts: Arc::clone(&counts),
+            mtconnect: mtconnect::Shared::default(),
             ending,
         });
+        if let Some(senders) = senders {
+            tokio::spawn(grbl::serve(senders, Arc::clone(&panel)));
+        }
         tokio::select! {
             taken = take(listener, panel) => taken?,
             // Whatever is read: nothing is ever written there.
@@ -134,11 +144,19 @@ pub fn serve(
 }
 
 fn router(panel: &Arc<Panel>) -> Router {
-    Router::new()
+    let mut router = Router::new();
+    if panel.settings.mtconnect_at_root {
+        for path in ["/probe", "/current", "/sample", "/assets", "/asset/{*ids}"] {
+            router = router.route(path, get(mtconnect::answer));
+        }
+    }
+    router
         .route("/rpc", any(rpc::open))
         .route("/files/", any(programs::list))
         .route("/files/{name}", any(programs::one))
         .route("/path", get(path::path))
+        .route("/mtconnect", get(mtconnect::answer))
+        .route("/mtconnect/{*rest}", get(mtconnect::answer))
         .route("/metrics", get(figures::metrics))
         .fallback(pages::page)
         .layer(axum::middleware::from_fn_with_state(Arc::clone(panel), guard::guard))

@@ -26,6 +26,10 @@ pub struct Panel {
     pub programs: Option<PathBuf>,
     /// What a program does whose client had taken control and is lost.
     pub on_lost_control: OnLostControl,
+    /// Where senders of Grbl connect, an address of this PC alone; `None`: nowhere.
+    pub grbl: Option<SocketAddr>,
+    /// MTConnect answers at `/probe` and the like, too, not only below `/mtconnect`.
+    pub mtconnect_at_root: bool,
 }
 
 /// What becomes of a program whose client is lost.
@@ -47,6 +51,8 @@ impl Panel {
             tokens: state_directory.map(|folder| folder.join("panel-tokens.json")),
             programs: state_directory.map(|folder| folder.join("programs")),
             on_lost_control: OnLostControl::default(),
+            grbl: None,
+            mtconnect_at_root: false,
         }
     }
 
@@ -97,6 +103,18 @@ pub(super) fn panel(mut section: Section<'_, '_>, base: &Path, state_directory: 
     let programs = program::new_folder(&mut section, "programs", base);
     let lost = [("go-on", OnLostControl::GoOn), ("hold", OnLostControl::Hold)];
     let on_lost_control = section.word("on_lost_control", &lost, OnLostControl::GoOn);
+    let grbl = match section.optional_section("grbl") {
+        None => Some(None),
+        Some(table) => grbl(table).map(Some),
+    };
+    let mtconnect_at_root = match section.optional_section("mtconnect") {
+        None => Some(false),
+        Some(mut table) => {
+            let at_root = table.flag("at_root", false);
+            table.done();
+            at_root
+        }
+    };
     section.done();
     let default = Panel::at(address?, state_directory);
     Some(Panel {
@@ -104,8 +122,28 @@ pub(super) fn panel(mut section: Section<'_, '_>, base: &Path, state_directory: 
         tokens: tokens?.or(default.tokens),
         programs: programs?.or(default.programs),
         on_lost_control: on_lost_control?,
+        grbl: grbl?,
+        mtconnect_at_root: mtconnect_at_root?,
         ..default
     })
+}
+
+/// `[panel.grbl]`
+fn grbl(mut section: Section<'_, '_>) -> Option<SocketAddr> {
+    let text = section
+        .required("listen", "an address and a port")?
+        .text("panel.grbl.listen");
+    let address: Option<SocketAddr> = text.and_then(|text| text.parse().ok());
+    // It knows no tokens: whoever connects is known by the system, which it is on this PC alone.
+    let address = address.filter(|address| address.ip().is_loopback());
+    if text.is_some() && address.is_none() {
+        section.wrong(
+            "listen",
+            "must be an address of this PC alone and a port, like \"127.0.0.1:8403\"",
+        );
+    }
+    section.done();
+    address
 }
 
 #[cfg(test)]
@@ -137,6 +175,13 @@ mod tests {
             (vec!["mill.local".to_owned()], Some("t.json".into()))
         );
         assert_eq!(panel.on_lost_control, OnLostControl::Hold);
+        let panel = read("[panel.grbl]\nlisten = \"127.0.0.1:8403\"\n[panel.mtconnect]\nat_root = true")
+            .unwrap()
+            .unwrap();
+        assert_eq!(
+            (panel.grbl, panel.mtconnect_at_root),
+            (Some("127.0.0.1:8403".parse().unwrap()), true)
+        );
         let of_folder = Panel::at(Panel::loopback(), Some(Path::new("/s")));
         assert_eq!(of_folder.programs, Some("/s/programs".into()));
     }
@@ -151,6 +196,12 @@ mod tests {
             ("[panel]\nhosts = [\"http://x\"]", "is no name of a PC"),
             ("[panel]\nport = 1", "panel.port: unknown key"),
             ("[panel]\non_lost_control = \"stop\"", "panel.on_lost_control"),
+            (
+                "[panel.grbl]\nlisten = \"0.0.0.0:8403\"",
+                "must be an address of this PC alone",
+            ),
+            ("[panel.grbl]", "panel.grbl.listen"),
+            ("[panel.mtconnect]\nroot = true", "panel.mtconnect.root: unknown key"),
         ] {
             let errors = read(table).unwrap_err();
             assert!(errors.contains(told), "{errors}");

@@ -95,6 +95,8 @@ impl Panel {
             hosts: wanted.hosts.clone(),
             tokens,
             programs: wanted.programs.clone(),
+            grbl: senders(wanted.grbl, quiet)?,
+            mtconnect_at_root: wanted.mtconnect_at_root,
         };
         Ok(Some(Panel {
             wanted,
@@ -156,6 +158,18 @@ fn wanted(config: &Config, asked: Asked) -> Option<Wanted> {
             config.state_directory.as_deref(),
         )),
     }
+}
+
+/// Where senders of Grbl connect.
+fn senders(address: Option<SocketAddr>, quiet: bool) -> anyhow::Result<Option<Listener>> {
+    let Some(address) = address else { return Ok(None) };
+    let listener = Listener::bind(address).context("[panel.grbl] listen")?;
+    let told = format!("grbl: {}\n", listener.address());
+    match quiet {
+        false => say(&told),
+        true => _ = io::stderr().write_all(told.as_bytes()),
+    }
+    Ok(Some(listener))
 }
 
 fn address(listener: &Listener) -> String {
