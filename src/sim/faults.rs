@@ -37,7 +37,7 @@ impl FaultOrder {
     /// Behind the order: a drive that happens to have such an object and that means something else by it takes no such value.
     const SIGN: [u8; 5] = *b"iSIM\x01";
 
-    /// The octets of the object: number of the kind, how long, [`FaultOrder::SIGN`].
+    /// The octets of the object: number of the kind, how long, `FaultOrder::SIGN`.
     pub fn octets(self) -> [u8; 8] {
         let number = SimFaultKind::WORDS
             .iter()

@@ -189,7 +189,8 @@ test("a day at the machine", { skip, timeout: 300_000 }, async (day) => {
     await picture(page, "estop");
     await click(page, "reset");
     await shown(page, ["disabled"]);
-    assert.equal((await text(page, "alarm")).length, 0);
+    // What is told of alarms may come a moment behind the state.
+    await until("no alarm", async () => (await text(page, "alarm")).length === 0);
   });
 
   await day.test("what is refused is said in the words of the control", async () => {
@@ -495,6 +496,8 @@ const LOOKS = [
 
 /** What times, counters and other fonts may come to. */
 const DIFFERENT_MAX = 0.04;
+/** The same where an oscilloscope was stopped at whatever it showed just then. */
+const DIFFERENT_SCOPE_MAX = 0.1;
 
 test("pages look as they did, have no serious finding of axe, are no wider than the screen, and their buttons are 44 px", { skip, timeout: 900_000 }, async () => {
   const axe = readFileSync(join(modules, "axe-core/axe.min.js"), "utf8");
@@ -541,7 +544,7 @@ test("pages look as they did, have no serious finding of axe, are no wider than 
         all.push(...serious.map((one) => `${name}: ${one}`));
       }
       const different = await differs(page, name);
-      if (different > DIFFERENT_MAX) all.push(`${name}: ${(100 * different).toFixed(1)} % of its pixels differ from tests/panel/screens`);
+      if (different > (part === "part-scope" ? DIFFERENT_SCOPE_MAX : DIFFERENT_MAX)) all.push(`${name}: ${(100 * different).toFixed(1)} % of its pixels differ from tests/panel/screens`);
     }
     await page.close();
   }
