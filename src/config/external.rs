@@ -176,27 +176,10 @@ fn nothing(value_type: Type) -> AnyValue {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::parse;
-    use std::path::Path;
-
-    const DEMO: &str = include_str!("../../configs/mill3-demo.toml");
+    use crate::config::tests::behind_demo;
 
     fn read(text: &str) -> Result<Vec<External>, Vec<String>> {
-        let whole = format!("{DEMO}{text}");
-        let first = DEMO.lines().count();
-        match parse(&whole, Path::new("m.toml")) {
-            Ok(config) => Ok(config.external),
-            Err(errors) => Err(errors
-                .errors()
-                .iter()
-                .map(|error| {
-                    let (line, column) = error.place.unwrap_or_default();
-                    let text = error.to_string();
-                    let rest = text.splitn(4, ':').nth(3).unwrap_or_default().trim();
-                    format!("{}:{column}: {rest}", line - first)
-                })
-                .collect()),
-        }
+        behind_demo(text, |config| config.external)
     }
 
     #[test]

@@ -3,11 +3,125 @@
 use super::document::{Bound, Section};
 use super::joints::{letter, range};
 use super::mapping::parse_object;
-use super::types::{
-    HomingBy, Joint, Mapped, Node, Profile, Sim, SimBody, SimJoint, SimOutline, SimProbe, SimSignal, SimSurface,
-};
+use super::types::{HomingBy, Joint, Mapped, Node, NodeIndex, Profile};
 use cia402::profile::AXES_MAX;
 use motion::canon::Axis;
+
+/// `[sim]`: the simulated motor and load, the same for every drive.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sim {
+    /// Natural frequency of the second-order motor and load under position control, Hz.
+    pub natural_frequency_hz: f64,
+    /// Its damping ratio.
+    pub damping: f64,
+    /// Position at power-on as a share of the travel, 0 to 1.
+    pub start: f64,
+    /// A touch probe in the spindle; `None`: there is none.
+    pub probe: Option<SimProbe>,
+    /// What is special about a joint.
+    pub joints: Vec<SimJoint>,
+    /// What goes wrong.
+    pub faults: Vec<SimFault>,
+    /// What there is at objects of I/O nodes.
+    pub signals: Vec<SimSignal>,
+}
+
+/// `[[sim.signal]]`: what a simulated I/O node measures or counts at one of its objects, over the time t since it was switched on:
+/// `value + per_second t + amplitude sin(2 pi t / period_s)`, and the output `from` in addition.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SimSignal {
+    /// Index into [`Bus::nodes`](super::Bus::nodes) of an I/O node.
+    pub node: usize,
+    /// One of its inputs: index and sub-index.
+    pub object: (u16, u8),
+    pub value: f64,
+    pub per_second: f64,
+    pub amplitude: f64,
+    pub period_s: f64,
+    /// An output that is wired to this input.
+    pub from: Option<(u16, u8)>,
+    /// The input that holds the multiple of this many counts which was passed last, as an encoder latches its index.
+    pub latch: Option<((u16, u8), u32)>,
+}
+
+/// `[[sim.joint]]`: where a simulated joint stands and where its home switch is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SimJoint {
+    /// Index into [`Config::joints`](super::Config::joints).
+    pub joint: usize,
+    /// Where it stands at power-on, mm; `None`: as [`Sim::start`] has it.
+    pub start_mm: Option<f64>,
+    /// Where the home switch of a joint that homes by the control closes, mm; `None`: where the machine file believes it to be.
+    pub switch_mm: Option<f64>,
+    /// The input that it closes, beside bit 2 of 60FDh of its drive: index of an I/O node and number of the input, 8 to 15.
+    pub input: Option<(usize, u8)>,
+}
+
+impl Sim {
+    /// Whether something is wrong with the drive of a node from the start.
+    pub fn is_faulty(&self, node: NodeIndex, axis: u8, kind: SimFaultKind) -> bool {
+        let mut faults = self.faults.iter();
+        faults.any(|fault| (fault.node, fault.drive_axis, fault.kind) == (node, axis, kind))
+    }
+
+    /// What is special about a joint, if something is.
+    pub fn joint(&self, joint: usize) -> Option<&SimJoint> {
+        self.joints.iter().find(|special| special.joint == joint)
+    }
+}
+
+/// `[sim.probe]`: a touch probe that is in contact where the ball at its tip touches a body.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SimProbe {
+    /// Index into [`Bus::nodes`](super::Bus::nodes) of the I/O node that it is wired to.
+    pub node: usize,
+    /// Number of the input, as in `io.10.in-08`; 8 to 15.
+    pub input: u8,
+    /// Diameter of the ball, mm; 0: a point.
+    pub diameter_mm: f64,
+    /// How far the lowest point of the ball is below the place of the axes, mm.
+    pub length_mm: f64,
+    /// What it may touch.
+    pub surfaces: Vec<SimSurface>,
+    /// What else it may touch.
+    pub bodies: Vec<SimBody>,
+}
+
+/// `[[sim.probe.surface]]`: a plane with a body behind it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SimSurface {
+    /// Axis that meets it squarely.
+    pub axis: Axis,
+    /// Where, machine coordinates, mm.
+    pub at_mm: f64,
+    /// Whether the body is above, else below.
+    pub above: bool,
+}
+
+/// `[[sim.probe.box]]`, `[[sim.probe.cylinder]]`: an upright body on the table, or a hole of that shape in a plate without end.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SimBody {
+    pub outline: SimOutline,
+    /// Middle of the outline in X and Y, machine coordinates, mm.
+    pub middle_mm: [f64; 2],
+    /// Lower and upper end of the body, or of the plate, mm.
+    pub z_mm: [f64; 2],
+    /// Whether the body is around the outline, else inside.
+    pub hole: bool,
+}
+
+/// What a body is seen from above.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SimOutline {
+    /// Half of its width and half of its length, mm, turned about its middle by an angle against the X axis.
+    Rectangle {
+        half_mm: [f64; 2],
+        angle_degrees: f64,
+    },
+    Circle {
+        radius_mm: f64,
+    },
+}
 
 /// `[[sim.fault]]`: something that goes wrong with a simulated drive.
 #[derive(Clone, Copy, Debug, PartialEq)]

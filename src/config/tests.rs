@@ -43,6 +43,22 @@ pub(super) fn messages(text: &str) -> Vec<String> {
     }
 }
 
+/// What `part` takes of the demo machine with this text behind it; or what is refused, with lines counted from the first of the text.
+pub(super) fn behind_demo<T>(text: &str, part: impl FnOnce(Config) -> T) -> Result<T, Vec<String>> {
+    let first = DEMO.lines().count();
+    parse(&format!("{DEMO}{text}"), Path::new("m.toml"))
+        .map(part)
+        .map_err(|errors| {
+            let told = errors.errors().iter().map(|error| {
+                let (line, column) = error.place.unwrap_or_default();
+                let text = error.to_string();
+                let rest = text.splitn(4, ':').nth(3).unwrap_or_default().trim();
+                format!("{}:{column}: {rest}", line - first)
+            });
+            told.collect()
+        })
+}
+
 /// Replaces the only occurrence of `old`; the rest of the file keeps its lines.
 pub(super) fn changed(old: &str, new: &str) -> String {
     assert_eq!(SMALL.matches(old).count(), 1, "{old:?} stands once in the file");

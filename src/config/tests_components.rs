@@ -1,26 +1,11 @@
 //! `[[hal.component]]`: what is read, and what is refused where.
 
+use super::tests::behind_demo;
 use super::*;
 use hal_pins::AnyValue;
 
-const DEMO: &str = include_str!("../../configs/mill3-demo.toml");
-
 fn read(components: &str) -> Result<Vec<Component>, Vec<String>> {
-    let text = format!("{DEMO}{components}");
-    let first = DEMO.lines().count();
-    match parse(&text, Path::new("m.toml")) {
-        Ok(config) => Ok(config.components),
-        Err(errors) => Err(errors
-            .errors()
-            .iter()
-            .map(|error| {
-                let (line, column) = error.place.unwrap_or_default();
-                let text = error.to_string();
-                let rest = text.splitn(4, ':').nth(3).unwrap_or_default().trim();
-                format!("{}:{column}: {rest}", line - first)
-            })
-            .collect()),
-    }
+    behind_demo(components, |config| config.components)
 }
 
 #[test]

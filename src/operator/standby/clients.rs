@@ -1,6 +1,7 @@
 //! What clients want of the machine: each order is judged by the table of [`crate::machine::permission`], then carried out.
 
 use super::check::{Checked, Part, Subject, examine};
+use super::wishes::{is_told, moves, wish};
 use crate::api;
 use crate::api::orders::{Jogged, MESSAGES, Order, OrderInbox, Shown, ShownProgram, ShownText, Source, Waiting};
 use crate::api::paths::PathOrder;
@@ -20,7 +21,7 @@ use crate::operator::remembered;
 use crate::operator::table_writer::{Keeper, Mark};
 use crate::program::text::Reader;
 use crate::program::tool_path::{record_octets, trace};
-use crate::program::{Begin, Change, Overview, changed, home};
+use crate::program::{Begin, Overview, changed, home};
 use crate::rt::shared::{Command, Snapshot};
 use crate::rt::waiting;
 use crate::rt::way_back::SLOW_MM;
@@ -980,43 +981,6 @@ fn outlook(part: &Part) -> Value {
     })
 }
 
-/// The row of the table of orders; `None`: it only looks.
-fn wish(order: &Order) -> Option<Wish> {
-    Some(match order {
-        Order::Offsets
-        | Order::Tools
-        | Order::Journal(_)
-        | Order::Note(_)
-        | Order::TakenOver(_)
-        | Order::MdiHistory
-        | Order::Report(_)
-        | Order::Path(_)
-        | Order::Inspect(_)
-        | Order::Parts { .. } => return None,
-        Order::On => Wish::On,
-        Order::Off => Wish::Off,
-        Order::Home(_) => Wish::Home,
-        Order::Load(_) => Wish::Load,
-        Order::Start { .. } => Wish::Start,
-        Order::Run(_) => Wish::Run,
-        Order::Mdi(_) => Wish::Mdi,
-        Order::Change(Change::Offset { .. } | Change::Rotation { .. } | Change::Tool { .. }) => Wish::Set,
-        Order::Change(_) => Wish::TouchOff,
-        Order::Jog(_) => Wish::Jog,
-        Order::Hold => Wish::Hold,
-        Order::Resume | Order::ToolChanged => Wish::Resume,
-        Order::Skip => Wish::Skip,
-        Order::Reverse(_) => Wish::Reverse,
-        Order::SingleBlock(_) => Wish::SingleBlock,
-        Order::OptionalStop(_) => Wish::OptionalStop,
-        Order::BlockDelete(_) => Wish::BlockDelete,
-        Order::Stop | Order::Withdraw => Wish::Stop,
-        Order::Estop => Wish::Estop,
-        Order::EstopReset => Wish::EstopReset,
-        Order::Acknowledge => Wish::Acknowledge,
-    })
-}
-
 pub(in crate::operator) fn outcome_word(outcome: Outcome) -> &'static str {
     match outcome {
         Outcome::Completed => "completed",
@@ -1024,17 +988,4 @@ pub(in crate::operator) fn outcome_word(outcome: Outcome) -> &'static str {
         Outcome::Faulted => "faulted",
         Outcome::TimedOut(_) => "timed out",
     }
-}
-
-/// Whether the journal has it: not what a hand on a key sends many times a second, nor lines of MDI, which it has when they begin.
-fn is_told(order: &Order) -> bool {
-    !matches!(order, Order::Jog(_) | Order::Mdi(_))
-}
-
-/// Whether it is about motion, which a machine without joints has none of.
-fn moves(wish: Wish) -> bool {
-    matches!(
-        wish,
-        Wish::On | Wish::Home | Wish::Jog | Wish::Mdi | Wish::TouchOff | Wish::Load | Wish::Start | Wish::Run
-    )
 }

@@ -14,6 +14,7 @@ mod pins;
 mod tests;
 #[cfg(test)]
 mod tests_days;
+mod wishes;
 
 pub(super) use self::check::Part;
 pub(super) use self::clients::{Clients, outcome_word};
