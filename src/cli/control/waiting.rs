@@ -130,10 +130,15 @@ fn end_of(order: Lasting, status: &Value) -> Option<Result<String, String>> {
     // A control that was started for one program ends with it.
     let is_over = step == "done";
     let job = status["job"].as_str();
+    // Comes a moment behind the state: whoever looks next shall not be told of what is over.
+    let activity = status["activity"].as_str();
     let lasts = match order {
         // What waits rests as well.
-        Lasting::Hold => state == "running" && status["waiting"].is_null(),
-        Lasting::Return => state == "returning",
+        Lasting::Hold => match state {
+            "running" => status["waiting"].is_null(),
+            _ => state == "held" && activity == Some("running"),
+        },
+        Lasting::Return => state == "returning" || state == "held" && activity == Some("returning"),
         _ => job.is_none() && !is_over,
     };
     if lasts {
@@ -248,6 +253,13 @@ mod tests {
             end(Lasting::On, by, "disabled", Some("timed out")),
             failed("given up: the machine is disabled (standing by)")
         );
+        for (order, before) in [(Lasting::Hold, "running"), (Lasting::Return, "returning")] {
+            let mut behind = status("program", "held", None);
+            behind["activity"] = json!(before);
+            assert_eq!(end_of(order, &behind), None);
+            behind["activity"] = json!("held");
+            assert!(end_of(order, &behind).is_some_and(|end| end.is_ok()));
+        }
         let mut over = status(by, "faulted", Some("faulted"));
         over["alarm"] = json!("x-drive lost");
         let said = end_of(Lasting::Program, &over)
