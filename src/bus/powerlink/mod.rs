@@ -68,7 +68,8 @@ fn in_the_kernel<T>(call: impl FnOnce() -> T) -> T {
 
 /// The managing node on a link.
 pub struct Powerlink<'a, L, const NODES: usize> {
-    mn: Mn<'a, NODES>,
+    /// Of the size of all its nodes: on the heap, for whoever builds a bus hands it on several times.
+    mn: Box<Mn<'a, NODES>>,
     link: L,
     /// Told of every time limit, so that the time-out thread sees them although this thread is busy.
     watch: Arc<Watch>,
@@ -100,7 +101,7 @@ impl<'a, L: Link, const NODES: usize> Powerlink<'a, L, NODES> {
         net_time: fn() -> NetTime,
     ) -> Result<Self, mn::MnConfigError> {
         let node_ids = config.nodes.iter().map(|node| node.id).collect();
-        let mut mn = Mn::new(config)?;
+        let mut mn = Box::new(Mn::new(config)?);
         // Before a drive is asked for anything its payload is all zero, which is "disable voltage": always valid.
         mn.set_outputs_valid(true);
         Ok(Powerlink {
