@@ -3,22 +3,26 @@
 //! In:  the payloads that the nodes shall get ([`OutputImage`]), the time by which to be back.
 //! Out: the payloads that came from the nodes ([`InputImage`]), what the cycle took ([`CycleReport`]).
 //!
-//! A bus has two halves: [`CyclicBus`] for the cycle thread, [`service::BusService`] for everybody else. [`powerlink`] is the
-//! only bus yet; another one implements both, and is added to the functions below, which are the only ones that know which
-//! kinds there are.
+//! A bus has two halves: [`CyclicBus`] for the cycle thread, [`service::BusService`] for everybody else. [`powerlink`] and
+//! [`ethercat`] implement both; another one does, too, and is added to the functions below, which are the only ones that know
+//! which kinds there are.
 
+mod configuration;
+pub mod ethercat;
 pub mod layout;
 pub mod plan;
 pub mod powerlink;
 pub mod service;
 pub mod watch;
 
+pub use self::ethercat::{Names, Remark};
 pub use self::powerlink::frames;
 pub use self::powerlink::sender;
 pub use self::powerlink::tap::Tap;
 pub use crate::config::NodeIndex;
 use crate::config::{self, Config, ConfigErrors, Identity};
 use crate::machine::faults::{ForeignMaster, LinkFailure};
+use ::powerlink::link::LinkError;
 use obd::AbortCode;
 use plan::NodePlan;
 use service::{BudgetView, BusService};
@@ -49,27 +53,39 @@ pub fn read_with_cycle(path: &Path, cycle_us: Option<u32>) -> Result<Config, Con
 /// # Errors
 /// What does not fit, at its place in the file.
 pub fn check(config: &Config) -> Result<(), ConfigErrors> {
-    powerlink::managing_node::check(config).map_err(|rule| config::bus_error(config, "node", rule))
+    match config.bus.kind.is_ethercat() {
+        true => ethercat::setup::check(config),
+        false => powerlink::managing_node::check(config).map_err(|rule| config::bus_error(config, "node", rule)),
+    }
 }
 
 /// What each node is told before it may take part, in the order of the machine file.
 pub fn plan(config: &Config) -> Vec<NodePlan> {
-    powerlink::network::plan(config)
+    match config.bus.kind.is_ethercat() {
+        true => ethercat::setup::plan(config),
+        false => powerlink::network::plan(config),
+    }
 }
 
-/// States that a node can tell, in the words of its bus.
+/// States that a node can tell, in the words of its bus: those of POWERLINK, then those of EtherCAT.
 pub fn node_states() -> impl Iterator<Item = String> {
-    powerlink::network::node_states()
+    powerlink::network::node_states().chain(ethercat::node_states())
 }
 
 /// How the cycle is spent, part by part. Latencies are those that the time-outs allow.
 pub fn budget(config: &Config) -> Vec<BudgetView> {
-    powerlink::managing_node::budget(config)
+    match config.bus.kind.is_ethercat() {
+        true => ethercat::setup::budget(config),
+        false => powerlink::managing_node::budget(config),
+    }
 }
 
 /// The longest that the exchange of a cycle can take, ns.
 pub fn worst_exchange_ns(config: &Config) -> u64 {
-    powerlink::managing_node::worst_exchange_ns(config)
+    match config.bus.kind.is_ethercat() {
+        true => ethercat::setup::worst_exchange_ns(config),
+        false => powerlink::managing_node::worst_exchange_ns(config),
+    }
 }
 
 /// A bus that is open.
@@ -93,7 +109,27 @@ pub fn with_interface<T>(
     warn: &mut dyn FnMut(&str),
     run: impl FnOnce(Open<'_>) -> anyhow::Result<T>,
 ) -> anyhow::Result<T> {
-    powerlink::open::with_interface(config, interface, watch, threads, warn, run)
+    match config.bus.kind.is_ethercat() {
+        true => ethercat::open::with_interface(config, interface, watch, warn, run),
+        false => powerlink::open::with_interface(config, interface, watch, threads, warn, run),
+    }
+}
+
+/// RT: the calls that the cycle thread is there to make, send and receive; hidden from the RealtimeSanitizer, which would take
+/// them for a mistake. How many there are is counted in `tests/system_calls.rs`.
+fn in_the_kernel<T>(call: impl FnOnce() -> T) -> T {
+    #[cfg(feature = "rtsan")]
+    let _hidden = rtsan_standalone::ScopedDisabler::default();
+    call()
+}
+
+fn link_failure(error: LinkError) -> LinkFailure {
+    match error {
+        LinkError::Down => LinkFailure::Down,
+        LinkError::NoBuffers => LinkFailure::QueueFull,
+        LinkError::FrameLength { got, max } => LinkFailure::FrameLength { octets: got, max },
+        LinkError::Os { errno } => LinkFailure::Os { errno },
+    }
 }
 
 /// Octets of the longest value that is read or written while the bus runs.
@@ -186,6 +222,8 @@ pub enum BusEvent {
     ForeignMaster(ForeignMaster),
     /// The network adapter does not send or receive.
     LinkFailed(LinkFailure),
+    /// What only this bus has to tell.
+    Remark(Remark),
 }
 
 /// Octets of the longest Ethernet frame without check sequence.

@@ -149,7 +149,7 @@ pub struct Why {
     pub actual: Option<String>,
 }
 
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[allow(missing_docs, reason = "named as the fields of the IdentResponse")]
 pub struct IdentityView {
     pub device_type: u32,

@@ -136,14 +136,6 @@ fn connections(config: &Config, plans: &[NodePlan]) -> Result<(), PinsError> {
     Pins::new(&mut hal, config, plans, &StepDrives::new(config)).map(drop)
 }
 
-fn bus_name(kind: BusKind) -> &'static str {
-    match kind {
-        BusKind::Powerlink => "powerlink",
-        BusKind::Memory => "memory",
-        BusKind::None => "none",
-    }
-}
-
 /// Letters of the axes that move a joint, and whether its lengths are degrees.
 fn axes_of(config: &Config, joint: usize) -> (String, bool) {
     let axes = config.axes.iter().filter(|map| map.joints.contains(&joint));
@@ -160,9 +152,9 @@ impl fmt::Display for Summary<'_> {
         writeln!(f, "{} is good\n", config.path.display())?;
         writeln!(f, "machine   {}", config.name)?;
         let interface = match config.bus.kind {
-            BusKind::Powerlink => format!("powerlink on {}", config.bus.interface),
-            BusKind::Memory => "memory: the simulated machine inside the control".into(),
+            kind if kind.has_interface() => format!("{} on {}", kind.name(), config.bus.interface),
             BusKind::None => "none".into(),
+            kind => format!("{}: the simulated machine inside the control", kind.name()),
         };
         writeln!(f, "bus       {interface}")?;
         if config.bus.kind != BusKind::None {
@@ -322,7 +314,7 @@ fn to_json(config: &Config, plans: &[NodePlan]) -> Json {
         "file": config.path.display().to_string(),
         "errors": [],
         "machine": config.name,
-        "bus": bus_name(config.bus.kind),
+        "bus": config.bus.kind.name(),
         "interface": config.bus.interface,
         "cycle_us": config.cycle_us,
         "async_slot_timeout_us": config.bus.async_slot_timeout_us,

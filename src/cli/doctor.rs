@@ -6,7 +6,7 @@
 use crate::api::client::Client;
 use crate::bus;
 use crate::cli::control::forced_words;
-use crate::config::{BusKind, Config, Rt};
+use crate::config::{Config, Rt};
 use crate::host::doctor::{Level, Pc, Report, Target, ThisPc, examine, is_interface_name, isolcpus};
 use crate::host::setup;
 use crate::operator::refusal::Refusal;
@@ -118,9 +118,7 @@ fn target(args: &DoctorArgs, config: Option<&Config>) -> Target {
             "not set: the last isolated one, else the last one".to_owned(),
         ),
     };
-    let bus = config
-        .map(|config| &config.bus)
-        .filter(|bus| bus.kind == BusKind::Powerlink);
+    let bus = config.map(|config| &config.bus).filter(|bus| bus.kind.has_interface());
     Target {
         cpu,
         cpu_from,

@@ -1,7 +1,6 @@
 //! `isocnc run`: the control.
 
 use crate::bus;
-use crate::config;
 use crate::host::signals::StopSignal;
 use crate::operator::panel::Panel;
 use crate::operator::refusal::Refusal;
@@ -38,8 +37,8 @@ pub fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
     let signal = StopSignal::install().context("signals")?;
     let config = bus::read(&args.machine).map_err(Refusal::from)?;
     let wire = match config.bus.kind {
-        config::BusKind::Powerlink => Wire::Interface(config.bus.interface.clone()),
-        config::BusKind::Memory | config::BusKind::None => Wire::Memory,
+        kind if kind.has_interface() => Wire::Interface(config.bus.interface.clone()),
+        _ => Wire::Memory,
     };
     let panel = Panel::of(&config, args.panel, args.json)?;
     let Some(program) = &args.program else {

@@ -5,8 +5,9 @@
 use super::document::{Item, Section};
 use super::drive::DriveUse;
 use super::error::nearest;
+use super::ethercat;
 use super::node::{self, Names, Network};
-use super::types::{Bus, BusKind, BusLink};
+use super::types::{Bus, BusClock, BusKind, BusLink};
 use std::path::Path;
 
 /// Least and greatest AsyncMTU; and the octets of an Ethernet header, which it does not count.
@@ -20,32 +21,25 @@ pub(super) fn bus(
     uses: &[DriveUse],
 ) -> Option<Bus> {
     let cycle_or_most_us = i64::from(cycle_us.unwrap_or(10_000));
-    let kind = section.word(
-        "kind",
-        &[
-            ("powerlink", BusKind::Powerlink),
-            ("memory", BusKind::Memory),
-            ("none", BusKind::None),
-        ],
-        None,
-    );
+    let kind = section.word("kind", &BusKind::WORDS, None);
     let interface = interface(section, kind);
-    let link = link(section, kind);
-    let async_slot_timeout_us = section.integer("async_slot_timeout_us", 1..=cycle_or_most_us, 150);
-    let async_mtu = async_mtu(section, async_slot_timeout_us);
-    let pres_lost_max = section.integer("pres_lost_max", 0..=1000, 3);
-    let soc_lost_max = section.integer("soc_lost_max", 0..=100, 3);
-    let multiplex_cycles = section
-        .integer("multiplex_cycles", 0..=254, 0)
-        .map(|cycles| cycles as u8);
-    let prescaler = section.integer("prescaler", 0..=1000, 2);
-    let tap = tap(section, kind);
-    let startup = startup(section);
+    let is_ethercat = kind.is_some_and(BusKind::is_ethercat);
+    section.foreign(if is_ethercat {
+        &ethercat::BUS_OF_POWERLINK
+    } else {
+        &ethercat::BUS_OF_ETHERCAT
+    });
+    let own = match is_ethercat {
+        true => ethercat::bus(section).map(Own::of_ethercat),
+        false => Own::of_powerlink(section, kind, cycle_or_most_us),
+    };
+    let startup = if is_ethercat { Some(None) } else { startup(section) };
     let around = Network {
         folder,
         cycle_us,
-        multiplex_cycles,
+        multiplex_cycles: own.as_ref().map(|own| own.multiplex_cycles),
         uses,
+        clock: is_ethercat.then(|| own.as_ref().map(|own| own.clock)),
     };
     let mut nodes = Vec::new();
     let mut pending = Vec::new();
@@ -79,21 +73,80 @@ pub(super) fn bus(
             None => complete = false,
         }
     }
+    let own = own?;
     let bus = Bus {
         kind: kind?,
         interface: interface?,
-        link: link?,
-        async_slot_timeout_us: async_slot_timeout_us? as u32,
-        pres_lost_max: pres_lost_max? as u32,
-        soc_lost_max: soc_lost_max? as u32,
-        multiplex_cycles: multiplex_cycles?,
-        async_mtu: async_mtu?,
-        prescaler: prescaler? as u16,
-        tap: tap?,
+        link: own.link,
+        async_slot_timeout_us: own.async_slot_timeout_us,
+        pres_lost_max: own.lost_max,
+        soc_lost_max: own.soc_lost_max,
+        multiplex_cycles: own.multiplex_cycles,
+        async_mtu: own.async_mtu,
+        prescaler: own.prescaler,
+        tap: own.tap,
         startup: startup?,
+        clock: own.clock,
         nodes,
     };
     complete.then_some(bus)
+}
+
+/// Keys that only one of the buses has; of the other, what they are left out as.
+struct Own {
+    link: BusLink,
+    async_slot_timeout_us: u32,
+    lost_max: u32,
+    soc_lost_max: u32,
+    multiplex_cycles: u8,
+    async_mtu: u16,
+    prescaler: u16,
+    tap: Option<String>,
+    clock: BusClock,
+}
+
+impl Own {
+    const LEFT_OUT: Own = Own {
+        link: BusLink::Raw,
+        async_slot_timeout_us: 150,
+        lost_max: 3,
+        soc_lost_max: 3,
+        multiplex_cycles: 0,
+        async_mtu: ASYNC_MTU[1],
+        prescaler: 2,
+        tap: None,
+        clock: BusClock::Own,
+    };
+
+    fn of_powerlink(section: &mut Section<'_, '_>, kind: Option<BusKind>, cycle_us: i64) -> Option<Own> {
+        let link = link(section, kind);
+        let async_slot_timeout_us = section.integer("async_slot_timeout_us", 1..=cycle_us, 150);
+        let async_mtu = async_mtu(section, async_slot_timeout_us);
+        let pres_lost_max = section.integer("pres_lost_max", 0..=1000, 3);
+        let soc_lost_max = section.integer("soc_lost_max", 0..=100, 3);
+        let multiplex_cycles = section.integer("multiplex_cycles", 0..=254, 0);
+        let prescaler = section.integer("prescaler", 0..=1000, 2);
+        let tap = tap(section, kind);
+        Some(Own {
+            link: link?,
+            async_slot_timeout_us: async_slot_timeout_us? as u32,
+            lost_max: pres_lost_max? as u32,
+            soc_lost_max: soc_lost_max? as u32,
+            multiplex_cycles: multiplex_cycles? as u8,
+            async_mtu: async_mtu?,
+            prescaler: prescaler? as u16,
+            tap: tap?,
+            clock: BusClock::Own,
+        })
+    }
+
+    fn of_ethercat(keys: ethercat::BusKeys) -> Own {
+        Own {
+            lost_max: keys.lost_max,
+            clock: keys.clock,
+            ..Own::LEFT_OUT
+        }
+    }
 }
 
 /// Shorter frames are padded.
@@ -227,8 +280,8 @@ fn startup_bit(item: Item<'_, '_>, key: &str) -> Option<u8> {
 
 fn interface(section: &mut Section<'_, '_>, kind: Option<BusKind>) -> Option<String> {
     let item = match kind {
-        Some(BusKind::Powerlink) => section.required("interface", "the network interface of the bus")?,
-        Some(BusKind::Memory | BusKind::None) | None => match section.optional("interface") {
+        Some(kind) if kind.has_interface() => section.required("interface", "the network interface of the bus")?,
+        Some(_) | None => match section.optional("interface") {
             Some(item) => item,
             None => return Some(String::new()),
         },

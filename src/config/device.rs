@@ -13,7 +13,7 @@ use std::path::Path;
 use toml::de::DeValue;
 
 /// Mistakes of a device file that are told.
-const MISTAKES_TOLD: usize = 10;
+pub(super) const MISTAKES_TOLD: usize = 10;
 
 /// Reads the device file; `Some(None)`: there is none. Its path is relative to the machine file, which is in `folder`; left out:
 /// `usual`.
@@ -112,6 +112,7 @@ pub(super) fn writes(
     section: &mut Section<'_, '_>,
     device: Option<&DeviceDescription>,
     usual: &[ConfigurationWrite],
+    is_ours: IsOurs,
 ) -> Option<Vec<ConfigurationWrite>> {
     let written = section
         .optional("sdo")
@@ -120,7 +121,7 @@ pub(super) fn writes(
     let tables = section.sections("sdo");
     let mut complete = !written;
     for mut table in tables {
-        match write(&mut table, device) {
+        match write(&mut table, device, is_ours) {
             Some(write)
                 if writes
                     .iter()
@@ -142,7 +143,14 @@ pub(super) fn writes(
     complete.then_some(all)
 }
 
-fn write(table: &mut Section<'_, '_>, device: Option<&DeviceDescription>) -> Option<ConfigurationWrite> {
+/// Whether the control sets an object itself.
+pub(super) type IsOurs = fn(u16, u8) -> bool;
+
+fn write(
+    table: &mut Section<'_, '_>,
+    device: Option<&DeviceDescription>,
+    is_ours: IsOurs,
+) -> Option<ConfigurationWrite> {
     let object = table.required("object", "an object, like \"0x2010:3\"");
     let value = table.required("value", "a number");
     let bits = match table.optional("bits") {
@@ -154,8 +162,8 @@ fn write(table: &mut Section<'_, '_>, device: Option<&DeviceDescription>) -> Opt
         table.wrong("object", "must be an object, like \"0x2010:3\" or \"0x6065\"");
         return None;
     };
-    if device::set_by_managing_node(index, sub) {
-        table.wrong("object", "is set by the managing node from the other keys of this file");
+    if is_ours(index, sub) {
+        table.wrong("object", "is set by the control from the other keys of this file");
         return None;
     }
     let described = match device.map(|device| (device, device.object(index, sub))) {

@@ -591,6 +591,17 @@ impl<'d, 'l> Section<'d, 'l> {
         }
     }
 
+    /// Notes keys that are another kind's, with the reason why they cannot be here.
+    pub(super) fn foreign(&mut self, keys: &[(&'static str, &'static str)]) {
+        for (key, reason) in keys {
+            self.known.push(key);
+            if let Some((name, _)) = self.table.get_key_value(*key) {
+                let rule = format!("cannot be here: {reason}");
+                self.log.misplaced(name.span(), &self.key(key), rule, None);
+            }
+        }
+    }
+
     /// Names the keys that nobody asked for.
     pub(super) fn done(self) {
         for key in self.table.keys() {

@@ -296,7 +296,7 @@ fn read(mut root: Section<'_, '_>, name: &str, beside: Option<&Path>) -> Option<
             format!("contradicts factor_group, which makes {units} units of 0x6064 of a turn of the motor"),
         );
     }
-    let writes = device::writes(&mut root, None, &[]);
+    let writes = device::writes(&mut root, None, &[], obd::device::set_by_managing_node);
     root.done();
     Some(DriveProfile {
         name: name.to_owned(),

@@ -15,7 +15,6 @@ const PAYLOAD_OCTETS_MAX: usize = 1490;
 const ENTRIES_MAX: usize = 254;
 
 /// What is known of a node when its mappings are read.
-#[derive(Clone, Copy)]
 pub(super) struct Target<'a> {
     pub(super) profile: Option<Profile>,
     pub(super) device: Option<&'a DeviceDescription>,
@@ -23,6 +22,8 @@ pub(super) struct Target<'a> {
     pub(super) drive: Option<&'a DriveProfile>,
     /// What its axes are there for.
     pub(super) axes: &'a [AxisUse],
+    /// What it exchanges as it comes, by its ESI file: outputs, inputs.
+    pub(super) usual: [Option<Vec<Mapped>>; 2],
 }
 
 /// One axis of a drive.
@@ -94,7 +95,7 @@ impl Payload {
     }
 
     /// Most octets and objects that the device takes or sends, and who says so of each.
-    fn limits(self, target: Target<'_>) -> [(usize, String); 2] {
+    fn limits(self, target: &Target<'_>) -> [(usize, String); 2] {
         let features = target.device.map(|device| &device.features);
         let (octets, objects) = match self {
             Payload::Outputs => (
@@ -126,7 +127,7 @@ impl Payload {
 }
 
 /// The objects of one payload; left out: what the device file maps, else what the profile usually has.
-pub(super) fn payload(section: &mut Section<'_, '_>, payload: Payload, target: Target<'_>) -> Option<Vec<Mapped>> {
+pub(super) fn payload(section: &mut Section<'_, '_>, payload: Payload, target: &Target<'_>) -> Option<Vec<Mapped>> {
     let key = payload.key();
     let path = section.key(key);
     let Some(list) = section.optional(key) else {
@@ -218,9 +219,15 @@ fn octets(objects: &[Mapped]) -> usize {
     objects.iter().map(|object| usize::from(object.bits / 8)).sum()
 }
 
-fn left_out(section: &Section<'_, '_>, payload: Payload, target: Target<'_>) -> Option<Vec<Mapped>> {
+fn left_out(section: &Section<'_, '_>, payload: Payload, target: &Target<'_>) -> Option<Vec<Mapped>> {
     let profile = target.profile?;
+    let [outputs, inputs] = &target.usual;
+    let usual = match payload {
+        Payload::Outputs => outputs,
+        Payload::Inputs => inputs,
+    };
     let own = target.device.and_then(|device| device_mapping(device, payload));
+    let own = own.or_else(|| usual.clone());
     let enough = |own: &Vec<Mapped>| match profile {
         Profile::Cia402 => target.axes.iter().all(|axis| missing(payload, axis, own).is_empty()),
         Profile::Io => true,
@@ -241,7 +248,7 @@ fn left_out(section: &Section<'_, '_>, payload: Payload, target: Target<'_>) -> 
 }
 
 /// Why an object cannot be mapped, as far as the device file or the profile of the drive tell.
-fn refusal(object: &Mapped, direction: Direction, target: Target<'_>) -> Option<String> {
+fn refusal(object: &Mapped, direction: Direction, target: &Target<'_>) -> Option<String> {
     if let Some(device) = target.device
         && let Err(refusal) = device.may_map(object.index, object.sub, object.bits.into(), direction)
     {
@@ -292,7 +299,7 @@ pub(super) fn mapped(
     item: Item<'_, '_>,
     key: &str,
     direction: Direction,
-    target: Target<'_>,
+    target: &Target<'_>,
     before: &[Mapped],
 ) -> Option<Mapped> {
     let text = item.text(key)?;
@@ -361,7 +368,7 @@ fn length_of(index: u16, sub: u8) -> Option<u8> {
 /// What is mapped where the machine file does not say. Positions stand last: network analysers guess safety frames from
 /// the first octets of a payload, and a position can look like one. What a drive can be run without is left out where its profile
 /// does not take it.
-fn default_mapping(payload: Payload, profile: Profile, target: Target<'_>) -> Vec<Mapped> {
+fn default_mapping(payload: Payload, profile: Profile, target: &Target<'_>) -> Vec<Mapped> {
     let object = |index, sub, bits| Mapped { index, sub, bits };
     match (profile, payload) {
         (Profile::Cia402, _) => {

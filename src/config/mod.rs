@@ -18,6 +18,7 @@ mod document;
 mod drive;
 mod drive_profile;
 mod error;
+mod ethercat;
 mod external;
 mod factor_group;
 mod homing;
@@ -44,6 +45,8 @@ mod tests_channels;
 mod tests_components;
 #[cfg(test)]
 mod tests_devices;
+#[cfg(test)]
+mod tests_ethercat;
 #[cfg(test)]
 mod tests_homing;
 #[cfg(test)]

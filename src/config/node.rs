@@ -5,12 +5,15 @@
 
 use super::bus::{NAME_RULE, is_name, wire_time_ns};
 use super::channels;
-use super::device;
+use super::device::{self, IsOurs};
 use super::document::{Item, Section};
 use super::drive::DriveUse;
 use super::drive_profile;
+use super::ethercat::{self, Esi};
 use super::mapping::{self, AxisUse, Payload, Target};
-use super::types::{ConfigurationWrite, Cross, DeviceDescription, DriveMode, Exchange, Mapped, Node, Profile, Stamp};
+use super::types::{
+    BusClock, ConfigurationWrite, Cross, DeviceDescription, DriveMode, Exchange, Identity, Mapped, Node, Profile, Stamp,
+};
 use cia402::profile::object_of;
 use obd::mapping::Direction;
 use std::path::Path;
@@ -32,6 +35,8 @@ pub(super) struct Network<'a> {
     pub(super) multiplex_cycles: Option<u8>,
     /// What drives are there for.
     pub(super) uses: &'a [DriveUse],
+    /// On EtherCAT: whose clock leads, where that is known; `None`: on another bus.
+    pub(super) clock: Option<Option<BusClock>>,
 }
 
 /// Ids and names that are taken.
@@ -74,11 +79,35 @@ pub(super) fn node<'d, 'l>(
     let drive = drive_profile::named(section, network.folder, profile);
     // With a profile or a device file that cannot be used, everything that it would tell is left unchecked.
     let known = drive.as_ref().and_then(Option::as_ref);
-    let usual = known.and_then(|known| known.device_file.as_deref());
-    let device = device::file(section, network.folder, network.cycle_us, usual);
+    let is_ethercat = network.clock.is_some();
+    section.foreign(if is_ethercat {
+        &ethercat::NODE_OF_POWERLINK
+    } else {
+        &ethercat::NODE_OF_ETHERCAT
+    });
+    let (device, esi) = if is_ethercat {
+        (Some(None), ethercat::esi(section, network.folder))
+    } else {
+        let usual = known.and_then(|known| known.device_file.as_deref());
+        (
+            device::file(section, network.folder, network.cycle_us, usual),
+            Some(None),
+        )
+    };
     let file = device.as_ref().and_then(Option::as_ref);
-    let exchange = exchange(section, network, profile, file);
-    let identity = device::identity(section, file, known);
+    let esi_file = esi.as_ref().and_then(Option::as_ref);
+    let exchange = match is_ethercat {
+        true => Some(Exchange::Polled),
+        false => exchange(section, network, profile, file),
+    };
+    let identity = device::identity(section, file, known).map(|identity| match esi_file.map(Esi::identity) {
+        Some(usual) => Identity {
+            vendor_id: identity.vendor_id.or(usual.vendor_id),
+            product_code: identity.product_code.or(usual.product_code),
+            ..identity
+        },
+        None => identity,
+    });
     let uses = network.uses.iter().filter(|it| Some(it.node) == id.map(i64::from));
     let mut axes: Vec<AxisUse> = uses
         .map(|it| AxisUse {
@@ -96,6 +125,7 @@ pub(super) fn node<'d, 'l>(
         device: file,
         drive: known,
         axes: &axes,
+        usual: [true, false].map(|outputs| esi_file.and_then(|esi| esi.usual(outputs))),
     };
     let (outputs, inputs) = if exchange == Some(Exchange::AsyncOnly) {
         for key in ["outputs", "inputs"] {
@@ -106,16 +136,37 @@ pub(super) fn node<'d, 'l>(
         (Some(Vec::new()), Some(Vec::new()))
     } else {
         (
-            mapping::payload(section, Payload::Outputs, target),
-            mapping::payload(section, Payload::Inputs, target),
+            mapping::payload(section, Payload::Outputs, &target),
+            mapping::payload(section, Payload::Inputs, &target),
         )
     };
-    let pres_timeout_us = pres_timeout(section, network.cycle_us, file, inputs.as_deref());
-    let software = stamp(section);
-    let pdo_version = section.integer("pdo_version", 0..=255, 0);
     let usual = known.map_or(Vec::new(), |known| of_axes(&known.writes, &axes));
-    let writes = device::writes(section, file, &usual);
-    let cross = pending_cross(section);
+    let (pres_timeout_us, software, pdo_version, cross, own, is_ours): (_, _, _, _, _, IsOurs) =
+        if let Some(clock) = network.clock {
+            let around = ethercat::Around {
+                cycle_us: network.cycle_us,
+                clock,
+                is_drive: profile == Some(Profile::Cia402),
+                esi: esi_file,
+            };
+            let own = ethercat::node(section, &around, outputs.as_deref(), inputs.as_deref());
+            let none = Some(Vec::new());
+            let is_ours = ethercat::set_by_main_device;
+            (Some(PRES_TIMEOUT_US), Some(None), Some(0), none, own.map(Some), is_ours)
+        } else {
+            let pres_timeout_us = pres_timeout(section, network.cycle_us, file, inputs.as_deref());
+            let (software, pdo_version) = (stamp(section), section.integer("pdo_version", 0..=255, 0));
+            let is_ours = obd::device::set_by_managing_node;
+            (
+                pres_timeout_us,
+                software,
+                pdo_version,
+                pending_cross(section),
+                Some(None),
+                is_ours,
+            )
+        };
+    let writes = device::writes(section, file, &usual, is_ours);
     let payloads = inputs.as_deref().zip(outputs.as_deref());
     let channels = channels::channels(section, profile, file, payloads);
     let node = Node {
@@ -135,7 +186,9 @@ pub(super) fn node<'d, 'l>(
         writes: writes?,
         cross: Vec::new(),
         channels: channels?,
+        ethercat: own?,
     };
+    esi?;
     Some((node, cross?))
 }
 
@@ -380,15 +433,17 @@ fn one_cross(nodes: &[Node], own: usize, entry: &PendingCross<'_, '_>, taken: &[
         device: None,
         drive: None,
         axes: &[],
+        usual: [None, None],
     };
-    let read = mapping::mapped(entry.read, &key("read"), Direction::Transmit, anything, &[]);
+    let read = mapping::mapped(entry.read, &key("read"), Direction::Transmit, &anything, &[]);
     let this = Target {
         profile: Some(nodes[own].profile),
         device: nodes[own].device.as_ref(),
         drive: nodes[own].drive.as_ref(),
         axes: &[],
+        usual: [None, None],
     };
-    let into = mapping::mapped(entry.into, &key("into"), Direction::Receive, this, taken);
+    let into = mapping::mapped(entry.into, &key("into"), Direction::Receive, &this, taken);
     let (read, into) = (read?, into?);
     if !nodes[from].inputs.contains(&read) {
         let inputs: Vec<_> = nodes[from].inputs.iter().map(Mapped::to_string).collect();

@@ -348,7 +348,7 @@ fn rules_of_machine_and_rt() {
 fn rules_of_the_bus() {
     check(&[
         ("\"memory\"", "\"power-link\"", &[
-            "m.toml:5:8: bus.kind = \"power-link\": must be \"powerlink\" or \"memory\" or \"none\"; did you mean \"powerlink\"?",
+            "m.toml:5:8: bus.kind = \"power-link\": must be \"powerlink\" or \"memory\" or \"ethercat\" or \"ethercat-memory\" or \"none\"; did you mean \"powerlink\"?",
         ]),
         ("\"memory\"", "\"powerlink\"", &["m.toml:4:1: bus.interface: is missing: the network interface of the bus"]),
         ("\"memory\"", "\"powerlink\"\ninterface = \"eth 0\"", &[

@@ -177,7 +177,7 @@ fn rules_of_the_network() {
             "m.toml:12:54: bus.node[1].sdo[1].bits: is missing: the length of the object, which no device file tells",
         ]),
         ("profile = \"io\"", "profile = \"io\"\nsdo = [{ object = \"0x1006\", value = 1, bits = 32 }, { object = \"2010\", value = 1, bits = 8 }, { object = \"0x2010\", value = 0.5, bits = 32, bit = 1 }]", &[
-            "m.toml:12:19: bus.node[1].sdo[0].object = \"0x1006\": is set by the managing node from the other keys of this file",
+            "m.toml:12:19: bus.node[1].sdo[0].object = \"0x1006\": is set by the control from the other keys of this file",
             "m.toml:12:64: bus.node[1].sdo[1].object = \"2010\": must be an object, like \"0x2010:3\" or \"0x6065\"",
             "m.toml:12:124: bus.node[1].sdo[2].value = 0.5: must be an integer: no device file says that it is a real number",
             "m.toml:12:140: bus.node[1].sdo[2].bit: unknown key; did you mean `bits`?",

@@ -204,7 +204,7 @@ pub struct Bus {
     pub link: BusLink,
     /// AsyncSlotTimeout (1F8A:2), µs.
     pub async_slot_timeout_us: u32,
-    /// Polls lost in a row that are ridden out.
+    /// Polls lost in a row that are ridden out; EtherCAT: cycles in a row without data of a device.
     pub pres_lost_max: u32,
     /// SoCs lost in a row that the nodes ride out with their last set-point before they stop by themselves (1C0B:3), counted where
     /// the order of frames shows them. Without any frames they are counted after as many cycles more (1C14).
@@ -219,6 +219,8 @@ pub struct Bus {
     pub tap: Option<String>,
     /// How the network starts (1F80), served bits only; `None`: the defaults of the managing node.
     pub startup: Option<u32>,
+    /// Whose clock the dates of cycles follow; POWERLINK: ours.
+    pub clock: BusClock,
     /// Nodes in polling order.
     pub nodes: Vec<Node>,
 }
@@ -230,8 +232,53 @@ pub enum BusKind {
     Powerlink,
     /// Ethernet POWERLINK frames through memory to the simulated machine in this process.
     Memory,
+    /// EtherCAT on a network interface.
+    Ethercat,
+    /// EtherCAT frames through memory to the simulated machine in this process.
+    EthercatMemory,
     /// There is no bus: all joints have step pulses.
     None,
+}
+
+impl BusKind {
+    /// The words of the machine file.
+    pub const WORDS: [(&'static str, BusKind); 5] = [
+        ("powerlink", BusKind::Powerlink),
+        ("memory", BusKind::Memory),
+        ("ethercat", BusKind::Ethercat),
+        ("ethercat-memory", BusKind::EthercatMemory),
+        ("none", BusKind::None),
+    ];
+
+    /// The word of the machine file.
+    pub const fn name(self) -> &'static str {
+        match self {
+            BusKind::Powerlink => "powerlink",
+            BusKind::Memory => "memory",
+            BusKind::Ethercat => "ethercat",
+            BusKind::EthercatMemory => "ethercat-memory",
+            BusKind::None => "none",
+        }
+    }
+
+    /// Whether its frames are those of EtherCAT.
+    pub const fn is_ethercat(self) -> bool {
+        matches!(self, BusKind::Ethercat | BusKind::EthercatMemory)
+    }
+
+    /// Whether its wire is a network interface.
+    pub const fn has_interface(self) -> bool {
+        matches!(self, BusKind::Powerlink | BusKind::Ethercat)
+    }
+}
+
+/// Whose clock leads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BusClock {
+    /// That of a device, the first with a clock (distributed clocks): the cycle follows it.
+    Bus,
+    /// That of this PC.
+    Own,
 }
 
 /// What carries frames to and from a network interface.
@@ -255,7 +302,7 @@ pub struct Stamp {
 /// `[[bus.node]]`
 #[derive(Clone, Debug, PartialEq)]
 pub struct Node {
-    /// Node id, 1 to 239, unique.
+    /// Node id, 1 to 239, unique; EtherCAT: position on the bus, from 1.
     pub id: u8,
     /// Name for messages, unique; default `node-ID`.
     pub name: String,
@@ -287,6 +334,43 @@ pub struct Node {
     pub cross: Vec<Cross>,
     /// Inputs and outputs that have a name.
     pub channels: Vec<Channel>,
+    /// What only EtherCAT has; `None` on any other bus.
+    pub ethercat: Option<EthercatNode>,
+}
+
+/// A node of EtherCAT.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct EthercatNode {
+    /// Station alias of its EEPROM, by which it is found; `None`: by its position.
+    pub alias: Option<u16>,
+    /// Its clock and SYNC signals; `None`: it runs with the frames.
+    pub clock: Option<SyncClock>,
+    /// Watchdog of its outputs, ms; `None`: as it has it, 0: none.
+    pub watchdog_ms: Option<u16>,
+    /// PDOs to it, whose entries are [`Node::outputs`] (1C12).
+    pub outputs: Vec<Pdo>,
+    /// PDOs from it, whose entries are [`Node::inputs`] (1C13).
+    pub inputs: Vec<Pdo>,
+}
+
+/// A process data object of EtherCAT.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Pdo {
+    /// 16xx or 1Axx.
+    pub index: u16,
+    /// Entries that are written into it: index << 16 | sub-index << 8 | bits; empty: it stays as the device has it.
+    pub entries: Vec<u32>,
+}
+
+/// SYNC signals of a device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SyncClock {
+    /// Registers 0980 and 0981: 0300 SYNC0, 0700 SYNC0 and SYNC1.
+    pub activate: u16,
+    /// SYNC0 comes so long after the date of the cycle, ns.
+    pub shift_ns: i32,
+    /// SYNC1 comes so long after SYNC0, ns.
+    pub sync1_ns: u32,
 }
 
 /// How a node exchanges process data.

@@ -82,8 +82,8 @@ impl fmt::Display for LinkFailure {
 /// Another master of the bus on the wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ForeignMaster {
-    /// Who was heard: the other master, or a node that answers it.
-    pub node: u8,
+    /// Who was heard: the other master, or a node that answers it; `None`: its frames do not tell.
+    pub node: Option<u8>,
     /// MAC of the sender.
     pub mac: [u8; 6],
     /// The master itself was heard, and not only a node that answers it.
@@ -98,9 +98,10 @@ impl fmt::Display for ForeignMaster {
             ..
         } = self;
         let mac = format_args!("{a:02x}:{b:02x}:{c:02x}:{d:02x}:{e:02x}:{g:02x}");
-        match self.is_itself {
-            true => write!(f, "another managing node is on the wire: {mac}, node id {node}"),
-            false => write!(
+        match (node, self.is_itself) {
+            (None, _) => write!(f, "another main device is on the wire: {mac}"),
+            (Some(node), true) => write!(f, "another managing node is on the wire: {mac}, node id {node}"),
+            (Some(node), false) => write!(
                 f,
                 "another managing node is on the wire, perhaps on this PC: node {node} ({mac}) answers one"
             ),

@@ -25,6 +25,7 @@ pub(super) fn test_config() -> Config {
         writes: Vec::new(),
         cross: Vec::new(),
         channels: Vec::new(),
+        ethercat: None,
     };
     let drive = |id, name| {
         let outputs = vec![
@@ -119,6 +120,7 @@ pub(super) fn test_config() -> Config {
             async_mtu: 1500,
             prescaler: 2,
             startup: None,
+            clock: BusClock::Own,
             nodes: vec![
                 drive(1, "x-drive"),
                 drive(2, "y-drive"),

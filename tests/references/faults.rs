@@ -148,14 +148,14 @@ pub(crate) fn examples() -> Vec<Fault> {
         },
         Fault::ForeignMaster {
             sign: ForeignMaster {
-                node: 240,
+                node: Some(240),
                 mac,
                 is_itself: true,
             },
         },
         Fault::ForeignMaster {
             sign: ForeignMaster {
-                node: 3,
+                node: Some(3),
                 mac,
                 is_itself: false,
             },

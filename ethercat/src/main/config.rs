@@ -1,5 +1,6 @@
 //! What the main device shall make of the devices on its wire.
 
+use crate::wire::register::AlState;
 use crate::wire::sii::Identity;
 
 /// How a device is found.
@@ -93,10 +94,14 @@ pub struct DeviceConfig<'a> {
     pub inputs: ProcessDataConfig<'a>,
     /// Values for PRE-OP, in order.
     pub start: &'a [StartValue<'a>],
+    /// Values that it must have behind those.
+    pub checks: &'a [obd::Expected],
     /// Its clock; `None`: it runs with the frames.
     pub clock: Option<ClockConfig>,
     /// Watchdog of its outputs, ms; `None`: as it has it.
     pub watchdog_ms: Option<u16>,
+    /// Where it is led: OP, or PRE-OP for one that is only asked by SDO.
+    pub goal: AlState,
 }
 
 impl DeviceConfig<'_> {
@@ -113,8 +118,10 @@ impl DeviceConfig<'_> {
             outputs: ProcessDataConfig { octets: 0, pdos: &[] },
             inputs: ProcessDataConfig { octets: 0, pdos: &[] },
             start: &[],
+            checks: &[],
             clock: None,
             watchdog_ms: None,
+            goal: AlState::Op,
         }
     }
 }

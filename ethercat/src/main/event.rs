@@ -92,11 +92,11 @@ pub enum SetupError {
     },
     /// It has not understood a mail.
     Mail(MailError),
-    /// A value that was written is another one when it is read.
+    /// A value that was written, or that it must have, is another one when it is read.
     Differs {
         /// Of which object.
         object: Object,
-        /// What was written.
+        /// What it should be.
         expected: u32,
         /// What it is.
         found: u32,
@@ -236,7 +236,7 @@ impl core::fmt::Display for SetupError {
                 found,
             } => write!(
                 f,
-                "{} was written as {expected:08X}h and is read as {found:08X}h",
+                "{} should be {expected:08X}h and is read as {found:08X}h",
                 Name(object)
             ),
         }

@@ -24,7 +24,7 @@ pub use cycle::{Answered, Came, CyclicFrames, Member};
 pub use delay::{DcDevice, delays};
 pub use eeprom::Found;
 pub use event::{Break, Event, SetUp, SetupError};
-pub use network::{Counters, DeviceState, MainDevice, Received};
+pub use network::{Counters, DeviceState, Diagnosis, MainDevice, Received};
 pub use orders::{ORDERS, VALUE_MAX};
 pub use phase::{PhaseConfig, PhaseLoop, phase_ns};
 pub use punctuality::Punctuality;

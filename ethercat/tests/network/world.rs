@@ -8,6 +8,7 @@ use ethercat::main::config::{
 use ethercat::main::{Event, MainDevice, PhaseConfig, PhaseLoop, Received};
 use ethercat::sub::{self, IdealMotor, Segment, SubDevice, SubDeviceConfig, models};
 use ethercat::wire::Mac;
+use ethercat::wire::register::AlState;
 use ethercat::wire::sii::Identity;
 
 pub const MAC: Mac = [0x10; 6];
@@ -147,12 +148,14 @@ pub fn drive_config(position: u16) -> DeviceConfig<'static> {
                 value: &[1],
             },
         ],
+        checks: &[],
         clock: Some(ClockConfig {
             activate: 0x0300,
             shift_ns: (CYCLE_NS / 2) as i32,
             sync1_ns: 0,
         }),
         watchdog_ms: None,
+        goal: AlState::Op,
     }
 }
 

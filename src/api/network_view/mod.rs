@@ -5,7 +5,7 @@
 
 use crate::bus;
 use crate::bus::service::{BudgetView, NetworkLive, NodeLive};
-use crate::config::{BusKind, Config, Identity, Mapped, Node, Profile};
+use crate::config::{Config, Identity, Mapped, Node, Profile};
 use serde::{Deserialize, Serialize};
 use toml::de::DeTable;
 
@@ -88,9 +88,8 @@ impl NetworkView {
             machine: config.name.clone(),
             file: config.path.display().to_string(),
             interface: match config.bus.kind {
-                BusKind::Powerlink => config.bus.interface.clone(),
-                BusKind::Memory => "memory".into(),
-                BusKind::None => "none".into(),
+                kind if kind.has_interface() => config.bus.interface.clone(),
+                kind => kind.name().into(),
             },
             cycle_us: config.cycle_us,
             async_slot_timeout_us: config.bus.async_slot_timeout_us,

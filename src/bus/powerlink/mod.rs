@@ -18,10 +18,10 @@ pub mod tap;
 use super::watch::Watch;
 use super::{
     BusEvent, BusState, CycleReport, CyclicBus, EthernetFrame, InputImage, NodeIndex, NodeState, NodeStatistics,
-    OutputImage, TimeReference,
+    OutputImage, TimeReference, in_the_kernel, link_failure,
 };
 use crate::config::Identity;
-use crate::machine::faults::{ForeignMaster, LinkFailure};
+use crate::machine::faults::ForeignMaster;
 use powerlink::link::{Link, LinkError};
 use powerlink::mn::{self, ETHERNET_FRAMES, ForeignSign, Mn, MnConfig, MnEvent, QueueError, Step};
 use powerlink::nmt::NmtState;
@@ -56,14 +56,6 @@ fn later(time: NetTime, by_ns: u64) -> NetTime {
         seconds: time.seconds.wrapping_add((nanoseconds / 1_000_000_000) as u32),
         nanoseconds: (nanoseconds % 1_000_000_000) as u32,
     }
-}
-
-/// RT: the calls that the cycle thread is there to make, send and receive; hidden from the RealtimeSanitizer, which would take
-/// them for a mistake. How many there are is counted in `tests/system_calls.rs`.
-fn in_the_kernel<T>(call: impl FnOnce() -> T) -> T {
-    #[cfg(feature = "rtsan")]
-    let _hidden = rtsan_standalone::ScopedDisabler::default();
-    call()
 }
 
 /// The managing node on a link.
@@ -442,18 +434,9 @@ impl<L: Link, const NODES: usize> CyclicBus for Powerlink<'_, L, NODES> {
     }
 }
 
-fn link_failure(error: LinkError) -> LinkFailure {
-    match error {
-        LinkError::Down => LinkFailure::Down,
-        LinkError::NoBuffers => LinkFailure::QueueFull,
-        LinkError::FrameLength { got, max } => LinkFailure::FrameLength { octets: got, max },
-        LinkError::Os { errno } => LinkFailure::Os { errno },
-    }
-}
-
 fn foreign_master(sign: ForeignSign) -> ForeignMaster {
     ForeignMaster {
-        node: sign.id,
+        node: Some(sign.id),
         mac: sign.mac,
         is_itself: sign.is_its_own(),
     }

@@ -3,7 +3,7 @@
 //! In:  a machine file, a joint, moves. Out: the record of that joint.
 
 use crate::bus;
-use crate::config::{BusKind, Config, Joint};
+use crate::config::{Config, Joint};
 use crate::host::signals::{StopSignal, exit_code};
 use crate::host::terminal::say;
 use crate::machine::sequence::Outcome;
@@ -240,8 +240,8 @@ pub(super) fn run(
         .allows(overview.time_s)
         .map_err(|error| Refusal::of_file(name, error).nothing_moved())?;
     let wire = match config.bus.kind {
-        BusKind::Powerlink => Wire::Interface(config.bus.interface.clone()),
-        BusKind::Memory | BusKind::None => Wire::Memory,
+        kind if kind.has_interface() => Wire::Interface(config.bus.interface.clone()),
+        _ => Wire::Memory,
     };
     let session = Session {
         config,

@@ -9,7 +9,7 @@ mod notices;
 
 use super::journal_keeper::Kept;
 use super::recorder::Recorder;
-use crate::bus::{BusEvent, BusState};
+use crate::bus::{self, BusEvent, BusState};
 use crate::config::{Config, Identity};
 use crate::machine::faults::{Fault, PROGRAM_CODE, Reaction, SILENCED, UNWATCHED_CODE};
 use crate::machine::journal::{Acknowledged, AlarmRecord, Entry, Kind, ProgramRecord, acknowledge};
@@ -115,6 +115,8 @@ pub struct Operator {
     not_begun: bool,
     cycle_s: f64,
     node_names: Vec<String>,
+    /// For what only the bus of this machine tells.
+    bus_names: bus::Names,
     modules: Modules,
     joint_names: Vec<String>,
     /// Drives of the joints on the bus.
@@ -183,6 +185,7 @@ impl Operator {
                 .iter()
                 .map(|node| format!("{} (node {})", node.name, node.id))
                 .collect(),
+            bus_names: bus::Names::new(config),
             joint_names: joint_names(config),
             joint_drives: config.joints.iter().map(|joint| config.drive_name(joint)).collect(),
             external_names: config.external.iter().map(|of| of.name.clone()).collect(),

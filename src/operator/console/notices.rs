@@ -217,6 +217,7 @@ impl Operator {
             BusEvent::NodeError { node, code } => format!("{} reports error {code:04X}h", self.node_names[node]),
             BusEvent::ForeignMaster(sign) => sign.to_string(),
             BusEvent::LinkFailed(error) => format!("network adapter: {error}"),
+            BusEvent::Remark(remark) => remark.text(&self.bus_names),
         };
         self.note(time_s, text);
     }

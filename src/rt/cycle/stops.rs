@@ -59,7 +59,8 @@ impl<B: CyclicBus> MotionController<B> {
                 | BusEvent::BootFailed(_)
                 | BusEvent::NodeUp(_)
                 | BusEvent::NodeLost(_)
-                | BusEvent::NodeError { .. } => {}
+                | BusEvent::NodeError { .. }
+                | BusEvent::Remark(_) => {}
             }
         }
         if !self.under_command() {

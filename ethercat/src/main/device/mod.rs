@@ -4,11 +4,13 @@
 //!
 //! One datagram of a device is under way at a time. Devices know nothing of each other, so that all come up at once.
 
+mod sdos;
+
 use super::config::{Config, DeviceConfig, Times};
 use super::eeprom::{self, Found, Next, Progress, REPLY_LEN, Reader};
 use super::event::{SetUp, SetupError};
-use super::mail::{Mailbox, Outcome};
-use super::mapping::{Mapping, Task};
+use super::mail::Mailbox;
+use super::mapping::Mapping;
 use super::orders::Orders;
 use crate::wire::coe::{Emergency, Object};
 use crate::wire::register::{
@@ -61,6 +63,8 @@ pub(super) enum Step {
     StartValues,
     MapOutputs,
     MapInputs,
+    /// What it says of itself is compared.
+    Checks,
     Watchdog,
     ManagerOut,
     ManagerIn,
@@ -89,7 +93,7 @@ pub(super) enum Step {
 
 impl Step {
     /// The steps that follow each other.
-    const ORDER: [Step; 25] = [
+    const ORDER: [Step; 26] = [
         Step::Clock,
         Step::ToInit,
         Step::ClearFmmus,
@@ -103,6 +107,7 @@ impl Step {
         Step::StartValues,
         Step::MapOutputs,
         Step::MapInputs,
+        Step::Checks,
         Step::Watchdog,
         Step::ManagerOut,
         Step::ManagerIn,
@@ -161,6 +166,8 @@ enum Purpose {
     Quickest,
     /// Process data.
     Mapping,
+    /// A value that it must have.
+    Check,
     /// An order of the application, by its number.
     Order(usize),
 }
@@ -267,7 +274,9 @@ impl<'a> Device<'a> {
             // Where it does not answer, its data do not come either.
             Step::Look => u64::MAX,
             // These have limits of their own.
-            Step::Quickest | Step::StartValues | Step::MapOutputs | Step::MapInputs | Step::Settle => u64::MAX,
+            Step::Quickest | Step::StartValues | Step::MapOutputs | Step::MapInputs | Step::Checks | Step::Settle => {
+                u64::MAX
+            }
             Step::Eeprom => times.eeprom_ns,
             Step::Near => times.clock_ns,
             Step::ToOp => times.op_ns,
@@ -278,7 +287,7 @@ impl<'a> Device<'a> {
         match step {
             Step::Features => (self.was_up, self.clock_is_right) = (false, false),
             Step::Eeprom => self.reader = Reader::new(),
-            Step::StartValues => self.item = 0,
+            Step::StartValues | Step::Checks => self.item = 0,
             Step::MapOutputs => self.mapping = Mapping::new(Usage::Outputs),
             Step::MapInputs => self.mapping = Mapping::new(Usage::Inputs),
             Step::Settle => self.item = now.cycle,
@@ -297,6 +306,9 @@ impl<'a> Device<'a> {
     /// Whether a step is one for this device.
     fn applies(&self, step: Step) -> bool {
         let Some((_, config)) = self.config else { return false };
+        if config.goal == AlState::PreOp && step > Step::ToPreOp {
+            return false;
+        }
         let clock = config.clock;
         match step {
             Step::Clock | Step::SyncOff => self.has_clock(),
@@ -307,6 +319,7 @@ impl<'a> Device<'a> {
             Step::StartValues => !config.start.is_empty(),
             Step::MapOutputs => self.found.has_coe() && !config.outputs.pdos.is_empty(),
             Step::MapInputs => self.found.has_coe() && !config.inputs.pdos.is_empty(),
+            Step::Checks => !config.checks.is_empty(),
             Step::Watchdog => config.watchdog_ms.is_some(),
             Step::ManagerOut | Step::FmmuOut => config.outputs.octets > 0,
             Step::ManagerIn | Step::FmmuIn => config.inputs.octets > 0,
@@ -359,7 +372,8 @@ impl<'a> Device<'a> {
         if usize::from(octets) > DATA_MAX {
             return Err(SetupError::MailboxTooLong { octets });
         }
-        if !found.has_coe() && !config.start.is_empty() {
+        let has_values = !(config.start.is_empty() && config.checks.is_empty());
+        if has_values && !found.has_coe() {
             return Err(SetupError::NoMailbox);
         }
         if config.clock.is_some() && !self.has_clock() {
@@ -611,7 +625,7 @@ impl<'a> Device<'a> {
                 let octets = SyncManager::LEN * usize::from(self.counts.1);
                 writer.push(Command::Fpwr, index, at(register::SYNC_MANAGER), octets)?;
             }
-            Step::Quickest | Step::StartValues | Step::MapOutputs | Step::MapInputs | Step::Run => {
+            Step::Quickest | Step::StartValues | Step::MapOutputs | Step::MapInputs | Step::Checks | Step::Run => {
                 return self.ask_mailbox(now, orders, writer, index);
             }
             _ => {
@@ -638,84 +652,11 @@ impl<'a> Device<'a> {
         Ok(true)
     }
 
-    fn ask_mailbox(
-        &mut self,
-        now: &Now<'_>,
-        orders: &mut Orders,
-        writer: &mut FrameWriter<'_>,
-        index: u8,
-    ) -> Result<bool, WireError> {
-        let Some((number, config)) = self.config else {
-            return Ok(false);
-        };
-        if self.step == Step::Run && !self.found.has_coe() {
-            return Ok(false);
-        }
-        if self.mailbox.is_free() {
-            self.next_sdo(now, orders, number, config);
-        }
-        let source = match self.purpose {
-            Purpose::Start => config
-                .start
-                .get(self.item as usize)
-                .map_or(&[][..], |start| start.value),
-            Purpose::Order(order) => orders.value(order),
-            _ => &self.small,
-        };
-        self.mailbox.ask(now.ns, self.station(), source, writer, index)
-    }
-
-    /// Begins what comes next, if there is something.
-    fn next_sdo(&mut self, now: &Now<'_>, orders: &mut Orders, number: usize, config: &DeviceConfig<'_>) {
-        let until_ns = now.ns + now.config.times.mail_ns;
-        match self.step {
-            Step::Quickest => {
-                self.purpose = Purpose::Quickest;
-                self.mailbox.begin(QUICKEST, None, until_ns);
-            }
-            Step::StartValues => {
-                if let Some(start) = config.start.get(self.item as usize) {
-                    let object = Object {
-                        index: start.index,
-                        sub: start.sub,
-                        complete: start.complete,
-                    };
-                    self.purpose = Purpose::Start;
-                    self.mailbox.begin(object, Some(start.value.len()), until_ns);
-                }
-            }
-            Step::MapOutputs | Step::MapInputs => {
-                let data = if self.step == Step::MapOutputs {
-                    &config.outputs
-                } else {
-                    &config.inputs
-                };
-                let Task { object, write } = self.mapping.task(data);
-                self.purpose = Purpose::Mapping;
-                if let Some((value, _)) = write {
-                    self.small = value.to_le_bytes();
-                }
-                self.mailbox.begin(object, write.map(|(_, octets)| octets), until_ns);
-            }
-            _ => match orders.take(number) {
-                Some((order, object, write)) => {
-                    self.purpose = Purpose::Order(order);
-                    self.mailbox.begin(object, write, until_ns);
-                }
-                None if now.ns >= self.mail_ns => {
-                    self.mail_ns = now.ns + now.config.times.mailbox_ns;
-                    self.mailbox.look();
-                }
-                None => {}
-            },
-        }
-    }
-
     /// The frame with its datagram was lost.
     pub(super) fn lost(&mut self) {
         if matches!(
             self.step,
-            Step::Quickest | Step::StartValues | Step::MapOutputs | Step::MapInputs | Step::Run
+            Step::Quickest | Step::StartValues | Step::MapOutputs | Step::MapInputs | Step::Checks | Step::Run
         ) {
             self.mailbox.lost();
         }
@@ -731,7 +672,7 @@ impl<'a> Device<'a> {
     ) -> Option<Notice> {
         let acted = working_counter > 0;
         match self.step {
-            Step::Quickest | Step::StartValues | Step::MapOutputs | Step::MapInputs | Step::Run => {
+            Step::Quickest | Step::StartValues | Step::MapOutputs | Step::MapInputs | Step::Checks | Step::Run => {
                 return self.mailed(now, working_counter, data, orders);
             }
             Step::Find => return self.was_found(now, acted, data),
@@ -852,7 +793,8 @@ impl<'a> Device<'a> {
 
     fn looked(&mut self, now: &Now<'_>, data: &[u8]) -> Option<Notice> {
         let status = AlStatus::from(u16_at(data, 0).ok()?);
-        if status.state == AlState::Op && !status.error {
+        let goal = self.config.map_or(AlState::Op, |(_, config)| config.goal);
+        if status.state == goal && !status.error {
             self.enter(Step::Run, now);
             return None;
         }
@@ -908,67 +850,5 @@ impl<'a> Device<'a> {
             self.enter(Step::Address, now);
         }
         None
-    }
-
-    fn mailed(&mut self, now: &Now<'_>, working_counter: u16, data: &[u8], orders: &mut Orders) -> Option<Notice> {
-        let sink = match self.purpose {
-            Purpose::Order(order) => orders.value_mut(order),
-            _ => &mut self.small[..],
-        };
-        match self.mailbox.answer(now.ns, working_counter, data, sink) {
-            Outcome::Nothing => None,
-            Outcome::Emergency(emergency) => Some(Notice::Emergency(emergency)),
-            Outcome::Done(octets) => self.sdo_ended(now, Ok(octets), orders),
-            Outcome::Failed(error) => self.sdo_ended(now, Err(error), orders),
-        }
-    }
-
-    fn sdo_ended(&mut self, now: &Now<'_>, result: Result<usize, SetupError>, orders: &mut Orders) -> Option<Notice> {
-        match core::mem::replace(&mut self.purpose, Purpose::None) {
-            Purpose::None => None,
-            Purpose::Order(order) => {
-                orders.finish(order, result);
-                None
-            }
-            Purpose::Quickest => {
-                let least_ns = u32::from_le_bytes(self.small);
-                let is_slow = result == Ok(4) && least_ns > now.config.cycle_ns;
-                self.advance(now);
-                is_slow.then_some(Notice::Slow(least_ns))
-            }
-            Purpose::Start => match result {
-                Ok(_) => {
-                    self.item += 1;
-                    let count = self.config.map_or(0, |(_, config)| config.start.len());
-                    if self.item as usize >= count {
-                        self.advance(now);
-                    }
-                    None
-                }
-                Err(error) => Some(self.fail(now, error)),
-            },
-            Purpose::Mapping => {
-                let (_, config) = self.config?;
-                let data = if self.step == Step::MapOutputs {
-                    &config.outputs
-                } else {
-                    &config.inputs
-                };
-                let done = result.and_then(|octets| {
-                    let mut value = [0; 4];
-                    let octets = octets.min(4);
-                    value[..octets].copy_from_slice(&self.small[..octets]);
-                    self.mapping.done(data, u32::from_le_bytes(value))
-                });
-                match done {
-                    Ok(true) => {
-                        self.advance(now);
-                        None
-                    }
-                    Ok(false) => None,
-                    Err(error) => Some(self.fail(now, error)),
-                }
-            }
-        }
     }
 }

@@ -6,6 +6,10 @@
 //! A caller sends the frames of a cycle at its date, hands over all that comes, and ends the cycle. Between, it sends the frames of
 //! services, one at a time.
 
+mod diagnosis;
+
+pub use diagnosis::Diagnosis;
+
 use super::budget::Budget;
 use super::clocks::Clocks;
 use super::config::{Config, Place};
@@ -337,7 +341,7 @@ impl<'a, const N: usize, const F: usize> MainDevice<'a, N, F> {
                 self.clocks.gone(at);
                 self.orders.drop_device(number, SetupError::Gone);
                 self.survey.want(now_ns);
-            } else if is_whole && (!answered.fresh || expected == 0 && !all_op) {
+            } else if is_whole && (!answered.fresh || expected == 0 && config.goal == AlState::Op && !all_op) {
                 device.look(&now);
                 self.survey.want_later(now_ns);
             }

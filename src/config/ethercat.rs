@@ -1,0 +1,325 @@
+//! What only EtherCAT has: keys of `[bus]` and of `[[bus.node]]`; keys of POWERLINK that mean nothing there.
+//!
+//! In:  tables of the machine file, the ESI file that a node names. Out: clocks, aliases and PDOs that fit that file.
+
+use super::document::Section;
+use super::types::{BusClock, EthercatNode, Identity, Mapped, Pdo, SyncClock};
+use obd::device::{EsiDevice, EsiPdo, parse_esi};
+use std::path::Path;
+
+/// Keys of `[bus]` that are POWERLINK's, and why EtherCAT has none.
+pub(super) const BUS_OF_POWERLINK: [(&str, &str); 9] = [
+    ("link", "frames of EtherCAT go through a packet socket, always"),
+    (
+        "async_slot_timeout_us",
+        "EtherCAT has no asynchronous slot: parameters go in frames of their own between two cycles",
+    ),
+    ("async_mtu", "EtherCAT has no asynchronous slot"),
+    ("pres_lost_max", "the frames of EtherCAT have no PRes: use lost_max"),
+    (
+        "soc_lost_max",
+        "EtherCAT has no SoC: devices have a watchdog, watchdog_ms of the node",
+    ),
+    ("multiplex_cycles", "EtherCAT exchanges all devices in each cycle"),
+    ("prescaler", "EtherCAT has no SoC"),
+    ("tap", "IP over EtherCAT (EoE) is not served"),
+    ("startup", "0x1F80 is an object of a POWERLINK managing node"),
+];
+/// Keys of `[bus]` that are EtherCAT's.
+pub(super) const BUS_OF_ETHERCAT: [(&str, &str); 2] = [
+    ("clock", "is for EtherCAT: on POWERLINK the clock of this PC leads"),
+    ("lost_max", "is for EtherCAT: use pres_lost_max"),
+];
+/// Keys of a node that are POWERLINK's, and why EtherCAT has none.
+pub(super) const NODE_OF_POWERLINK: [(&str, &str); 8] = [
+    ("pres_timeout_us", "EtherCAT asks all devices by the same frames"),
+    ("multiplex", "EtherCAT exchanges all devices in each cycle"),
+    (
+        "chained",
+        "frames of EtherCAT pass all devices one behind the other, always",
+    ),
+    ("async_only", "leave outputs and inputs empty"),
+    ("software_date", "0x1F52 is an object of POWERLINK"),
+    ("software_time", "0x1F52 is an object of POWERLINK"),
+    (
+        "pdo_version",
+        "PDOs of EtherCAT have no version, they are written and read back",
+    ),
+    ("cross", "devices of EtherCAT do not hear each other"),
+];
+/// Keys of a node that are EtherCAT's.
+pub(super) const NODE_OF_ETHERCAT: [(&str, &str); 5] = [
+    ("alias", "is for EtherCAT: on POWERLINK the id is the address"),
+    ("dc", "is for EtherCAT: nodes of POWERLINK follow the SoC"),
+    ("shift_us", "is for EtherCAT: nodes of POWERLINK follow the SoC"),
+    ("sync1_us", "is for EtherCAT: nodes of POWERLINK follow the SoC"),
+    (
+        "watchdog_ms",
+        "is for EtherCAT: nodes of POWERLINK count SoCs, bus.soc_lost_max",
+    ),
+];
+
+/// Registers 0980h and 0981h: SYNC0 alone, SYNC0 and SYNC1.
+const SYNC0: u16 = 0x0300;
+const SYNC0_AND_1: u16 = 0x0700;
+
+/// Keys of `[bus]`.
+pub(super) struct BusKeys {
+    pub(super) clock: BusClock,
+    pub(super) lost_max: u32,
+}
+
+pub(super) fn bus(section: &mut Section<'_, '_>) -> Option<BusKeys> {
+    let clock = section.word(
+        "clock",
+        &[("bus", BusClock::Bus), ("own", BusClock::Own)],
+        BusClock::Bus,
+    );
+    let lost_max = section.integer("lost_max", 0..=1000, 3);
+    Some(BusKeys {
+        clock: clock?,
+        lost_max: lost_max? as u32,
+    })
+}
+
+/// An ESI file and the device of it that a node is.
+pub(super) struct Esi {
+    file: String,
+    vendor: u32,
+    device: EsiDevice,
+}
+
+impl Esi {
+    /// What the device must be, as far as the file tells; the revision is only checked where the machine file asks for it.
+    pub(super) fn identity(&self) -> Identity {
+        Identity {
+            vendor_id: Some(self.vendor),
+            product_code: Some(self.device.product),
+            ..Identity::default()
+        }
+    }
+
+    /// Objects that the device exchanges as it comes; `None`: not in whole octets.
+    pub(super) fn usual(&self, outputs: bool) -> Option<Vec<Mapped>> {
+        let assigned: Vec<&EsiPdo> = self.device.assigned(outputs).collect();
+        let objects = objects(&assigned)?;
+        (!objects.is_empty()).then_some(objects)
+    }
+
+    /// PDOs of the file, in any order, whose entries are these objects one behind the other.
+    fn cover(&self, outputs: bool, wanted: &[Mapped]) -> Option<Vec<Pdo>> {
+        let pdos = if outputs {
+            &self.device.rx_pdos
+        } else {
+            &self.device.tx_pdos
+        };
+        let mut left = wanted;
+        let mut found: Vec<Pdo> = Vec::new();
+        while !left.is_empty() {
+            let fits = |pdo: &&EsiPdo| {
+                let own = objects(&[*pdo]).unwrap_or_default();
+                let is_new = found.iter().all(|other| other.index != pdo.index);
+                is_new && !own.is_empty() && left.starts_with(&own)
+            };
+            // The longest, and those that are assigned anyway first.
+            let best = pdos.iter().filter(fits);
+            let best = best.max_by_key(|pdo| (pdo.entries.len(), pdo.sync_manager.is_some()))?;
+            left = &left[best.entries.len()..];
+            found.push(Pdo {
+                index: best.index,
+                entries: Vec::new(),
+            });
+        }
+        Some(found)
+    }
+}
+
+/// The entries of PDOs, if they are whole octets without gaps.
+fn objects(pdos: &[&EsiPdo]) -> Option<Vec<Mapped>> {
+    let entries = pdos.iter().flat_map(|pdo| &pdo.entries);
+    let object = |entry: &obd::device::EsiEntry| {
+        let is_whole = entry.index != 0 && matches!(entry.bits, 8 | 16 | 32 | 64);
+        is_whole.then_some(Mapped {
+            index: entry.index,
+            sub: entry.sub,
+            bits: entry.bits,
+        })
+    };
+    entries.map(object).collect()
+}
+
+/// Reads the ESI file of a node; `Some(None)`: there is none.
+pub(super) fn esi(section: &mut Section<'_, '_>, folder: &Path) -> Option<Option<Esi>> {
+    let Some(item) = section.optional("device_file") else {
+        return Some(None);
+    };
+    let path = folder.join(item.text(&section.key("device_file"))?);
+    let file = path.display().to_string();
+    let octets = match files::read(&path, files::read::TEXT_MAX) {
+        Ok(octets) => octets,
+        Err(error) => {
+            section.wrong("device_file", format!("cannot be read: {error}"));
+            return None;
+        }
+    };
+    let parsed = match parse_esi(&file, &octets) {
+        Ok(parsed) => parsed,
+        Err(errors) => {
+            for line in errors.lines().take(super::device::MISTAKES_TOLD) {
+                section.wrong("device_file", format!("is no ESI file that can be used: {line}"));
+            }
+            return None;
+        }
+    };
+    let wanted = |section: &mut Section<'_, '_>, key| section.optional_integer(key, 0..=i64::from(u32::MAX));
+    let (product, revision) = (wanted(section, "product_code")?, wanted(section, "revision")?);
+    let found = match product {
+        Some(product) => parsed.find(product as u32, revision.map(|revision| revision as u32)),
+        None if parsed.devices.len() == 1 => parsed.devices.first(),
+        None => None,
+    };
+    let Some(device) = found else {
+        let all: Vec<String> = parsed
+            .devices
+            .iter()
+            .map(|device| format!("0x{:08X} ({})", device.product, device.name))
+            .collect();
+        let rule = match product {
+            Some(product) => format!(
+                "has no device with product_code 0x{product:08X}, only {}",
+                all.join(", ")
+            ),
+            None => format!("has several devices: product_code must be one of {}", all.join(", ")),
+        };
+        section.wrong("device_file", rule);
+        return None;
+    };
+    Some(Some(Esi {
+        vendor: parsed.vendor,
+        device: device.clone(),
+        file,
+    }))
+}
+
+/// Around a node.
+pub(super) struct Around<'a> {
+    pub(super) cycle_us: Option<u32>,
+    /// Whose clock leads, where it is known.
+    pub(super) clock: Option<BusClock>,
+    pub(super) is_drive: bool,
+    pub(super) esi: Option<&'a Esi>,
+}
+
+/// Keys of a node beside those that both buses have.
+pub(super) fn node(
+    section: &mut Section<'_, '_>,
+    around: &Around<'_>,
+    outputs: Option<&[Mapped]>,
+    inputs: Option<&[Mapped]>,
+) -> Option<EthercatNode> {
+    let alias = section.optional_integer("alias", 1..=i64::from(u16::MAX));
+    let clock = clock(section, around);
+    let watchdog_ms = section.optional_integer("watchdog_ms", 0..=6_553);
+    let outputs = pdos(section, around.esi, true, outputs?);
+    let inputs = pdos(section, around.esi, false, inputs?);
+    Some(EthercatNode {
+        alias: alias?.map(|alias| alias as u16),
+        clock: clock?,
+        watchdog_ms: watchdog_ms?.map(|ms| ms as u16),
+        outputs: outputs?,
+        inputs: inputs?,
+    })
+}
+
+/// `dc`, `shift_us` and `sync1_us`. Left out: drives follow SYNC0 in the middle between two dates, others the frames.
+fn clock(section: &mut Section<'_, '_>, around: &Around<'_>) -> Option<Option<SyncClock>> {
+    let cycle_us = i64::from(around.cycle_us.unwrap_or(1000));
+    let is_bus = around.clock.unwrap_or(BusClock::Bus) == BusClock::Bus;
+    let mode = around
+        .esi
+        .and_then(|esi| esi.device.op_modes.iter().find(|mode| mode.activate != 0));
+    let usual = is_bus && (mode.is_some() || around.esi.is_none() && around.is_drive);
+    let dc = match section.optional("dc") {
+        None => Some(usual),
+        Some(item) => item.flag(&section.key("dc")),
+    };
+    let shift_us = section.optional_integer("shift_us", -cycle_us..=cycle_us);
+    let sync1_us = section.optional_integer("sync1_us", 0..=cycle_us);
+    if dc? && !is_bus {
+        section.wrong("dc", "needs bus.clock = \"bus\": SYNC0 comes by the clock of the bus");
+        return None;
+    }
+    if !dc? {
+        for key in ["shift_us", "sync1_us"] {
+            if section.has(key) {
+                section.wrong(key, "needs dc = true: without a clock there is no SYNC0");
+                return None;
+            }
+        }
+        return Some(None);
+    }
+    let shift_ns = shift_us?.map_or(cycle_us * 500, |us| us * 1000);
+    let sync1 = sync1_us?;
+    let activate = match (sync1, mode) {
+        (Some(_), _) => SYNC0_AND_1,
+        (None, Some(mode)) => mode.activate,
+        (None, None) => SYNC0,
+    };
+    Some(Some(SyncClock {
+        activate,
+        shift_ns: shift_ns as i32,
+        sync1_ns: sync1.unwrap_or(0) as u32 * 1000,
+    }))
+}
+
+/// PDOs whose entries are these objects: those of the ESI file where they are so, else 1600h or 1A00h, written anew.
+fn pdos(section: &Section<'_, '_>, esi: Option<&Esi>, to_device: bool, wanted: &[Mapped]) -> Option<Vec<Pdo>> {
+    if wanted.is_empty() {
+        return Some(Vec::new());
+    }
+    if let Some(own) = esi.and_then(|esi| esi.cover(to_device, wanted)) {
+        return Some(own);
+    }
+    let (key, index) = if to_device {
+        ("outputs", 0x1600)
+    } else {
+        ("inputs", 0x1A00)
+    };
+    if let Some(esi) = esi {
+        let own = if to_device {
+            &esi.device.rx_pdos
+        } else {
+            &esi.device.tx_pdos
+        };
+        let usual = own.iter().find(|pdo| pdo.index == index);
+        let cannot = match (usual, &esi.device.coe) {
+            (_, None) => Some("the device has no mailbox by which its PDOs could be changed".to_owned()),
+            (None, _) => Some(format!("the device has no PDO 0x{index:04X}")),
+            (Some(pdo), _) if pdo.is_fixed => Some(format!("PDO 0x{index:04X} cannot be changed")),
+            (Some(_), _) => None,
+        };
+        if let Some(cannot) = cannot {
+            let all: Vec<String> = own.iter().filter_map(told).collect();
+            let rule = format!("do not fit {}: {cannot}; it has {}", esi.file, all.join(", "));
+            section.wrong(key, rule);
+            return None;
+        }
+    }
+    let entry = |object: &Mapped| u32::from(object.index) << 16 | u32::from(object.sub) << 8 | u32::from(object.bits);
+    Some(vec![Pdo {
+        index,
+        entries: wanted.iter().map(entry).collect(),
+    }])
+}
+
+/// `0x1A00 with 0x6041/16, 0x6064/32`
+fn told(pdo: &EsiPdo) -> Option<String> {
+    let objects = objects(&[pdo])?;
+    let objects: Vec<String> = objects.iter().map(Mapped::to_string).collect();
+    Some(format!("0x{:04X} with {}", pdo.index, objects.join(", ")))
+}
+
+/// Objects that the control sets itself from other keys of a node.
+pub(super) const fn set_by_main_device(index: u16, _sub: u8) -> bool {
+    matches!(index, 0x1000 | 0x1001 | 0x1018 | 0x1600..=0x17FF | 0x1A00..=0x1BFF | 0x1C00 | 0x1C12 | 0x1C13)
+}

@@ -1,0 +1,176 @@
+//! Keys of EtherCAT: one case a rule.
+
+use super::tests::{changed, messages};
+use super::*;
+
+/// The small machine on EtherCAT, with lines behind `[bus]`, its drive and its terminal.
+fn machine(bus: &str, drive: &str, io: &str) -> String {
+    changed("kind = \"memory\"", &format!("kind = \"ethercat-memory\"\n{bus}"))
+        .replace("profile = \"cia402\"", &format!("profile = \"cia402\"\n{drive}"))
+        .replace("profile = \"io\"", &format!("profile = \"io\"\n{io}"))
+}
+
+fn read(text: &str) -> Config {
+    parse(text, Path::new("m.toml")).unwrap_or_else(|errors| panic!("{errors}"))
+}
+
+fn own(node: &Node) -> &EthercatNode {
+    node.ethercat.as_ref().expect("a node of EtherCAT")
+}
+
+#[test]
+fn a_drive_follows_sync0_in_the_middle_and_maps_what_the_machine_file_has() {
+    let config = read(&machine("", "outputs = [\"0x6040/16\", \"0x607A/32\"]", ""));
+    assert_eq!(
+        (config.bus.kind, config.bus.clock),
+        (BusKind::EthercatMemory, BusClock::Bus)
+    );
+    let [drive, io] = &config.bus.nodes[..] else {
+        panic!("two nodes")
+    };
+    let clock = SyncClock {
+        activate: 0x0300,
+        shift_ns: 500_000,
+        sync1_ns: 0,
+    };
+    assert_eq!((own(drive).clock, own(io).clock), (Some(clock), None));
+    let entries = vec![0x6040_0010, 0x607A_0020];
+    assert_eq!(own(drive).outputs, [Pdo { index: 0x1600, entries }]);
+    assert_eq!(own(drive).inputs[0].index, 0x1A00);
+}
+
+#[test]
+fn keys_of_ethercat_arrive() {
+    let drive = "alias = 7\nshift_us = -20\nsync1_us = 100\nwatchdog_ms = 50";
+    let config = read(&machine("lost_max = 5", drive, "dc = true"));
+    assert_eq!(config.bus.pres_lost_max, 5);
+    let [drive, io] = &config.bus.nodes[..] else {
+        panic!("two nodes")
+    };
+    let clock = SyncClock {
+        activate: 0x0700,
+        shift_ns: -20_000,
+        sync1_ns: 100_000,
+    };
+    assert_eq!((own(drive).alias, own(drive).watchdog_ms), (Some(7), Some(50)));
+    assert_eq!(own(drive).clock, Some(clock));
+    assert!(own(io).clock.is_some());
+    let config = read(&machine("clock = \"own\"", "", ""));
+    assert_eq!(own(&config.bus.nodes[0]).clock, None);
+}
+
+#[test]
+#[rustfmt::skip] // one case a line
+fn keys_that_mean_nothing_are_refused_with_the_reason() {
+    for (bus, drive, refused) in [
+        ("prescaler = 2", "", "m.toml:6:1: bus.prescaler: cannot be here: EtherCAT has no SoC"),
+        ("multiplex_cycles = 2", "", "m.toml:6:1: bus.multiplex_cycles: cannot be here: EtherCAT exchanges all devices in each cycle"),
+        ("pres_lost_max = 2", "", "m.toml:6:1: bus.pres_lost_max: cannot be here: the frames of EtherCAT have no PRes: use lost_max"),
+        ("tap = \"tap0\"", "", "m.toml:6:1: bus.tap: cannot be here: IP over EtherCAT (EoE) is not served"),
+        ("", "pres_timeout_us = 100", "m.toml:10:1: bus.node[0].pres_timeout_us: cannot be here: EtherCAT asks all devices by the same frames"),
+        ("", "async_only = true", "m.toml:10:1: bus.node[0].async_only: cannot be here: leave outputs and inputs empty"),
+        ("clock = \"own\"", "dc = true", "m.toml:10:6: bus.node[0].dc = true: needs bus.clock = \"bus\": SYNC0 comes by the clock of the bus"),
+        ("", "dc = false\nshift_us = 3", "m.toml:11:12: bus.node[0].shift_us = 3: needs dc = true: without a clock there is no SYNC0"),
+        ("", "shift_us = 1001", "m.toml:10:12: bus.node[0].shift_us = 1001: must be an integer from -1000 to 1000"),
+        ("", "alias = 0", "m.toml:10:9: bus.node[0].alias = 0: must be an integer from 1 to 65535"),
+        ("", "sdo = [{ object = \"0x1C12:1\", value = 0, bits = 16 }]", "m.toml:10:19: bus.node[0].sdo[0].object = \"0x1C12:1\": is set by the control from the other keys of this file"),
+    ] {
+        assert_eq!(messages(&machine(bus, drive, "")), [refused]);
+    }
+    for (bus, drive, refused) in [
+        ("lost_max = 3", "", "m.toml:6:1: bus.lost_max: cannot be here: is for EtherCAT: use pres_lost_max"),
+        ("", "alias = 3", "m.toml:10:1: bus.node[0].alias: cannot be here: is for EtherCAT: on POWERLINK the id is the address"),
+    ] {
+        let text = machine(bus, drive, "").replace("ethercat-memory", "memory");
+        assert_eq!(messages(&text), [refused]);
+    }
+}
+
+/// An ESI file of one device: a PDO that is fixed, one that can be written, SYNC0 with a shift of its own.
+const ESI: &str = r##"<?xml version="1.0"?>
+<EtherCATInfo Version="1.6">
+  <Vendor><Id>#x0000FACE</Id><Name>Maker</Name></Vendor>
+  <Descriptions><Devices><Device>
+    <Type ProductCode="#x00000402" RevisionNo="#x00010000">SERVO</Type>
+    <Name>Servo</Name>
+    <Sm StartAddress="#x1000" ControlByte="#x26" Enable="1" DefaultSize="128">MBoxOut</Sm>
+    <Sm StartAddress="#x1080" ControlByte="#x22" Enable="1" DefaultSize="128">MBoxIn</Sm>
+    <Sm StartAddress="#x1100" ControlByte="#x64" Enable="1">Outputs</Sm>
+    <Sm StartAddress="#x1400" ControlByte="#x20" Enable="1">Inputs</Sm>
+    <RxPdo Fixed="FIXED" Sm="2"><Index>#x1600</Index><Name>Out</Name>
+      <Entry><Index>#x6040</Index><SubIndex>0</SubIndex><BitLen>16</BitLen><Name>Controlword</Name><DataType>UINT</DataType></Entry>
+      <Entry><Index>#x607A</Index><SubIndex>0</SubIndex><BitLen>32</BitLen><Name>Target</Name><DataType>DINT</DataType></Entry>
+    </RxPdo>
+    <TxPdo Sm="3"><Index>#x1A00</Index><Name>In</Name>
+      <Entry><Index>#x6041</Index><SubIndex>0</SubIndex><BitLen>16</BitLen><Name>Statusword</Name><DataType>UINT</DataType></Entry>
+      <Entry><Index>#x6064</Index><SubIndex>0</SubIndex><BitLen>32</BitLen><Name>Position</Name><DataType>DINT</DataType></Entry>
+    </TxPdo>
+    <Mailbox><CoE SdoInfo="1" PdoAssign="1" PdoConfig="1"/></Mailbox>
+    <Dc><OpMode><Name>DC</Name><AssignActivate>#x300</AssignActivate></OpMode></Dc>
+  </Device></Devices></Descriptions>
+</EtherCATInfo>
+"##;
+
+/// The machine whose drive has this ESI file.
+fn with_esi(esi: &str, drive: &str) -> (tempfile::NamedTempFile, String) {
+    let file = tempfile::NamedTempFile::new().expect("a file");
+    std::fs::write(file.path(), esi).expect("it can be written");
+    let drive = format!("device_file = \"{}\"\n{drive}", file.path().display());
+    let text = machine("", &drive, "");
+    (file, text)
+}
+
+#[test]
+fn an_esi_file_fills_in_identity_process_data_and_clock() {
+    let config = read(&with_esi(&ESI.replace("FIXED", "1"), "").1);
+    let drive = &config.bus.nodes[0];
+    assert_eq!(
+        (
+            drive.identity.vendor_id,
+            drive.identity.product_code,
+            drive.identity.revision
+        ),
+        (Some(0xFACE), Some(0x402), None)
+    );
+    let objects = |list: &[Mapped]| list.iter().map(Mapped::to_string).collect::<Vec<_>>();
+    assert_eq!(objects(&drive.outputs), ["0x6040/16", "0x607A/32"]);
+    // They stay as the device has them.
+    assert_eq!(
+        own(drive).outputs,
+        [Pdo {
+            index: 0x1600,
+            entries: Vec::new()
+        }]
+    );
+    assert_eq!(own(drive).clock.map(|clock| clock.activate), Some(0x0300));
+}
+
+#[test]
+fn what_a_device_cannot_do_by_its_esi_file_is_refused_at_its_place() {
+    let other = "outputs = [\"0x6040/16\", \"0x6060/8\", \"0x607A/32\"]";
+    let (file, text) = with_esi(&ESI.replace("FIXED", "1"), other);
+    let name = file.path().display();
+    assert_eq!(
+        messages(&text),
+        [format!(
+            "m.toml:11:11: bus.node[0].outputs = [\"0x6040/16\", \"0x6060/8\", \"0x607A/32\"]: do not fit {name}: PDO 0x1600 \
+             cannot be changed; it has 0x1600 with 0x6040/16, 0x607A/32"
+        )]
+    );
+    // One that can be written is.
+    assert_eq!(messages(&with_esi(&ESI.replace("FIXED", "0"), other).1), [""; 0]);
+    let (_file, text) = with_esi(&ESI.replace("FIXED", "0"), "product_code = 5");
+    let [refused] = &messages(&text)[..] else {
+        panic!("one message")
+    };
+    assert!(
+        refused.ends_with("has no device with product_code 0x00000005, only 0x00000402 (SERVO)"),
+        "{refused}"
+    );
+    let (_file, text) = with_esi("<EtherCATInfo>", "");
+    assert!(
+        messages(&text)[0].contains("is no ESI file that can be used"),
+        "{:?}",
+        messages(&text)
+    );
+}
