@@ -7,6 +7,7 @@ use ethercat::main::config::{
 use ethercat::main::{Event, MainDevice};
 use ethercat::sub::{IdealMotor, Segment, SubDevice, esi, models};
 use ethercat::wire::FRAME_LEN_MAX;
+use ethercat::wire::register::AlState;
 use obd::device::{EsiDevice, EsiEntry, parse_esi};
 use std::path::Path;
 
@@ -67,7 +68,9 @@ fn devices_come_up_as_the_file_describes_them() {
                     shift_ns: 500_000,
                     sync1_ns: 0,
                 }),
+                checks: &[],
                 watchdog_ms: None,
+                goal: AlState::Op,
             }
         })
         .collect();
