@@ -417,6 +417,7 @@ fn result(gives: Gives) -> Value {
             let times = || object(json!({ "edges_us": list(number()), "counts": list(whole()) }));
             object(json!({
                 "cycle_us": whole(),
+                "orders": object(json!({ "taken": whole(), "last_unix_s": or_null(number()) })),
                 "period": times(),
                 "lateness": times(),
                 "exchange": times(),

@@ -242,6 +242,7 @@ pub struct RtStatus {
     state: AtomicU8,
     enables: AtomicU8,
     orders_taken: AtomicU64,
+    order_taken_ns: AtomicU64,
     cycles: AtomicU64,
     homed: AtomicU64,
     line: AtomicU32,
@@ -316,6 +317,7 @@ impl RtStatus {
             enables: AtomicU8::new(0),
             state: AtomicU8::new(State::Booting as u8),
             orders_taken: AtomicU64::new(0),
+            order_taken_ns: AtomicU64::new(0),
             cycles: AtomicU64::new(0),
             homed: AtomicU64::new(0),
             line: AtomicU32::new(0),
@@ -441,6 +443,16 @@ impl RtStatus {
     pub fn tool(&self) -> Option<u32> {
         let number = self.tool.load(Relaxed).checked_sub(1)?;
         u32::try_from(number).ok()
+    }
+
+    /// An order was taken now, ns of the monotonic clock. RT.
+    pub fn show_order(&self, now_ns: u64) {
+        self.order_taken_ns.store(now_ns, Relaxed);
+    }
+
+    /// When the last order was taken, ns of the monotonic clock; `None`: there was none.
+    pub fn order_taken_ns(&self) -> Option<u64> {
+        Some(self.order_taken_ns.load(Relaxed)).filter(|ns| *ns > 0)
     }
 
     /// Where the drive of a joint is; `None`: it is off line. RT.

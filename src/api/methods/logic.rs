@@ -45,7 +45,8 @@ impl Methods {
             true => call.params.number("from", 0, u64::from(u32::MAX))? as usize,
             false => 0,
         };
-        let looked = self.logic.look_at(task, &names, from, VARIABLES_PER_PAGE);
+        let search = call.params.text("search")?.unwrap_or_default();
+        let looked = self.logic.look_at(task, &names, search, from, VARIABLES_PER_PAGE);
         let (time_ns, shown, more) = looked.map_err(invalid)?;
         let variables = shown.into_iter().map(|shown| {
             let role = match shown.role {

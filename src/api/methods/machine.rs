@@ -188,7 +188,12 @@ impl Methods {
 
     /// How long the parts of cycles have taken since the start.
     pub(super) fn cycle_times(&self) -> Value {
-        let mut all = json!({ "cycle_us": self.network.cycle_us });
+        let last_unix_s = self.live.order_taken_ns().map(|taken_ns| {
+            let ago_ns = (self.now_ns)().saturating_sub(taken_ns);
+            (self.time_of_day)() - ago_ns as f64 * 1e-9
+        });
+        let orders = json!({ "taken": self.live.snapshot().orders_taken, "last_unix_s": last_unix_s });
+        let mut all = json!({ "cycle_us": self.network.cycle_us, "orders": orders });
         for (name, histogram) in self.live.times.all() {
             all[name] = shown(histogram);
         }

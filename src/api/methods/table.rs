@@ -830,10 +830,15 @@ pub const METHODS: &[Method] = &[
     },
     Method {
         name: "logic.look",
-        params: &[LOGIC, optional("variable", Kind::Text), optional("from", NUMBER_32)],
+        params: &[
+            LOGIC,
+            optional("variable", Kind::Text),
+            optional("search", Kind::Text),
+            optional("from", NUMBER_32),
+        ],
         does: "variables of a \"program\" (its name or file; left out: the only one) as they were behind one scan: all, or those of a \
-               \"variable\", which may be a structure, an array or a block; up to 500, from number \"from\" of them on; \"more\": there \
-               are others behind them",
+               \"variable\", which may be a structure, an array or a block; of these, those that have all words of \"search\" in their \
+               name or pin; up to 500, from number \"from\" of them on; \"more\": there are others behind them",
         gives: Gives::LogicVariables,
         call: |methods, call| Some(methods.logic_look(call)),
         ..LOOK
@@ -921,7 +926,8 @@ pub const METHODS: &[Method] = &[
     Method {
         name: "cycle.times",
         does: "how many cycles since the start took how long, \"counts\" up to each of \"edges_us\" and beyond: \"period\" (what the \
-               distance of two SoCs differs from the cycle), \"lateness\" of the SoC, \"exchange\", \"compute\"",
+               distance of two SoCs differs from the cycle), \"lateness\" of the SoC, \"exchange\", \"compute\"; how many \"orders\" the cycle \
+               has taken, and when the last of them",
         gives: Gives::Times,
         call: |methods, _| Some(Ok(methods.cycle_times())),
         ..LOOK

@@ -209,11 +209,12 @@ impl Desk {
     /// # Errors
     /// There is no such variable.
     pub fn look(&self, task: usize, names: &[String]) -> Result<(i64, Vec<Shown>), String> {
-        let (time_ns, all, _) = self.look_at(task, names, 0, usize::MAX)?;
+        let (time_ns, all, _) = self.look_at(task, names, "", 0, usize::MAX)?;
         Ok((time_ns, all))
     }
 
-    /// The same from number `from` of them on, `most` at the most; true: there are others behind them.
+    /// The same of those whose name or pin has all words of `search` in it, from number `from` of them on, `most` at the most; true:
+    /// there are others behind them.
     ///
     /// # Errors
     /// There is no such variable.
@@ -221,6 +222,7 @@ impl Desk {
         &self,
         task: usize,
         names: &[String],
+        search: &str,
         from: usize,
         most: usize,
     ) -> Result<(i64, Vec<Shown>, bool), String> {
@@ -242,14 +244,24 @@ impl Desk {
             .image
             .look()
             .ok_or("scans come too fast to be looked at: once more")?;
+        let pins = &task.task.interface;
+        let pin_of = |variable: &Variable| {
+            let mut all = pins.inputs.iter().chain(&pins.outputs);
+            match &all.find(|pin| pin.variable.name == variable.name)?.end {
+                End::Own { pin, .. } | End::Elsewhere { pin, .. } => Some(pin),
+                End::Operator { .. } => None,
+            }
+        };
+        let words: Vec<String> = search.split_whitespace().map(str::to_lowercase).collect();
+        if !words.is_empty() {
+            wanted.retain(|variable| {
+                let pin = pin_of(variable).map_or("", |pin| pin);
+                let text = format!("{} {pin}", logic.name(variable)).to_lowercase();
+                words.iter().all(|word| text.contains(word))
+            });
+        }
         let shown = |variable: &Variable| {
             let slot = values.get(variable.place()).copied().unwrap_or(0);
-            let pins = &task.task.interface;
-            let pin = pins
-                .inputs
-                .iter()
-                .chain(&pins.outputs)
-                .find(|pin| pin.variable.name == variable.name);
             Shown {
                 name: logic.name(variable),
                 ty: variable.ty.clone(),
@@ -257,10 +269,7 @@ impl Desk {
                 line: variable.line,
                 role: variable.role,
                 retain: variable.retain,
-                pin: pin.and_then(|pin| match &pin.end {
-                    End::Own { pin, .. } | End::Elsewhere { pin, .. } => Some(pin.clone()),
-                    End::Operator { .. } => None,
-                }),
+                pin: pin_of(variable).cloned(),
                 forced: inner.forced.iter().any(|forced| forced.place == variable.place()),
             }
         };

@@ -148,6 +148,25 @@ fn behind_an_error_outputs_are_safe_until_it_is_acknowledged_and_it_begins_anew(
 }
 
 #[test]
+fn variables_are_searched_by_the_words_of_their_names_and_pins_page_by_page() {
+    let mut played = played(DIVIDE, "period_ms = 1\n");
+    played.cycles(3);
+    let desk = played.ports.desk();
+    let found = |search: &str, from: usize, most: usize| {
+        let (_, shown, more) = desk.look_at(0, &[], search, from, most).unwrap();
+        (shown.into_iter().map(|one| one.name).collect::<Vec<_>>(), more)
+    };
+    assert_eq!(found("SCANS all", 0, 9), (vec!["all_scans".to_owned()], false));
+    assert_eq!(found("logic.cell.q", 0, 9), (vec!["q".to_owned()], false), "by its pin");
+    assert_eq!(found("scans lamp", 0, 9), (vec![], false), "all words in one");
+    let (all, _) = found("", 0, 9);
+    assert_eq!(all.len(), 5);
+    assert_eq!(found("l", 0, 1), (vec![found("l", 0, 9).0[0].clone()], true));
+    let pages: Vec<String> = (0..5).flat_map(|from| found("", from, 1).0).collect();
+    assert_eq!(pages, all);
+}
+
+#[test]
 fn with_on_error_continue_it_goes_on_with_a_warning() {
     let mut played = played(DIVIDE, "period_ms = 1\non_error = \"continue\"\n");
     played.hal.set("logic.cell.per", 0_i32).unwrap();
