@@ -14,7 +14,7 @@
 //! | a client of `/rpc`, from its first message to its end | `rpc.rs` |
 //! | the same without a socket, for fuzzing | `play.rs` |
 //! | MTConnect | `mtconnect.rs` |
-//! | pages; programs; the way of a program; figures; a backup | `pages.rs`; `programs.rs`; `path.rs`; `figures.rs`; `backup.rs` |
+//! | pages; programs; the way of a program; figures; measurements; a backup | `pages.rs`; `programs.rs`; `path.rs`; `figures.rs`; `measurements.rs`; `backup.rs` |
 
 mod ask;
 mod backup;
@@ -22,6 +22,7 @@ mod counts;
 mod figures;
 mod guard;
 mod listen;
+mod measurements;
 mod mtconnect;
 mod pages;
 mod path;

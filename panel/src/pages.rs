@@ -19,7 +19,15 @@ struct Example;
 
 /// Whether a path is that of a page, which holds nothing that is secret.
 pub(crate) fn is_page(path: &str) -> bool {
-    let own = ["/rpc", "/files", "/path", "/metrics", "/backup", "/mtconnect"];
+    let own = [
+        "/rpc",
+        "/files",
+        "/path",
+        "/measurements",
+        "/metrics",
+        "/backup",
+        "/mtconnect",
+    ];
     !own.iter().any(|own| {
         path.strip_prefix(own)
             .is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
@@ -86,6 +94,7 @@ mod tests {
             "/files/",
             "/files/a.ngc",
             "/path",
+            "/measurements/step-0.svg",
             "/metrics",
             "/backup",
         ] {

@@ -6,7 +6,7 @@ use crate::listen::Listener;
 use crate::programs::{self, Programs};
 use crate::tls::Tls;
 use crate::tokens::Tokens;
-use crate::{Control, figures, guard, mtconnect, pages, path, rpc};
+use crate::{Control, figures, guard, measurements, mtconnect, pages, path, rpc};
 use axum::Router;
 use axum::body::Body;
 use axum::extract::Request;
@@ -56,6 +56,8 @@ pub struct Settings {
     pub tokens: Tokens,
     /// Folder of programs.
     pub programs: Option<PathBuf>,
+    /// Folder of measurements; it may be missing.
+    pub measurements: Option<PathBuf>,
     /// What connections are encrypted with; `None`: nothing.
     pub tls: Option<Tls>,
     /// What is to be kept elsewhere.
@@ -163,6 +165,8 @@ pub(crate) fn router(panel: &Arc<Panel>) -> Router {
         .route("/files/", any(programs::list))
         .route("/files/{name}", any(programs::one))
         .route("/path", get(path::path))
+        .route("/measurements/", get(measurements::list))
+        .route("/measurements/{name}", get(measurements::one))
         .route("/mtconnect", get(mtconnect::answer))
         .route("/mtconnect/{*rest}", get(mtconnect::answer))
         .route("/metrics", get(figures::metrics))

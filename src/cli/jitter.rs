@@ -133,7 +133,7 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<ExitCode> {
         (Err(error), None) => return Err(error),
     };
     // A full disk must not keep from the user what was measured.
-    let written = output::write(&args.out, &report);
+    let written = output::write(&args.out, &report, config.state_directory.as_deref(), args.json);
     if args.json {
         say(&format!("{}\n", serde_json::to_string(&report)?));
     } else {

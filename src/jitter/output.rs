@@ -4,6 +4,7 @@
 
 use super::report::JitterReport;
 use super::{csv, plot};
+use crate::operator::measurements;
 use crate::operator::report::prepare_for;
 use anyhow::Context;
 use std::path::Path;
@@ -20,18 +21,20 @@ pub fn prepare(folder: &Path) -> anyhow::Result<()> {
     prepare_for(folder, &[REPORT, HISTOGRAM, PICTURE])
 }
 
-/// Writes the files.
+/// Writes the files, and keeps the figures and the picture for the panel where the machine has a folder for its `state`.
 ///
 /// # Errors
 /// What the file system refuses.
-pub fn write(folder: &Path, report: &JitterReport) -> anyhow::Result<()> {
+pub fn write(folder: &Path, report: &JitterReport, state: Option<&Path>, quiet: bool) -> anyhow::Result<()> {
     let put = |name: &str, text: String| {
         let path = folder.join(name);
         files::write(&path, text).with_context(|| path.display().to_string())
     };
-    put(REPORT, serde_json::to_string(report)?)?;
+    let (figures, picture) = (serde_json::to_string(report)?, plot::svg(report));
+    measurements::keep(state, "jitter", &figures, &picture, quiet);
+    put(REPORT, figures)?;
     put(HISTOGRAM, csv::histogram(report))?;
-    put(PICTURE, plot::svg(report))
+    put(PICTURE, picture)
 }
 
 #[cfg(test)]

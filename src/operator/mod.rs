@@ -4,6 +4,7 @@ pub mod circularity;
 pub mod console;
 pub mod journal_keeper;
 mod manual_mode;
+pub mod measurements;
 mod memory;
 pub mod operator_loop;
 #[cfg(feature = "panel")]

@@ -13,6 +13,7 @@ use crate::config::{Config, Encryption, Panel as Wanted};
 use crate::host::capabilities;
 use crate::host::capabilities::Work;
 use crate::host::terminal::say;
+use crate::operator::measurements;
 use anyhow::Context;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use panel::{Backup, Counts, Guest, Listener, Role, Settings, Tls, TlsError, TokenFile, Tokens};
@@ -103,6 +104,7 @@ impl Panel {
             hosts: wanted.hosts.clone(),
             tokens,
             programs: wanted.programs.clone(),
+            measurements: config.state_directory.as_deref().map(measurements::folder),
             tls,
             backup: Backup {
                 folder: config.state_directory.clone(),

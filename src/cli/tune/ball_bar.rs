@@ -7,6 +7,7 @@ use crate::bus;
 use crate::config::Config;
 use crate::host::terminal::say;
 use crate::operator::circularity::{Circularity, circularity};
+use crate::operator::measurements;
 use crate::operator::refusal::Refusal;
 use crate::operator::report::prepare_for;
 use crate::plot::circle::{Way, circle_svg};
@@ -14,7 +15,7 @@ use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
 use motion::canon::Axis;
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 /// Turns each way; the one in the middle counts.
@@ -160,7 +161,13 @@ pub(super) fn ball_bar(args: &BallBarArgs) -> anyhow::Result<ExitCode> {
     )?;
     // A heading that fits the picture.
     let heading = format!("{}: radius {} mm, {} mm/min", config.name, args.radius, args.feed);
-    write(&args.out, &heading, axes, &found)?;
+    let (figures, picture) = told(&heading, axes, &found)?;
+    for (name, text) in [(DATA, &figures), (PICTURE, &picture)] {
+        let path = args.out.join(name);
+        files::write(&path, text).with_context(|| path.display().to_string())?;
+    }
+    let state = config.state_directory.as_deref();
+    measurements::keep(state, "ball-bar", &figures, &picture, args.json);
     match args.json {
         true => say(&format!("{:#}\n", serde_json::to_value(&found)?)),
         false => say(&format!(
@@ -233,7 +240,8 @@ fn table(axes: [Axis; 2], found: &Circularity) -> String {
     text
 }
 
-fn write(folder: &Path, title: &str, axes: [Axis; 2], found: &Circularity) -> anyhow::Result<()> {
+/// The figures as JSON, and the picture.
+fn told(title: &str, axes: [Axis; 2], found: &Circularity) -> anyhow::Result<(String, String)> {
     let [one, other] = &found.directions;
     let ways = [
         Way {
@@ -246,12 +254,7 @@ fn write(folder: &Path, title: &str, axes: [Axis; 2], found: &Circularity) -> an
         },
     ];
     let picture = circle_svg(title, axes.map(Axis::letter), &ways);
-    let data = format!("{:#}\n", serde_json::to_value(found)?);
-    for (name, text) in [(PICTURE, picture), (DATA, data)] {
-        let path = folder.join(name);
-        files::write(&path, text).with_context(|| path.display().to_string())?;
-    }
-    Ok(())
+    Ok((format!("{:#}\n", serde_json::to_value(found)?), picture))
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@ use crate::host::terminal::say;
 use crate::machine::sequence::Outcome;
 use crate::machine::state::State;
 use crate::machine::tables::{Tables, TablesError, lock};
+use crate::operator::measurements;
 use crate::operator::operator_loop::{LoopTask, Running};
 use crate::operator::progress::Progress;
 use crate::operator::recorder::JOINT_SAMPLES_MAX;
@@ -23,7 +24,7 @@ use anyhow::{Context, bail, ensure};
 use clap::Args;
 use motion::kinematics::Transform;
 use std::io::{BufRead, IsTerminal};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Mutex;
 
@@ -369,15 +370,30 @@ impl LoopTask for Watch<'_> {
     }
 }
 
-/// Writes the figures and the picture of a measurement.
+/// Writes the figures and the picture of a measurement of a joint, and keeps them for the panel.
 ///
 /// # Errors
 /// What the file system refuses.
-pub(super) fn write(folder: &Path, name: &str, figures: &serde_json::Value, picture: &str) -> anyhow::Result<()> {
-    for (ending, text) in [("json", &format!("{figures:#}\n")), ("svg", &picture.to_owned())] {
-        let path = folder.join(format!("{name}.{ending}"));
+pub(super) fn write(
+    args: &JointArgs,
+    config: &Config,
+    name: &str,
+    figures: &serde_json::Value,
+    picture: &str,
+) -> anyhow::Result<()> {
+    let figures = format!("{figures:#}\n");
+    for (ending, text) in [("json", figures.as_str()), ("svg", picture)] {
+        let path = args.out.join(format!("{name}.{ending}"));
         files::write(&path, text).with_context(|| path.display().to_string())?;
     }
+    let of_joint = format!("{name}-{}", args.joint);
+    measurements::keep(
+        config.state_directory.as_deref(),
+        &of_joint,
+        &figures,
+        picture,
+        args.json,
+    );
     Ok(())
 }
 

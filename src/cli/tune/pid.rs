@@ -238,7 +238,13 @@ pub(super) fn pid(args: &PidArgs) -> anyhow::Result<ExitCode> {
     json["joint"] = json!(number);
     json["moves"] = json!({ "before": figures[0], "after": figures.get(1) });
     json["toml"] = json!(toml);
-    experiment::write(&args.joint.out, "pid", &json, &picture(&title, &record, args.apply))?;
+    experiment::write(
+        &args.joint,
+        &config,
+        "pid",
+        &json,
+        &picture(&title, &record, args.apply),
+    )?;
     match args.joint.json {
         true => say(&format!("{json:#}\n")),
         false => {

@@ -210,7 +210,8 @@ pub(super) fn step(args: &StepArgs) -> anyhow::Result<ExitCode> {
     let figures = found.to_json(&config, &args.joint);
     let title = format!("{}: joint {} ({letter})", config.name, args.joint.joint);
     experiment::write(
-        &args.joint.out,
+        &args.joint,
+        &config,
         "step",
         &figures,
         &picture(&title, &record, &found.moves),

@@ -135,7 +135,7 @@ pub(super) fn run(args: &SweepArgs) -> anyhow::Result<ExitCode> {
     let found = judged(&record, &strokes, joint)?;
     let figures = to_json(&config, number, &found);
     let title = format!("{}: joint {number} ({letter})", config.name);
-    experiment::write(&args.joint.out, "sweep", &figures, &picture(&title, &found))?;
+    experiment::write(&args.joint, &config, "sweep", &figures, &picture(&title, &found))?;
     match args.joint.json {
         true => say(&format!("{figures:#}\n")),
         false => say(&format!(
