@@ -1,5 +1,5 @@
 /** What an oscilloscope of the control has told: rows as they come, the last of them in a window of time. */
-import { connection } from "./store";
+import { connection, onNotification } from "./store";
 
 export interface Channel {
   name: string;
@@ -8,13 +8,13 @@ export interface Channel {
 }
 
 interface Part {
+  scope: number;
   record: number;
   rows: number;
   base64: string;
   record_ends: boolean;
   state: "waiting" | "recording" | "done";
   lost: number;
-  more: boolean;
   error: string | null;
 }
 
@@ -30,7 +30,8 @@ export interface Wanted {
 
 /** Rows in a window: a screen has no more pixels. */
 const ROWS_MAX = 2000;
-const POLL_MS = 50;
+/** Times a second that the control tells of new rows. */
+const RATE_HZ = 20;
 
 /** Rows of one record: time, and the least and the greatest value of each channel. */
 export class Rows {
@@ -88,48 +89,46 @@ export class Scope {
   private ended = false;
   private record = -1;
   private next = new Rows(0);
+  private deaf: () => void;
 
   constructor(
     readonly wanted: Wanted,
     private readonly changed: () => void,
   ) {
-    void this.run();
+    this.deaf = onNotification<Part>("scope", (part) => part.scope === this.number && this.take(part));
+    void this.begin();
   }
 
   /** Nobody wants more of it. */
   stop(): void {
     this.ended = true;
+    this.deaf();
     if (this.number !== null) connection.call("scope.end", { scope: this.number }).catch(() => {});
     this.number = null;
   }
 
-  private async run(): Promise<void> {
+  private async begin(): Promise<void> {
     const { pins, seconds, trigger, single } = this.wanted;
     try {
       const { cycle_us } = await connection.call<{ cycle_us: number }>("machine.describe");
       const cycles_per_row = Math.max(1, Math.ceil((seconds * 1e6) / cycle_us / ROWS_MAX));
       const record = trigger ? { trigger, seconds, before_percent: 20, mode: single ? "single" : "normal" } : { mode: "roll" };
-      const begun = await connection.call<{ scope: number; channels: Channel[] }>("scope.begin", { pins, cycles_per_row, ...record });
+      if (this.ended) return;
+      const begun = await connection.call<{ scope: number; channels: Channel[] }>("scope.begin", { pins, cycles_per_row, rate_hz: RATE_HZ, ...record });
       this.number = begun.scope;
       this.channels = begun.channels;
       this.rows = new Rows(begun.channels.length);
-      this.changed();
-      while (!this.ended) {
-        const part = await connection.call<Part>("scope.next", { scope: begun.scope });
-        this.take(part);
-        if (part.state === "done") break;
-        if (!part.more) await new Promise((wake) => setTimeout(wake, POLL_MS));
-      }
     } catch (error) {
       this.error = (error as Error).message;
+      this.state = "done";
     }
     if (this.ended) return this.stop();
-    this.state = "done";
     this.changed();
   }
 
   private take(part: Part): void {
     [this.state, this.lost, this.error] = [part.state, part.lost, part.error ?? ""];
+    if (part.state === "done") this.number = null;
     if (part.record !== this.record) {
       this.record = part.record;
       this.next = new Rows(this.channels.length);

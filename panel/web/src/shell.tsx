@@ -53,11 +53,45 @@ export function StateBar() {
       <div class="waiting" data-testid="waiting" aria-live="polite">
         {waiting ? `${t("waits")}: ${word("wait", waiting.for) === waiting.for ? waiting.text : word("wait", waiting.for)}` : (obstruction ?? "")}
       </div>
+      <ForcedChip />
       <ControlChip />
       <Age />
       <KeysChip />
       <Display />
     </header>
+  );
+}
+
+/** Variables that do not have what pins and programs make of them: told on every page. */
+function ForcedChip() {
+  const [open, setOpen] = useState(false);
+  const count = useStatus((s) => s.forced?.length) ?? 0;
+  return (
+    <>
+      {count > 0 && <Button id="forced" kind="chip halt-chip" icon="warning" label={`${t("forced-chip")} ${count}`} onClick={() => setOpen(!open)} />}
+      {open && <ForcedDialog onClose={() => setOpen(false)} />}
+    </>
+  );
+}
+
+function ForcedDialog({ onClose }: { onClose: () => void }) {
+  const forced = useStatus((s) => s.forced) ?? [];
+  const may = useStore((s) => s.methods.has("logic.release") && s.role === "set-up");
+  return (
+    <Dialog id="forced-dialogue" title={t("forced-title")} onClose={onClose}>
+      <p>{t("forced-explained")}</p>
+      <ul class="forced">
+        {forced.map(({ program, variable, value }) => (
+          <li key={`${program} ${variable}`}>
+            <span>
+              <b>{variable}</b> = {value} <small>{program}</small>
+            </span>
+            {may && <Button label={t("release")} onClick={() => void order("logic.release", { program, variable })} />}
+          </li>
+        ))}
+        {forced.length === 0 && <li>{t("forced-none")}</li>}
+      </ul>
+    </Dialog>
   );
 }
 

@@ -39,6 +39,13 @@ export interface Control {
   taken: boolean;
 }
 
+/** A variable of a program in Structured Text that has the value that somebody gave it. */
+export interface Forced {
+  program: string;
+  variable: string;
+  value: string;
+}
+
 export interface Status {
   api: string;
   version: string;
@@ -92,6 +99,7 @@ export interface Status {
   mdi: string[];
   messages: Entry[];
   control: Control | null;
+  forced?: Forced[];
   cycles: number;
   cycles_skipped: number;
   late_max_us: number;

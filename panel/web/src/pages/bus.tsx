@@ -3,6 +3,7 @@ import { useEffect, useState } from "preact/hooks";
 import { fixed, t } from "../i18n";
 import { ask, connection, order, useStatus, useStore } from "../store";
 import { Button, Card, Choice, Field, Icon } from "../ui";
+import { Measurements } from "./measurements";
 
 interface Node {
   id: number;
@@ -276,7 +277,7 @@ function Jitter() {
   );
 }
 
-type Part = "objects" | "time" | "jitter";
+type Part = "objects" | "time" | "jitter" | "tuning";
 
 export function Bus() {
   const [network, error] = useNetwork();
@@ -315,11 +316,19 @@ export function Bus() {
               ...(node ? [{ value: "objects", label: t("objects"), id: "part-objects" }] : []),
               { value: "time", label: t("time"), id: "part-time" },
               ...(times ? [{ value: "jitter", label: t("jitter"), id: "part-jitter" }] : []),
+              { value: "tuning", label: t("tuning"), id: "part-tuning" },
             ] as { value: Part; label: string; id: string }[]
           }
           onChange={setPart}
         />
-        {part === "jitter" ? <Jitter /> : node && part === "objects" ? <Objects node={node} /> : network && <Time network={network} />}
+        {part === "jitter" && (
+          <>
+            <Jitter />
+            <Measurements heading={t("recorded")} kinds={["jitter"]} none={t("recorded-none")} />
+          </>
+        )}
+        {part === "tuning" && <Measurements heading={t("tuning")} kinds={["step", "sweep", "pid", "ball-bar"]} none={t("tuning-none")} />}
+        {part === "objects" && node && part === "objects" ? <Objects node={node} /> : network && (part === "time" || part === "objects") && <Time network={network} />}
       </div>
     </div>
   );

@@ -109,23 +109,25 @@ export function FileEditor() {
           onScroll={(event) => numbers.current && (numbers.current.scrollTop = event.currentTarget.scrollTop)}
         />
       </div>
-      <div class="file-errors" role="status" data-testid="file-errors" data-count={errors?.length ?? ""}>
-        {errors === null && changed && t("checking")}
-        {errors?.length === 0 && t("file-right")}
-        <ul>
-          {errors?.map((error, at) => (
-            <li key={at}>
-              <button type="button" onClick={() => goTo(error)}>
-                {error.line !== null && <b>{error.line}</b>} <code>{error.key}</code> {error.rule} {error.hint && <small>{error.hint}</small>}
-              </button>
-            </li>
-          ))}
-        </ul>
-      </div>
-      <div class="row">
-        <Button id="file-write" kind="warn" label={t("file-write")} disabled={!changed || errors === null || errors.length > 0 || !may || !rests} onClick={() => void write()} />
-        <Button label={t("file-again")} disabled={!changed} onClick={() => void read()} />
-        {changed && !rests && <span class="muted">{t("file-rest")}</span>}
+      <div class="file-foot">
+        <div class="file-errors" role="status" data-testid="file-errors" data-count={errors?.length ?? ""}>
+          {errors === null && changed && t("checking")}
+          {errors?.length === 0 && t("file-right")}
+          <ul>
+            {errors?.map((error, at) => (
+              <li key={at}>
+                <button type="button" onClick={() => goTo(error)}>
+                  {error.line !== null && <b>{error.line}</b>} <code>{error.key}</code> {error.rule} {error.hint && <small>{error.hint}</small>}
+                </button>
+              </li>
+            ))}
+          </ul>
+        </div>
+        <div class="row">
+          <Button id="file-write" kind="warn" label={t("file-write")} disabled={!changed || errors === null || errors.length > 0 || !may || !rests} onClick={() => void write()} />
+          <Button label={t("file-again")} disabled={!changed} onClick={() => void read()} />
+          {changed && !rests && <span class="muted">{t("file-rest")}</span>}
+        </div>
       </div>
     </Card>
   );

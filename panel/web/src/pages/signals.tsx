@@ -360,42 +360,91 @@ interface Variable {
   forced: boolean;
 }
 
+/** Variables that are asked for at once, and how many more with each wish for more. */
+const VARIABLES = 500;
+
+/** The variables that have these words in their name or pin, `most` at the most, and whether there are more. */
+async function lookAt(program: string, search: string, most: number): Promise<{ variables: Variable[]; more: boolean }> {
+  const all: Variable[] = [];
+  for (;;) {
+    const { variables, more } = await connection.call<{ variables: Variable[]; more: boolean }>("logic.look", { program, search, from: all.length });
+    all.push(...variables);
+    if (!more || all.length >= most) return { variables: all, more };
+  }
+}
+
 /** Programs in Structured Text and their variables, as they were behind one scan. */
 function Logic() {
   const [tasks, setTasks] = useState<Task[]>([]);
   const [chosen, setChosen] = useState(0);
-  const [variables, setVariables] = useState<Variable[]>([]);
+  const [{ variables, more }, setFound] = useState<{ variables: Variable[]; more: boolean }>({ variables: [], more: false });
   const [search, setSearch] = useState("");
+  const [most, setMost] = useState(VARIABLES);
   const task = tasks[chosen];
   useEffect(() => {
+    let [wanted, asked] = [true, false];
     const look = async () => {
-      const { programs } = await connection.call<{ programs: Task[] }>("logic.list");
-      setTasks(programs);
-      const program = programs[chosen];
-      if (program) setVariables((await connection.call<{ variables: Variable[] }>("logic.look", { program: program.name })).variables);
+      // A slow answer is waited for.
+      if (asked) return;
+      asked = true;
+      try {
+        const { programs } = await connection.call<{ programs: Task[] }>("logic.list");
+        const program = programs[chosen];
+        const found = program && (await lookAt(program.name, search, most));
+        if (!wanted) return;
+        setTasks(programs);
+        if (found) setFound(found);
+      } catch {
+        // Asked again soon; that there is no connection is told elsewhere.
+      } finally {
+        asked = false;
+      }
     };
-    const quiet = () => void look().catch(() => {});
-    quiet();
-    const timer = setInterval(quiet, LOOK_MS);
-    return () => clearInterval(timer);
-  }, [chosen]);
+    void look();
+    const timer = setInterval(() => void look(), LOOK_MS);
+    return () => {
+      wanted = false;
+      clearInterval(timer);
+    };
+  }, [chosen, search, most]);
   if (!task) return <Card title={t("logic")}>{<p class="muted">{t("logic-none")}</p>}</Card>;
-  const found = variables.filter(({ name, pin }) => `${name} ${pin ?? ""}`.toLowerCase().includes(search.toLowerCase()));
+  const anew = () => setMost(VARIABLES);
   return (
     <Card
       id="logic"
       title={t("logic")}
-      tools={tasks.length > 1 && <Choice label={t("logic")} value={chosen} options={tasks.map(({ name }, value) => ({ value, label: name }))} onChange={setChosen} />}
+      tools={
+        tasks.length > 1 && (
+          <Choice
+            label={t("logic")}
+            value={chosen}
+            options={tasks.map(({ name }, value) => ({ value, label: name }))}
+            onChange={(value) => {
+              setChosen(value);
+              anew();
+            }}
+          />
+        )
+      }
     >
       <p class="muted">
         {task.file} · {task.period_ms} ms · {fixed(task.scan_us, 1)} µs ({t("late-max")} {fixed(task.scan_max_us, 1)} µs) · {task.overruns} {t("cycles-skipped")}
         {task.stands && <strong> · {t("logic-stands")}</strong>}
       </p>
-      <Field label={t("search")} value={search} onInput={setSearch} />
-      <div class="scroll" tabIndex={0} role="group" aria-label={t("logic")}>
+      <Field
+        id="logic-search"
+        label={t("search")}
+        value={search}
+        onInput={(text) => {
+          setSearch(text);
+          anew();
+        }}
+      />
+      <div class="scroll" tabIndex={0} role="group" aria-label={t("logic")} data-testid="variables" data-count={variables.length}>
+        {variables.length === 0 && <p class="muted">{t("logic-nothing")}</p>}
         <table class="figures">
           <tbody>
-            {found.map((variable) => (
+            {variables.map((variable) => (
               <tr key={variable.name} data-testid={`variable-${variable.name}`}>
                 <td>
                   {variable.name} <small>{variable.type}</small>
@@ -410,6 +459,7 @@ function Logic() {
             ))}
           </tbody>
         </table>
+        {more && <Button id="logic-more" label={t("logic-more", { n: VARIABLES })} onClick={() => setMost(most + VARIABLES)} />}
       </div>
     </Card>
   );

@@ -264,6 +264,30 @@ function significances(chunk: Chunk): Float32Array {
   return significance;
 }
 
+/** The index that ends a line strip and begins another. */
+const END_OF_STRIP = 65_535;
+
+/**
+ * The vertices of one of so many parts of a chunk (`stride`, above 1) in a level: for a picture in motion, where more is drawn on each
+ * other than can be told apart.
+ */
+export function thinned(chunk: Chunk, level: number, stride: number): Uint16Array {
+  const all = level > 0 ? chunk.levels![level - 1]! : null;
+  const count = all ? all.length : chunk.count;
+  const indices = new Uint16Array(count + Math.ceil(chunk.count / BLOCK));
+  let n = 0;
+  let last = -1;
+  for (let k = 0; k < count; k++) {
+    const i = all ? all[k]! : k;
+    const part = Math.floor(i / BLOCK);
+    if (part % stride !== 0) continue;
+    if (last >= 0 && part !== last) indices[n++] = END_OF_STRIP;
+    last = part;
+    indices[n++] = i;
+  }
+  return indices.slice(0, n);
+}
+
 /** The coarsest level whose deviation is no more than a pixel at so many pixels a mm. */
 export function levelFor(pixels_per_mm: number): number {
   let level = 0;

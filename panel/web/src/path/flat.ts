@@ -77,5 +77,9 @@ export class FlatPicture implements Picture {
     }
   }
 
+  ready(): boolean {
+    return true;
+  }
+
   dispose(): void {}
 }

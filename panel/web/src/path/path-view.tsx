@@ -59,6 +59,9 @@ function Legend({ span }: { span: [number, number] | null }) {
   );
 }
 
+/** Behind the last touch of a hand the picture is taken to move for so long, ms. */
+const MOVES_MS = 200;
+
 /** Speed of a code, mm/s: the other way round of speedCode. */
 const speedOf = (code: number) => SPEED_MIN_MM_S * (SPEED_MAX_MM_S / SPEED_MIN_MM_S) ** ((code - 2) / 253);
 
@@ -76,6 +79,12 @@ class Path {
   /** Somebody looks at it from where he wants to: nothing but he changes that. */
   private moved = false;
   private ran = false;
+  /** A hand turns the picture until then, and a whole picture has its pause until then; when the last one was begun, ms. */
+  private movingUntil = 0;
+  private rest = 0;
+  private drawnAt = 0;
+  /** What is being drawn. */
+  private drawing: "moving" | "whole" | null = null;
 
   constructor(
     private canvas: HTMLCanvasElement,
@@ -232,15 +241,31 @@ class Path {
   private draw(): void {
     if (this.wanted || this.disposed) return;
     this.wanted = true;
-    requestAnimationFrame(() => {
-      this.wanted = false;
-      const { status } = getStore();
-      if (this.disposed || !this.picture || !this.canvas.clientWidth) return;
-      const frame = this.frame(status);
-      this.picture.draw(this.view, this.data, frame);
-      this.canvas.dataset.drawn = String(Number(this.canvas.dataset.drawn ?? 0) + 1);
-      this.write(frame);
-    });
+    requestAnimationFrame(() => this.drawNow());
+  }
+
+  private drawNow(): void {
+    const { picture } = this;
+    if (this.disposed || !picture) return void (this.wanted = false);
+    const now = performance.now();
+    const moving = now < this.movingUntil;
+    const ready = picture.ready();
+    if (ready && this.drawing) {
+      this.rest = this.drawing === "whole" ? now + 2 * (now - this.drawnAt) : 0;
+      this.drawing = null;
+    }
+    // A picture that is not on the screen yet is waited for; a whole one that took long has a pause behind it.
+    if (!ready || (!moving && now < this.rest)) return void requestAnimationFrame(() => this.drawNow());
+    this.wanted = false;
+    if (!this.canvas.clientWidth) return;
+    this.drawnAt = now;
+    this.drawing = moving ? "moving" : "whole";
+    const frame = this.frame(getStore().status);
+    picture.draw(this.view, this.data, frame, moving);
+    this.canvas.dataset.drawn = String(Number(this.canvas.dataset.drawn ?? 0) + 1);
+    this.write(frame);
+    // What was left out while it moved is drawn once it rests.
+    if (moving) this.draw();
   }
 
   private frame(status: Status | null): Frame {
@@ -302,6 +327,7 @@ class Path {
     const down = new Map<number, [number, number]>();
     const changed = () => {
       this.moved = true;
+      this.movingUntil = performance.now() + MOVES_MS;
       this.draw();
     };
     const at = (event: PointerEvent | WheelEvent): [number, number] => {

@@ -37,6 +37,9 @@ export interface Frame {
 }
 
 export interface Picture {
-  draw(view: View, data: PathData, frame: Frame): void;
+  /** `moving`: the next picture follows at once, and this one may have less in it than there is. */
+  draw(view: View, data: PathData, frame: Frame, moving: boolean): void;
+  /** Whether what was drawn last is on the screen. */
+  ready(): boolean;
   dispose(): void;
 }

@@ -21,7 +21,7 @@ import {
   Vector3,
   WebGLRenderer,
 } from "three";
-import { type Chunk, type PathData, levelFor } from "./data";
+import { type Chunk, type PathData, levelFor, thinned } from "./data";
 import type { Frame, Picture } from "./picture";
 import { boxLines } from "./box";
 import type { View } from "./view";
@@ -59,10 +59,27 @@ void main() {
   seen = colour;
 }`;
 
+/** A picture in motion that takes longer has less of the path; after some that took one frame of the screen it may have more. */
+const SLOW_MS = 36;
+const FAST_MS = 20;
+const FAST_ENOUGH = 10;
+const STRIDE_MAX = 64;
+
+/** Whether the processor draws in place of a graphics card: smooth edges would take it four times as long. */
+function isSoftware(): boolean {
+  const context = document.createElement("canvas").getContext("webgl2");
+  const told = context?.getExtension("WEBGL_debug_renderer_info");
+  const name = String((told && context?.getParameter(told.UNMASKED_RENDERER_WEBGL)) ?? "");
+  context?.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|softpipe|basic render/i.test(name);
+}
+
 /** What of a chunk is on the graphics card: one set of vertices, and a list of indices for each level. */
 interface Drawn {
   line: Line;
   geometries: BufferGeometry[];
+  /** The same of a share of the parts, by level and stride. */
+  thinned: Map<string, BufferGeometry>;
   revision: number;
   doneChanged: number;
 }
@@ -78,12 +95,22 @@ export class ScenePicture implements Picture {
   private tool = new Group();
   private tail: Line;
   private toolMaterial = new MeshLambertMaterial();
+  private context: WebGL2RenderingContext;
+  /** Signalled once the last picture is drawn, and when that was begun, ms. */
+  private fence: WebGLSync | null = null;
+  private begun = 0;
+  /** While the picture moves, one of so many parts of the path is drawn: as many as this machine draws in time. */
+  private stride = 1;
+  /** Pictures in motion, one behind the other, that took less than they may. */
+  private fast = 0;
+  private moving = false;
 
   /** Throws where there is no WebGL 2. */
   constructor(canvas: HTMLCanvasElement) {
-    const context = canvas.getContext("webgl2", { antialias: true, alpha: false, preserveDrawingBuffer: false });
+    const context = canvas.getContext("webgl2", { antialias: !isSoftware(), alpha: false, preserveDrawingBuffer: false });
     if (!context) throw new Error("no WebGL 2");
-    this.renderer = new WebGLRenderer({ canvas, context, antialias: true });
+    this.context = context;
+    this.renderer = new WebGLRenderer({ canvas, context });
     this.material = new RawShaderMaterial({
       vertexShader: VERTEX,
       fragmentShader: FRAGMENT,
@@ -115,8 +142,10 @@ export class ScenePicture implements Picture {
     this.scene.add(light, new AmbientLight(0xffffff, 1.1), this.furniture, this.tool, this.tail);
   }
 
-  draw(view: View, data: PathData, frame: Frame): void {
+  draw(view: View, data: PathData, frame: Frame, moving: boolean): void {
     const { colours } = frame;
+    this.moving = moving;
+    this.begun = performance.now();
     this.renderer.setPixelRatio(devicePixelRatio);
     this.renderer.setSize(view.width, view.height, false);
     this.renderer.setClearColor(colours.background, 1);
@@ -125,6 +154,22 @@ export class ScenePicture implements Picture {
     this.path(view, data, frame);
     this.place(view, data, frame);
     this.renderer.render(this.scene, this.camera);
+    this.fence = this.context.fenceSync(this.context.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    this.context.flush();
+  }
+
+  ready(): boolean {
+    if (!this.fence) return true;
+    if (this.context.getSyncParameter(this.fence, this.context.SYNC_STATUS) !== this.context.SIGNALED) return false;
+    this.context.deleteSync(this.fence);
+    this.fence = null;
+    const took = performance.now() - this.begun;
+    if (!this.moving) return true;
+    this.fast = took < FAST_MS ? this.fast + 1 : 0;
+    // Half the parts take about half the time.
+    if (took > SLOW_MS) this.stride = Math.min(STRIDE_MAX, this.stride * 2 ** Math.ceil(Math.log2(took / SLOW_MS)));
+    else if (this.fast >= FAST_ENOUGH) [this.stride, this.fast] = [Math.max(1, this.stride / 2), 0];
+    return true;
   }
 
   private stand(view: View): void {
@@ -155,10 +200,26 @@ export class ScenePicture implements Picture {
     for (const colour of [rapid.value, feed.value, probe.value, ...ramp.value]) colour.convertLinearToSRGB();
     for (const [chunk, drawn] of this.drawn) if (!data.chunks.includes(chunk)) this.drop(chunk, drawn);
     const level = levelFor(view.pixels_per_mm);
+    const stride = this.moving ? this.stride : 1;
     for (const chunk of data.chunks) {
       const drawn = this.upToDate(chunk);
-      drawn.line.geometry = drawn.geometries[chunk.levels ? level : 0];
+      drawn.line.geometry = !chunk.levels ? drawn.geometries[0] : stride > 1 ? this.thinned(drawn, chunk, level, stride) : drawn.geometries[level];
     }
+  }
+
+  /** Made when it is first asked for. */
+  private thinned(drawn: Drawn, chunk: Chunk, level: number, stride: number): BufferGeometry {
+    const key = `${level}/${stride}`;
+    let made = drawn.thinned.get(key);
+    if (!made) {
+      const whole = drawn.geometries[0];
+      made = new BufferGeometry();
+      for (const name of ["position", "kind", "done"]) made.setAttribute(name, whole.getAttribute(name));
+      made.setIndex(new BufferAttribute(thinned(chunk, level, stride), 1));
+      made.boundingSphere = whole.boundingSphere;
+      drawn.thinned.set(key, made);
+    }
+    return made;
   }
 
   private upToDate(chunk: Chunk): Drawn {
@@ -168,7 +229,7 @@ export class ScenePicture implements Picture {
       whole.setAttribute("position", new BufferAttribute(chunk.xyz, 3));
       whole.setAttribute("kind", new BufferAttribute(chunk.kind, 1));
       whole.setAttribute("done", new BufferAttribute(chunk.done, 1));
-      drawn = { line: new Line(whole, this.material), geometries: [whole], revision: -1, doneChanged: chunk.doneChanged };
+      drawn = { line: new Line(whole, this.material), geometries: [whole], thinned: new Map(), revision: -1, doneChanged: chunk.doneChanged };
       this.drawn.set(chunk, drawn);
       this.scene.add(drawn.line);
     }
@@ -199,7 +260,7 @@ export class ScenePicture implements Picture {
 
   private drop(chunk: Chunk, drawn: Drawn): void {
     this.scene.remove(drawn.line);
-    for (const geometry of drawn.geometries) geometry.dispose();
+    for (const geometry of [...drawn.geometries, ...drawn.thinned.values()]) geometry.dispose();
     this.drawn.delete(chunk);
   }
 
