@@ -352,6 +352,48 @@ test("signals: the oscilloscope shows the motion that there is, a trigger its pl
   await page.close();
 });
 
+test("logic: all variables are found, a forced one is told on every page and released there", { skip, timeout: 60_000 }, async () => {
+  const page = await open({ hash: "#/signals" });
+  await click(page, "part-logic");
+  await page.waitForSelector(id("variables"));
+  await page.$$eval("[data-testid=logic] .choice button", (all) => all.find((one) => one.textContent === "many").click());
+  const count = (n) => page.waitForFunction((n) => Number(document.querySelector("[data-testid=variables]").dataset.count) === n, {}, n);
+  await count(500);
+  await click(page, "logic-more");
+  await count(1000);
+  // The last of 1201 is asked for by name.
+  await fill(page, "logic-search", "LEVEL 1199");
+  await count(1);
+  assert.ok(await page.$(id("variable-level[1199]")), await text(page, "variables"));
+  assert.ok(!(await page.$(id("forced"))));
+  await ask("logic.force", { program: "many", variable: "last_of_all", value: "7" });
+  await ask("logic.force", { program: "door", variable: "closed", value: "1" });
+  for (const where of ["operate", "programs", "machine"]) {
+    await go(page, where);
+    await page.waitForFunction(() => document.querySelector("[data-testid=forced]")?.textContent === "FORCED 2");
+  }
+  await click(page, "forced");
+  await page.waitForFunction(() => /last_of_all = 7/.test(document.querySelector("[data-testid=forced-dialogue]")?.textContent));
+  await picture(page, "forced");
+  for (const left of [1, 0]) {
+    await page.$eval(`${id("forced-dialogue")} li button`, (button) => button.click());
+    await page.waitForFunction((left) => document.querySelectorAll("[data-testid=forced-dialogue] li button").length === left, {}, left);
+  }
+  assert.deepEqual((await ask("status")).forced, []);
+  assert.ok(!(await page.$(id("forced"))));
+  await page.close();
+});
+
+test("what was measured of the machine is shown", { skip, timeout: 60_000 }, async () => {
+  const page = await open({ hash: "#/bus" });
+  for (const [part, name] of [["part-tuning", "step-0"], ["part-jitter", "jitter"]]) {
+    await click(page, part);
+    await page.waitForFunction((name) => document.querySelector(`[data-testid=measured-${name}]`)?.naturalWidth > 500, {}, name);
+    await picture(page, `measured-${name}`);
+  }
+  await page.close();
+});
+
 test("how long cycles take: since the start, and since the page was opened", { skip, timeout: 60_000 }, async () => {
   const page = await open({ hash: "#/bus" });
   await click(page, "part-jitter");
@@ -424,8 +466,19 @@ test("from elsewhere, the token of the address lets somebody in, and no other do
         await page.waitForFunction(() => ["booting", "disabled"].includes(document.querySelector("[data-testid=state]")?.dataset.state));
         assert.ok(!page.url().includes(token), "the token is not kept in the address");
       } else {
-        await page.waitForFunction(() => document.querySelector("[data-testid=connection]"), { timeout: 30_000 });
+        await page.waitForSelector(id("token-dialogue"), { timeout: 30_000 });
         assert.ok(!["booting", "disabled"].includes(await page.$eval(id("state"), ({ dataset }) => dataset.state)));
+        const all = [];
+        for (const [width, height] of SIZES) {
+          await page.setViewport({ width, height });
+          await new Promise((wake) => setTimeout(wake, 500));
+          all.push(...(await wrong(page, `token-dialogue-${width}`)));
+        }
+        assert.deepEqual(all, []);
+        // The right one lets in.
+        await page.type(id("token"), secret);
+        await click(page, "log-in");
+        await page.waitForFunction(() => ["booting", "disabled"].includes(document.querySelector("[data-testid=state]")?.dataset.state));
       }
       await context.close();
     }
@@ -436,69 +489,144 @@ test("from elsewhere, the token of the address lets somebody in, and no other do
   }
 });
 
-/** Share of the pixels that differ between a picture and the committed one; 0 where it has just been written. */
+/** Share of the pixels that differ between a picture, half as large, and the committed one; 0 where it has just been written. */
 async function differs(page, name) {
-  const { width, height } = page.viewport();
   // What is another at each run: times, messages, numbers of processes, answers of nodes.
-  await page.$$eval(".messages, .facts dd, .node small, .histogram, .plot, .figures td, .state-of-scope, .budget, .file .muted", (all) => all.forEach((element) => (element.style.visibility = "hidden")));
-  const shot = await page.screenshot({ type: "webp", quality: 70, clip: { x: 0, y: 0, width, height, scale: 0.5 } });
+  await page.$$eval(".messages, .facts dd, .node small, .histogram, .plot, .figures td, .state-of-scope, .budget, .file .muted, .logic .muted, .files small, .bar .name b, .measured ~ *", (all) => all.forEach((element) => (element.style.visibility = "hidden")));
   const file = join(root, "tests/panel/screens", `${name}.webp`);
-  if (process.env.SCREENS === "write") {
-    mkdirSync(join(root, "tests/panel/screens"), { recursive: true });
-    writeFileSync(file, shot);
-    return 0;
-  }
-  const pictures = [readFileSync(file), shot].map((octets) => `data:image/webp;base64,${Buffer.from(octets).toString("base64")}`);
-  return page.evaluate(async (pictures) => {
-    const [a, b] = await Promise.all(
-      pictures.map(async (source) => {
+  const write = process.env.SCREENS === "write";
+  const known = write ? null : `data:image/webp;base64,${readFileSync(file).toString("base64")}`;
+  // Made smaller here: a screenshot that is scaled gives the page another width for a moment.
+  const shot = `data:image/png;base64,${Buffer.from(await page.screenshot()).toString("base64")}`;
+  const { webp, share } = await page.evaluate(
+    async (shot, known) => {
+      const drawn = async (source, scale) => {
         const image = new Image();
         image.src = source;
         await image.decode();
         const canvas = document.createElement("canvas");
-        [canvas.width, canvas.height] = [image.width, image.height];
+        [canvas.width, canvas.height] = [image.width * scale, image.height * scale];
         const context = canvas.getContext("2d");
-        context.drawImage(image, 0, 0);
-        return context.getImageData(0, 0, image.width, image.height);
-      }),
-    );
-    if (a.width !== b.width || a.height !== b.height) return 1;
-    let different = 0;
-    for (let i = 0; i < a.data.length; i += 4) if ([0, 1, 2].some((k) => Math.abs(a.data[i + k] - b.data[i + k]) > 60)) different++;
-    return (4 * different) / a.data.length;
-  }, pictures);
+        context.imageSmoothingQuality = "high";
+        context.drawImage(image, 0, 0, canvas.width, canvas.height);
+        return canvas;
+      };
+      const now = await drawn(shot, 0.5);
+      if (!known) return { webp: now.toDataURL("image/webp", 0.7), share: 0 };
+      const [a, b] = [now, await drawn(known, 1)].map((canvas) => canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height));
+      if (a.width !== b.width || a.height !== b.height) return { share: 1 };
+      let different = 0;
+      for (let i = 0; i < a.data.length; i += 4) if ([0, 1, 2].some((k) => Math.abs(a.data[i + k] - b.data[i + k]) > 60)) different++;
+      return { share: (4 * different) / a.data.length };
+    },
+    shot,
+    known,
+  );
+  if (write) {
+    mkdirSync(join(root, "tests/panel/screens"), { recursive: true });
+    writeFileSync(file, Buffer.from(webp.split(",")[1], "base64"));
+  }
+  return share;
 }
 
+/** What times, counters and other fonts may come to. */
+const DIFFERENT_MAX = 0.04;
+const AXE = skip ? "" : readFileSync(join(modules, "axe-core/axe.min.js"), "utf8");
+
+/** What is wrong with how a page looks: compared with the committed picture, judged by axe, too wide, too small for a finger. */
+async function wrong(page, name) {
+  await picture(page, name);
+  const { width } = page.viewport();
+  const all = [];
+  const found = await page.evaluate(() => [...document.querySelectorAll("button, a, input")].filter((element) => element.offsetParent).map((element) => {
+    const { width, height, left, right } = element.getBoundingClientRect();
+    return { what: element.outerHTML.slice(0, 160), width, height, left, right, scrolls: element.closest(".scroll") !== null, button: element.matches("button, nav a") };
+  }));
+  const wide = found.filter(({ width: wide, left, right, scrolls }) => wide > 1 && !scrolls && (right > width + 1 || left < -1));
+  all.push(...wide.map(({ what }) => `${name}: beyond the screen: ${what}`));
+  const small = found.filter(({ button, width, height }) => button && (width < 43.5 || height < 43.5));
+  all.push(...small.map(({ what }) => `${name}: too small for a finger: ${what}`));
+  if (process.env.SCREENS !== "write" || process.env.AXE) {
+    await page.evaluate(AXE);
+    const serious = await page.evaluate(() => axe.run(document, { runOnly: ["wcag2a", "wcag2aa"] }).then(({ violations }) => violations.filter(({ impact }) => ["serious", "critical"].includes(impact)).map(({ id, nodes }) => `${id}: ${nodes.map(({ html, any }) => `${html.slice(0, 120)} ${any[0]?.message ?? ""}`).join(" | ")}`)));
+    all.push(...serious.map((one) => `${name}: ${one}`));
+  }
+  const different = await differs(page, name);
+  if (different > DIFFERENT_MAX) all.push(`${name}: ${(100 * different).toFixed(1)} % of its pixels differ from tests/panel/screens`);
+  return all;
+}
+
+const close = (page) => page.$eval("dialog header button", (button) => button.click());
 const PAGES = [["operate"], ["setup"], ["programs"], ["signals"], ["bus"], ["machine"]];
 /** What pages show one at a time, beside what they begin with. */
 const PARTS = [
-  ["bus", "part-jitter"],
-  ["machine", "part-file"],
-  ["machine", "part-pc"],
-];
-const LARGE = [
   ["setup", "part-touch-off"],
   ["setup", "part-offsets"],
   ["setup", "part-tools"],
   ["setup", "part-probing"],
+  ["signals", "part-logic"],
+  ["bus", "part-jitter"],
+  ["bus", "part-tuning"],
+  ["machine", "part-file"],
+  ["machine", "part-pc"],
 ];
 const SMALL = [
   ["signals", "part-scope"],
   ["machine", "part-versions"],
 ];
-/** What is looked at: sizes, language, theme, pages and their parts. */
-const LOOKS = [
-  [1280, 800, "en", "dark", [...PAGES, ...LARGE, ...PARTS]],
-  [1280, 800, "de", "light", PAGES],
-  [800, 480, "en", "dark", [...PAGES, ...SMALL, ...PARTS]],
-  [390, 844, "en", "dark", [...PAGES, ...SMALL, ...PARTS]],
+/** Dialogues: a page, its part, how they are opened, and how they go. */
+const DIALOGUES = [
+  ["setup", "part-offsets", "edit-dialogue", (page) => page.$eval(".grid .active td button", (button) => button.click()), close],
+  ["setup", "part-probing", "probe-form", (page) => page.$eval(".cycle", (button) => button.click()), close],
+  ["operate", null, "control-dialogue", (page) => click(page, "control"), close],
+  [
+    "machine",
+    null,
+    "forced-dialogue",
+    async (page) => {
+      await ask("logic.force", { program: "many", variable: "last_of_all", value: "7" });
+      await click(page, "forced");
+    },
+    async (page) => {
+      await close(page);
+      await ask("logic.release", { program: "many" });
+    },
+  ],
+];
+const SIZES = [
+  [1280, 800],
+  [800, 480],
+  [390, 844],
 ];
 
-/** What times, counters and other fonts may come to. */
-const DIFFERENT_MAX = 0.04;
+/** A page of this size and language, as it is after it was loaded anew. */
+async function openAs([width, height], language, theme, hash = "") {
+  const page = await open({ width, height, hash });
+  await page.evaluate((language, theme) => {
+    localStorage.setItem("language", language);
+    localStorage.setItem("theme", theme);
+    const pins = ["joint.0.motor-pos-cmd", "joint.1.motor-pos-cmd", "joint.2.motor-pos-cmd", "motion.fault"];
+    for (const list of ["watched", "scoped"]) localStorage.setItem(list, JSON.stringify(pins));
+  }, language, theme);
+  await page.reload();
+  await page.waitForFunction(() => document.querySelector("[data-testid=state]")?.dataset.state);
+  return page;
+}
 
-test("pages look as they did, have no serious finding of axe, are no wider than the screen, and their buttons are 44 px", { skip, timeout: 900_000 }, async () => {
-  const axe = readFileSync(join(modules, "axe-core/axe.min.js"), "utf8");
+/** Waits until what is drawn stays as it is. */
+async function settled(page) {
+  await new Promise((wake) => setTimeout(wake, 700));
+  if (await page.$(id("path"))) await page.waitForFunction(() => document.querySelector("[data-testid=path]").dataset.whole === "true");
+  if (await page.$(id("measurements"))) await page.waitForFunction(() => [...document.querySelectorAll(".measured img")].some((image) => image.naturalWidth > 0));
+  // A picture of what goes on being drawn is never ready on a busy PC.
+  if (await page.$(id("scope-run"))) {
+    // Stopped before it has begun it would go on.
+    await page.waitForFunction(() => Number(document.querySelector("[data-testid=scope-state]").dataset.rows) > 0);
+    await page.$eval(id("scope-run"), (button) => button.getAttribute("aria-pressed") === "true" && button.click());
+  }
+}
+
+test("pages look as they did, have no serious finding of axe, are no wider than the screen, and their buttons are 44 px", { skip, timeout: 1_200_000 }, async (pages) => {
   if ((await state()) === "disabled") await ask("on");
   await until("on", async () => (await state()) === "ready");
   if ((await ask("status")).homed.length < 3) await ask("home");
@@ -509,48 +637,61 @@ test("pages look as they did, have no serious finding of axe, are no wider than 
     return activity === "idle" && Math.abs(position_mm[0] - 30) < 0.01;
   });
   await ask("program.load", { name: "part.ngc", text: PART });
-  const all = [];
-  for (const [width, height, language, theme, views] of LOOKS) {
-    const page = await open({ width, height });
-    await page.evaluate((language) => localStorage.setItem("language", language), language);
-    await page.evaluate(() => {
-      const pins = ["joint.0.motor-pos-cmd", "joint.1.motor-pos-cmd", "joint.2.motor-pos-cmd", "motion.fault"];
-      for (const list of ["watched", "scoped"]) localStorage.setItem(list, JSON.stringify(pins));
-    });
-    await page.reload();
-    await page.waitForFunction(() => document.querySelector("[data-testid=state]")?.dataset.state);
-    for (const [where, part] of views) {
-      await page.evaluate((theme) => (document.documentElement.dataset.theme = theme), theme);
-      await go(page, where);
-      if (part) await click(page, part);
-      await new Promise((wake) => setTimeout(wake, 1000));
-      // A picture of what goes on being drawn is never ready on a busy PC.
-      if (await page.$(id("scope-run"))) {
-        // Stopped before it has begun it would go on.
-        await page.waitForFunction(() => Number(document.querySelector("[data-testid=scope-state]").dataset.rows) > 0);
-        await click(page, "scope-run");
-      }
-      const name = `${where}${part ? part.replace("part", "") : ""}-${width}${language === "de" ? "-de" : ""}`;
-      await picture(page, name);
-      const found = await page.evaluate(() => [...document.querySelectorAll("button, a, input")].filter((element) => element.offsetParent).map((element) => {
-        const { width, height, left, right } = element.getBoundingClientRect();
-        return { what: element.outerHTML.slice(0, 160), width, height, left, right, scrolls: element.closest(".scroll") !== null, button: element.matches("button, nav a") };
-      }));
-      const wide = found.filter(({ width: wide, left, right, scrolls }) => wide > 1 && !scrolls && (right > width + 1 || left < -1));
-      all.push(...wide.map(({ what }) => `${name}: beyond the screen: ${what}`));
-      const small = found.filter(({ button, width, height }) => button && (width < 43.5 || height < 43.5));
-      all.push(...small.map(({ what }) => `${name}: too small for a finger: ${what}`));
-      if (width !== 800 && process.env.SCREENS !== "write") {
-        await page.evaluate(axe);
-        const serious = await page.evaluate(() => axe.run(document, { runOnly: ["wcag2a", "wcag2aa"] }).then(({ violations }) => violations.filter(({ impact }) => ["serious", "critical"].includes(impact)).map(({ id, nodes }) => `${id}: ${nodes.map(({ html, any }) => `${html.slice(0, 120)} ${any[0]?.message ?? ""}`).join(" | ")}`)));
-        all.push(...serious.map((one) => `${name}: ${one}`));
-      }
-      const different = await differs(page, name);
-      if (different > DIFFERENT_MAX) all.push(`${name}: ${(100 * different).toFixed(1)} % of its pixels differ from tests/panel/screens`);
+
+  for (const size of SIZES) {
+    for (const [language, theme] of [["en", "dark"], ["de", "light"]]) {
+      await pages.test(`${size.join(" x ")}, ${language}, ${theme}`, async () => {
+        const all = [];
+        const page = await openAs(size, language, theme);
+        const end = `${size[0]}${language === "de" ? "-de" : ""}`;
+        for (const [where, part] of [...PAGES, ...(language === "de" ? [] : [...PARTS, ...(size[0] < 1100 ? SMALL : [])])]) {
+          await go(page, where);
+          if (part) await click(page, part);
+          await settled(page);
+          all.push(...(await wrong(page, `${where}${part ? part.replace("part", "") : ""}-${end}`)));
+        }
+        if (language === "en") {
+          for (const [where, part, dialogue, opened, closed] of DIALOGUES) {
+            await go(page, where);
+            if (part) await click(page, part);
+            await settled(page);
+            await opened(page);
+            await page.waitForSelector(id(dialogue));
+            await settled(page);
+            all.push(...(await wrong(page, `${dialogue}-${end}`)));
+            await closed(page);
+          }
+        }
+        await page.close();
+        assert.deepEqual(all, []);
+      });
     }
-    await page.close();
   }
-  assert.deepEqual(all, []);
+
+  const everywhere = async (name) => {
+    const all = [];
+    for (const [size, language, theme] of [...SIZES.map((size) => [size, "en", "dark"]), [SIZES[2], "de", "light"]]) {
+      const page = await openAs(size, language, theme);
+      await settled(page);
+      all.push(...(await wrong(page, `${name}-${size[0]}${language === "de" ? "-de" : ""}`)));
+      await page.close();
+    }
+    assert.deepEqual(all, []);
+  };
+  await pages.test("a tool is to be changed", async () => {
+    await ask("program.start");
+    await until("a tool", async () => (await ask("status")).waiting?.for === "tool-change");
+    await everywhere("tool-dialogue");
+    await ask("stop");
+    await until("rest", async () => (await state()) === "ready");
+  });
+  await pages.test("an alarm", async () => {
+    await ask("estop");
+    await until("it", async () => (await state()) === "estop");
+    await everywhere("alarm");
+    await ask("estop.reset");
+    await until("drives off", async () => (await state()) === "disabled");
+  });
 });
 
 test("nothing went wrong in any page: no error, no breach of the policy, nothing fetched from elsewhere", { skip }, () => {

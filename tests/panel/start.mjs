@@ -1,7 +1,7 @@
 // A simulated machine with a panel, for whoever drives it in a browser.
 import { execFileSync, spawn } from "node:child_process";
 import { createConnection } from "node:net";
-import { existsSync, mkdtempSync, readFileSync, writeFileSync } from "node:fs";
+import { copyFileSync, existsSync, mkdirSync, mkdtempSync, readFileSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
@@ -31,11 +31,25 @@ export function machineFile(name) {
   );
 }
 
+const MANY = `PROGRAM many
+VAR last_of_all : INT; level : ARRAY [0..1199] OF INT; END_VAR
+level[0] := level[0] + 1; last_of_all := level[0];
+END_PROGRAM
+`;
+
 /** Starts a control; gives its process, its folder and a way to ask it beside the browser. */
 export async function start(port) {
   const folder = mkdtempSync(join(tmpdir(), "panel-"));
   const name = `panel-${process.pid}`;
-  writeFileSync(join(folder, "machine.toml"), machineFile(name));
+  // Programs in Structured Text, one of them with more variables than an answer has, and measurements of an earlier day.
+  const logic = [["door", readFileSync(join(root, "configs/logic/door.st"), "utf8")], ["many", MANY]];
+  const sections = logic.map(([program, text]) => {
+    writeFileSync(join(folder, `${program}.st`), text);
+    return `\n[[logic]]\nname = "${program}"\nfile = "${program}.st"\nperiod_ms = 10\n`;
+  });
+  mkdirSync(join(folder, "state/measurements"), { recursive: true });
+  for (const measured of ["step-0", "jitter"]) copyFileSync(join(root, `tests/panel/measured-${measured}.svg`), join(folder, `state/measurements/${measured}.svg`));
+  writeFileSync(join(folder, "machine.toml"), machineFile(name).replace("\ncycle_us", '\nstate_directory = "state"\ncycle_us') + sections.join(""));
   const control = spawn(program, ["run", "machine.toml", "--panel", `127.0.0.1:${port}`], { cwd: folder, stdio: ["ignore", "ignore", "inherit"] });
   const folders = ["/run/isocnc", process.env.XDG_RUNTIME_DIR && `${process.env.XDG_RUNTIME_DIR}/isocnc`, `/dev/shm/isocnc-${process.getuid()}`];
   const path = await new Promise((resolve, reject) => {

@@ -9,7 +9,7 @@ import { Programs } from "./pages/programs";
 import { Setup } from "./pages/setup";
 import { Signals } from "./pages/signals";
 import { PAGES, type Page, usePage } from "./route";
-import { Actions, Banners, chosenTheme, StateBar, Toasts, ToolDialogue } from "./shell";
+import { Actions, Banners, chosenTheme, StateBar, Toasts, TokenDialogue, ToolDialogue } from "./shell";
 import { connect, useStore } from "./store";
 import { Icon } from "./ui";
 
@@ -45,6 +45,7 @@ function App() {
       </main>
       <Actions />
       <ToolDialogue />
+      <TokenDialogue />
       <Toasts />
     </div>
   );

@@ -24,12 +24,14 @@ const BACK_OFF_MAX_MS = 5000;
 /** Without data for so long, the control is asked whether it is there: a machine at rest tells something once a second only. */
 const QUIET_MS = 400;
 const PING_EVERY_MS = 200;
+/** Code of a connection that is closed as its token is missing, or does not count. */
+const LOG_IN = 4401;
 /** A connection that says nothing for so long is given up and made anew. */
 const DEAD_MS = 6000;
 
 export class Connection {
   /** Told at each change of the phase; "open" once messages can be sent. */
-  onPhase: (phase: Phase, reason: string) => void = () => {};
+  onPhase: (phase: Phase, reason: string, denied: boolean) => void = () => {};
   onNotification: (method: string, params: unknown) => void = () => {};
   onBinary: (data: ArrayBuffer) => void = () => {};
   phase: Phase = "connecting";
@@ -80,17 +82,19 @@ export class Connection {
       if (typeof event.data === "string") this.receive(event.data);
       else this.onBinary(event.data as ArrayBuffer);
     };
-    socket.onclose = (event) => this.lost(socket, event.reason);
+    socket.onclose = (event) => this.lost(socket, event.reason, event.code === LOG_IN);
   }
 
-  private lost(socket: WebSocket, reason: string): void {
+  private lost(socket: WebSocket, reason: string, denied = false): void {
     if (this.socket !== socket) return;
     this.socket = null;
     socket.onmessage = socket.onclose = null;
     socket.close();
     for (const { reject } of this.waiting.values()) reject(new Refused(0, "connection lost"));
     this.waiting.clear();
-    this.tell("lost", reason);
+    this.tell("lost", reason, denied);
+    // The same token would be refused again.
+    if (denied) return;
     setTimeout(() => this.open(), this.backOff);
     this.backOff = Math.min(BACK_OFF_MAX_MS, this.backOff * 2);
   }
@@ -114,9 +118,9 @@ export class Connection {
     else waiting.resolve(message.result);
   }
 
-  private tell(phase: Phase, reason: string): void {
+  private tell(phase: Phase, reason: string, denied = false): void {
     this.phase = phase;
-    this.onPhase(phase, reason);
+    this.onPhase(phase, reason, denied);
   }
 
   private watch(): void {

@@ -3,7 +3,7 @@ import { useEffect, useState } from "preact/hooks";
 import { type Key, dateAndTime, fixed, language, setLanguage, t, timeOfDay, word } from "./i18n";
 import { keys } from "./keys";
 import { nextStep, refuses, reset } from "./orders";
-import { ask, clientName, connection, controlOf, dismiss, getStore, order, say, setStore, tellRefused, useStatus, useStore } from "./store";
+import { ask, clientName, connection, controlOf, dismiss, getStore, logIn, order, say, setStore, tellRefused, token, useStatus, useStore } from "./store";
 import type { Entry } from "./types";
 import { Button, Dialog, Field, Icon, type IconName } from "./ui";
 import { useEveryHalfSecond } from "./hooks";
@@ -217,10 +217,12 @@ export function Banners() {
   const age = useStore((s) => s.age);
   const stalled = useStore((s) => s.stalled);
   const reason = useStore((s) => s.reason);
+  const denied = useStore((s) => s.denied);
   useEveryHalfSecond();
   const s = fixed(connection.age() / 1000, 0);
   let text = "";
-  if (!connected) text = status ? t("no-connection", { s }) : t("connecting");
+  if (denied) text = "";
+  else if (!connected) text = status ? t("no-connection", { s }) : t("connecting");
   else if (age >= 1000) text = t("no-data", { s });
   else if (stalled) text = t("stalled");
   return (
@@ -348,6 +350,24 @@ export function ToolDialogue() {
       <p class="muted">{t("in-spindle", { tool: now ? `T${now}` : t("tool-none") })}</p>
       <footer>
         <Button id="tool-changed" kind="go tall" icon="check" label={t(wanted ? "tool-changed" : "tool-removed")} onClick={() => void order("tool.changed")} />
+      </footer>
+    </Dialog>
+  );
+}
+
+/** Whoever comes from elsewhere shows a token, which this asks for where the address did not bring it. */
+export function TokenDialogue() {
+  const denied = useStore((s) => s.denied);
+  const [text, setText] = useState("");
+  const wanted = text.trim();
+  if (!denied) return null;
+  return (
+    <Dialog id="token-dialogue" title={t("token-dialogue")}>
+      <p class="strong">{t(token ? "token-wrong" : "token-missing")}</p>
+      <p>{t("token-explained")}</p>
+      <Field id="token" label={t("token")} value={text} onInput={setText} onEnter={() => wanted && logIn(wanted)} />
+      <footer>
+        <Button id="log-in" kind="go" label={t("log-in")} disabled={!wanted} onClick={() => logIn(wanted)} />
       </footer>
     </Dialog>
   );

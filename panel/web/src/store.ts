@@ -18,6 +18,8 @@ export interface Store {
   connected: boolean;
   /** Why there is no connection, in the words of the other end. */
   reason: string;
+  /** A token is asked for. */
+  denied: boolean;
   /** Age of the data in ms, in steps. */
   age: 0 | 1000 | 2000;
   /** Cycles of the control stand still, although it answers. */
@@ -34,6 +36,7 @@ let store: Store = {
   status: null,
   connected: false,
   reason: "",
+  denied: false,
   age: 0,
   stalled: false,
   methods: new Set(),
@@ -97,6 +100,12 @@ function takeToken(): string | null {
 
 export const token = takeToken();
 
+/** From now on this tab shows another token. */
+export function logIn(token: string): void {
+  sessionStorage.setItem("token", token);
+  location.reload();
+}
+
 export function authorised(headers: Record<string, string> = {}): Record<string, string> {
   return token ? { ...headers, Authorization: `Bearer ${token}` } : headers;
 }
@@ -105,9 +114,9 @@ export let connection: Connection;
 
 export function connect(): void {
   connection = new Connection(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/rpc`);
-  connection.onPhase = (phase, reason) => {
+  connection.onPhase = (phase, reason, denied) => {
     if (phase === "open") void greet();
-    else if (phase === "lost") setStore({ connected: false, reason });
+    else if (phase === "lost") setStore({ connected: false, reason, denied });
   };
   connection.onNotification = (method, params) => {
     if (method === "state") takeChange((params as { changed: Partial<Status> }).changed);

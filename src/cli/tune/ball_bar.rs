@@ -264,6 +264,7 @@ mod tests {
     use crate::machine::sequence::Outcome;
     use crate::operator::rehearsal::rehearse;
     use crate::sim::NetConfig;
+    use std::path::Path;
 
     const DEMO: &str = include_str!("../../../configs/mill3-demo.toml");
 

@@ -1,5 +1,6 @@
 /** The network: who is there, how each node is, why; objects by SDO; what the cycle has left of its time. */
 import { useEffect, useState } from "preact/hooks";
+import { useSmall } from "../hooks";
 import { fixed, t } from "../i18n";
 import { ask, connection, order, useStatus, useStore } from "../store";
 import { Button, Card, Choice, Field, Icon } from "../ui";
@@ -286,6 +287,8 @@ export function Bus() {
   const times = useStore((s) => s.methods.has("cycle.times"));
   const connected = useStore((s) => s.connected);
   const node = network?.nodes.find((one) => one.id === chosen);
+  const small = useSmall();
+  const recorded = <Measurements heading={t("recorded")} kinds={["jitter"]} none={t("recorded-none")} />;
   return (
     <div class="page two" data-testid="bus">
       <div class="column">
@@ -306,6 +309,7 @@ export function Bus() {
             ))}
           </ul>
         </Card>
+        {part === "jitter" && !small && recorded}
       </div>
       <div class="column" tabIndex={0} role="group" aria-label={t("time")}>
         <Choice
@@ -324,7 +328,7 @@ export function Bus() {
         {part === "jitter" && (
           <>
             <Jitter />
-            <Measurements heading={t("recorded")} kinds={["jitter"]} none={t("recorded-none")} />
+            {small && recorded}
           </>
         )}
         {part === "tuning" && <Measurements heading={t("tuning")} kinds={["step", "sweep", "pid", "ball-bar"]} none={t("tuning-none")} />}

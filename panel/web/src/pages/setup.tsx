@@ -253,8 +253,17 @@ function Edit({ edited, onClose }: { edited: Edited; onClose: () => void }) {
   const value = parseNumber(text);
   const set = () => void edited.set(value).then((answer) => answer !== undefined && onClose());
   return (
-    <Dialog title={edited.title} onClose={onClose}>
+    <Dialog id="edit-dialogue" title={edited.title} onClose={onClose}>
       <Field numeric label={t("value")} value={text} onInput={setText} onEnter={set} id="edit-value" />
+      <p class="preview">
+        {Number.isNaN(value) ? (
+          t("no-number")
+        ) : (
+          <>
+            {edited.value} → <b>{fixed(value, 4)}</b>
+          </>
+        )}
+      </p>
       <footer>
         <Button id="edit-set" kind="go" label={t("set")} disabled={Number.isNaN(value)} onClick={set} />
       </footer>
