@@ -616,7 +616,7 @@ async function openAs([width, height], language, theme, hash = "") {
 /** Waits until what is drawn stays as it is. */
 async function settled(page) {
   await new Promise((wake) => setTimeout(wake, 700));
-  if (await page.$(id("path"))) await page.waitForFunction(() => document.querySelector("[data-testid=path]").dataset.whole === "true");
+  if (await page.$(id("path"))) await page.waitForFunction(() => ((path) => path.dataset.whole === "true" && path.dataset.busy === "false")(document.querySelector("[data-testid=path]")));
   if (await page.$(id("measurements"))) await page.waitForFunction(() => [...document.querySelectorAll(".measured img")].some((image) => image.naturalWidth > 0));
   // A picture of what goes on being drawn is never ready on a busy PC.
   if (await page.$(id("scope-run"))) {

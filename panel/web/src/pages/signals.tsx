@@ -412,6 +412,7 @@ function Logic() {
   return (
     <Card
       id="logic"
+      kind="logic"
       title={t("logic")}
       tools={
         tasks.length > 1 && (

@@ -79,12 +79,14 @@ class Path {
   /** Somebody looks at it from where he wants to: nothing but he changes that. */
   private moved = false;
   private ran = false;
-  /** A hand turns the picture until then, and a whole picture has its pause until then; when the last one was begun, ms. */
+  /** A hand turns the picture until then, and a whole picture has its pause until then; when the one under way was begun (0: none is), ms. */
   private movingUntil = 0;
   private rest = 0;
   private drawnAt = 0;
-  /** What is being drawn. */
-  private drawing: "moving" | "whole" | null = null;
+  /** The last picture was one of those in motion, which may lack something. */
+  private coarse = false;
+  private urgent = false;
+  private awake = false;
 
   constructor(
     private canvas: HTMLCanvasElement,
@@ -161,7 +163,7 @@ class Path {
       if (this.data.reached > before && before >= 0) this.saw(status.velocity_mm_s);
     }
     this.ran = runs;
-    this.draw();
+    this.draw(false);
   }
 
   private saw(mm_s: number): void {
@@ -238,34 +240,41 @@ class Path {
     return { min, max };
   }
 
-  private draw(): void {
-    if (this.wanted || this.disposed) return;
+  /** `urgent`: a hand, or another path, has changed the picture, and not only the machine, which will do so again. */
+  private draw(urgent = true): void {
     this.wanted = true;
-    requestAnimationFrame(() => this.drawNow());
+    this.urgent ||= urgent;
+    if (this.awake || this.disposed) return;
+    this.awake = true;
+    this.canvas.dataset.busy = "true";
+    requestAnimationFrame(() => this.turn());
   }
 
-  private drawNow(): void {
+  /** Draws when the last picture is on the screen, if there is something to draw. */
+  private turn(): void {
     const { picture } = this;
-    if (this.disposed || !picture) return void (this.wanted = false);
     const now = performance.now();
     const moving = now < this.movingUntil;
-    const ready = picture.ready();
-    if (ready && this.drawing) {
-      this.rest = this.drawing === "whole" ? now + 2 * (now - this.drawnAt) : 0;
-      this.drawing = null;
+    const again = () => void requestAnimationFrame(() => this.turn());
+    if (!this.disposed && picture) {
+      if (!picture.ready()) return again();
+      // A whole picture that took long has a pause behind it.
+      if (this.drawnAt) this.rest = this.coarse ? 0 : now + 2 * (now - this.drawnAt);
+      this.drawnAt = 0;
+      if (this.canvas.clientWidth && (this.wanted || moving || this.coarse)) {
+        if (!moving && !this.urgent && !this.coarse && now < this.rest) return again();
+        this.wanted = this.urgent = false;
+        this.coarse = moving;
+        this.drawnAt = now;
+        const frame = this.frame(getStore().status);
+        picture.draw(this.view, this.data, frame, moving);
+        this.canvas.dataset.drawn = String(Number(this.canvas.dataset.drawn ?? 0) + 1);
+        this.write(frame);
+        return again();
+      }
     }
-    // A picture that is not on the screen yet is waited for; a whole one that took long has a pause behind it.
-    if (!ready || (!moving && now < this.rest)) return void requestAnimationFrame(() => this.drawNow());
-    this.wanted = false;
-    if (!this.canvas.clientWidth) return;
-    this.drawnAt = now;
-    this.drawing = moving ? "moving" : "whole";
-    const frame = this.frame(getStore().status);
-    picture.draw(this.view, this.data, frame, moving);
-    this.canvas.dataset.drawn = String(Number(this.canvas.dataset.drawn ?? 0) + 1);
-    this.write(frame);
-    // What was left out while it moved is drawn once it rests.
-    if (moving) this.draw();
+    this.awake = false;
+    this.canvas.dataset.busy = "false";
   }
 
   private frame(status: Status | null): Frame {
