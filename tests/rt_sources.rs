@@ -50,6 +50,8 @@ const REAL_TIME: &[&str] = &[
     "src/machine/overruns.rs",
     "src/host/latency.rs",
     "src/bus/powerlink/mod.rs",
+    "src/bus/ethercat/mod.rs",
+    "src/bus/ethercat/publisher.rs",
     "motion/src/rt",
     "motion/src/rt/interpolator",
     "motion/src/rt/otg",
@@ -63,6 +65,9 @@ const REAL_TIME: &[&str] = &[
     "motion/src/ring.rs",
     "powerlink/src/mn",
     "powerlink/src/mn/objects",
+    "ethercat/src/main",
+    "ethercat/src/main/device",
+    "ethercat/src/main/network",
     "cia402/src/axis",
 ];
 
@@ -106,6 +111,9 @@ const FORBIDDEN: [&str; 31] = [
 /// What runs before real time begins or after it has ended: file, function, why.
 const START_UP: &[(&str, &str, &str)] = &[
     ("src/bus/powerlink/publisher.rs", "rings", "makes the rings"),
+    ("src/bus/ethercat/publisher.rs", "rings", "makes the rings"),
+    ("src/bus/ethercat/mod.rs", "new", "makes the bus"),
+    ("src/bus/ethercat/mod.rs", "node_states", "names for people"),
     (
         "src/bus/powerlink/publisher.rs",
         "new",

@@ -22,7 +22,6 @@ pub use self::powerlink::tap::Tap;
 pub use crate::config::NodeIndex;
 use crate::config::{self, Config, ConfigErrors, Identity};
 use crate::machine::faults::{ForeignMaster, LinkFailure};
-use ::powerlink::link::LinkError;
 use obd::AbortCode;
 use plan::NodePlan;
 use service::{BudgetView, BusService};
@@ -121,15 +120,6 @@ fn in_the_kernel<T>(call: impl FnOnce() -> T) -> T {
     #[cfg(feature = "rtsan")]
     let _hidden = rtsan_standalone::ScopedDisabler::default();
     call()
-}
-
-fn link_failure(error: LinkError) -> LinkFailure {
-    match error {
-        LinkError::Down => LinkFailure::Down,
-        LinkError::NoBuffers => LinkFailure::QueueFull,
-        LinkError::FrameLength { got, max } => LinkFailure::FrameLength { octets: got, max },
-        LinkError::Os { errno } => LinkFailure::Os { errno },
-    }
 }
 
 /// Octets of the longest value that is read or written while the bus runs.

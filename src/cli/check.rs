@@ -16,7 +16,7 @@ use crate::rt::components::{LateRead, late_reads};
 use crate::rt::logic::budget::{self, Budget};
 use crate::rt::pins::{Pins, PinsError, capacity};
 use crate::rt::steps::StepDrives;
-use anyhow::Context;
+use anyhow::{Context, ensure};
 use hal_pins::Hal;
 use serde_json::{Value as Json, json};
 use std::fmt::{self, Write as _};
@@ -76,6 +76,11 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
         format!("{}{logic}timing\n       {timing}\n{servo}", Summary(&config, &plans))
     })?;
     if let Some(path) = &args.cdc {
+        ensure!(
+            !config.bus.kind.is_ethercat(),
+            "a concise DCF is POWERLINK's: bus.kind is \"{}\"",
+            config.bus.kind.name()
+        );
         // Behind the result, which a full disk must not keep from the user.
         let octets = write_cdc(&config, &plans).with_context(|| format!("{}: cannot be written", path.display()))?;
         files::write(path, octets).with_context(|| format!("{}: cannot be written", path.display()))?;

@@ -12,10 +12,11 @@ pub mod setup;
 
 pub use remark::{Names, Remark};
 
+use super::powerlink::link_failure;
 use super::watch::Watch;
 use super::{
     BusEvent, BusState, CycleReport, CyclicBus, InputImage, NodeIndex, NodeState, NodeStatistics, OutputImage,
-    TimeReference, in_the_kernel, link_failure,
+    TimeReference, in_the_kernel,
 };
 use crate::config::Identity;
 use crate::machine::faults::ForeignMaster;

@@ -18,10 +18,10 @@ pub mod tap;
 use super::watch::Watch;
 use super::{
     BusEvent, BusState, CycleReport, CyclicBus, EthernetFrame, InputImage, NodeIndex, NodeState, NodeStatistics,
-    OutputImage, TimeReference, in_the_kernel, link_failure,
+    OutputImage, TimeReference, in_the_kernel,
 };
 use crate::config::Identity;
-use crate::machine::faults::ForeignMaster;
+use crate::machine::faults::{ForeignMaster, LinkFailure};
 use powerlink::link::{Link, LinkError};
 use powerlink::mn::{self, ETHERNET_FRAMES, ForeignSign, Mn, MnConfig, MnEvent, QueueError, Step};
 use powerlink::nmt::NmtState;
@@ -431,6 +431,16 @@ impl<L: Link, const NODES: usize> CyclicBus for Powerlink<'_, L, NODES> {
         if let Some(publisher) = &mut self.publisher {
             publisher.publish(cycle, &mut self.mn, &mut self.sdo_buffers);
         }
+    }
+}
+
+/// Why a link does not carry frames, in the words of the control.
+pub(super) fn link_failure(error: LinkError) -> LinkFailure {
+    match error {
+        LinkError::Down => LinkFailure::Down,
+        LinkError::NoBuffers => LinkFailure::QueueFull,
+        LinkError::FrameLength { got, max } => LinkFailure::FrameLength { octets: got, max },
+        LinkError::Os { errno } => LinkFailure::Os { errno },
     }
 }
 

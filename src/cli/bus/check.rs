@@ -3,12 +3,13 @@
 //! In:  the checked machine description, the plans of its nodes.
 //! Out: text for a terminal, and the same as JSON.
 
+use crate::bus;
 use crate::bus::layout::Layout;
 use crate::bus::plan::{LeftOut, LeftOutReason, NodePlan};
 use crate::bus::powerlink::cdc;
 use crate::bus::powerlink::managing_node::{latencies, mn_config, node_configs};
 use crate::cli::check::print;
-use crate::config::{Channel, ChannelKind, Config, Exchange, Mapped, Node, Profile};
+use crate::config::{Channel, ChannelKind, Config, EthercatNode, Exchange, Mapped, Node, Profile, SyncClock};
 use anyhow::Context;
 use powerlink::mn::{Budget, BudgetLine, MnConfig, NodeConfig, Part};
 use serde_json::{Value as Json, json};
@@ -81,6 +82,9 @@ fn exchange(node: &Node) -> String {
 
 /// What the exchange of a cycle takes at the worst, ns.
 pub(in crate::cli) fn exchange_ns(config: &Config, plans: &[NodePlan]) -> u64 {
+    if config.bus.kind.is_ethercat() {
+        return bus::worst_exchange_ns(config);
+    }
     with_mn_config(config, plans, |mn| {
         Budget::new(mn, &latencies(&config.bus)).worst().total_ns()
     })
@@ -88,6 +92,9 @@ pub(in crate::cli) fn exchange_ns(config: &Config, plans: &[NodePlan]) -> u64 {
 
 /// The budget of the cycle as a table.
 pub(in crate::cli) fn write_budget(f: &mut fmt::Formatter<'_>, config: &Config, plans: &[NodePlan]) -> fmt::Result {
+    if config.bus.kind.is_ethercat() {
+        return write_frames(f, config);
+    }
     let latencies_ns = latencies(&config.bus);
     with_mn_config(config, plans, |mn| {
         let budget = Budget::new(mn, &latencies_ns);
@@ -137,6 +144,19 @@ pub(in crate::cli) fn write_budget(f: &mut fmt::Formatter<'_>, config: &Config, 
     })
 }
 
+/// What the frames of a cycle of EtherCAT cost: half of the cycle is theirs.
+fn write_frames(f: &mut fmt::Formatter<'_>, config: &Config) -> fmt::Result {
+    let us = |ns: u64| ns as f64 / 1000.0;
+    writeln!(f, "{:<10}{:<57}{:>9}", "cycle", format!("{} us", config.cycle_us), "us")?;
+    for line in bus::budget(config) {
+        writeln!(f, "          {:<57}{:>9.1}", line.part, line.worst_us)?;
+    }
+    let sum_ns = bus::worst_exchange_ns(config);
+    let left_ns = (u64::from(config.cycle_us) * 1000).saturating_sub(sum_ns);
+    writeln!(f, "          {:<57}{:>9.1}", "sum", us(sum_ns))?;
+    writeln!(f, "          {:<57}{:>9.1}", "left for computing", us(left_ns))
+}
+
 /// What a line of the budget is for.
 fn part(line: &BudgetLine, config: &Config, latencies_ns: &[Option<u32>]) -> String {
     let name = |node: usize| config.bus.nodes.get(node).map_or("", |node| node.name.as_str());
@@ -168,18 +188,24 @@ pub(in crate::cli) fn write_node(
     node: &Node,
     plan: &NodePlan,
 ) -> fmt::Result {
+    let how = match &node.ethercat {
+        None => format!("PRes within {} us, ", node.pres_timeout_us),
+        Some(_) => String::new(),
+    };
     writeln!(
         f,
-        "  {:>3}  {:<12} {:<7} {:<9} PRes within {} us, {} octets out, {} in{}",
+        "  {:>3}  {:<12} {:<7} {:<9} {how}{} octets out, {} in{}",
         node.id,
         node.name,
         profile_name(node.profile),
         if node.mandatory { "mandatory" } else { "optional" },
-        node.pres_timeout_us,
         plan.outputs.octets,
         plan.inputs.octets,
         exchange(node),
     )?;
+    if let Some(own) = &node.ethercat {
+        write_ethercat(f, node, own)?;
+    }
     if let Some(drive) = &node.drive {
         writeln!(f, "       drive     {}: {}", drive.name, drive.description)?;
     }
@@ -213,12 +239,11 @@ pub(in crate::cli) fn write_node(
         let source = &config.bus.nodes[cross.from].name;
         writeln!(f, "       cross     {} of {source} into {}", cross.read, cross.into)?;
     }
-    let octets = plan.configuration.len();
-    writeln!(
-        f,
-        "       writes    {} values, {octets} octets of concise DCF",
-        plan.writes.len()
-    )?;
+    let as_dcf = match (plan.configuration.len(), &node.ethercat) {
+        (_, Some(_)) => String::new(),
+        (octets, None) => format!(", {octets} octets of concise DCF"),
+    };
+    writeln!(f, "       writes    {} values{as_dcf}", plan.writes.len())?;
     for (reason, why) in [
         (LeftOutReason::NotInDevice, "not in the device"),
         (LeftOutReason::ManagingNodeSets, "left to the managing node"),
@@ -244,6 +269,32 @@ pub(in crate::cli) fn write_node(
         }
     }
     Ok(())
+}
+
+/// Where a node of EtherCAT is found, what it follows, what is assigned.
+fn write_ethercat(f: &mut fmt::Formatter<'_>, node: &Node, own: &EthercatNode) -> fmt::Result {
+    let place = match own.alias {
+        Some(alias) => format!("alias {alias}"),
+        None => format!("position {}", node.id),
+    };
+    let clock = match own.clock {
+        None => "runs with the frames".to_owned(),
+        Some(SyncClock { shift_ns, sync1_ns, .. }) => {
+            let sync1 = match sync1_ns {
+                0 => String::new(),
+                ns => format!(", SYNC1 {} us behind it", ns / 1000),
+            };
+            format!("follows SYNC0, {} us behind the date{sync1}", shift_ns / 1000)
+        }
+    };
+    let pdos = own.outputs.iter().chain(&own.inputs);
+    let pdos: Vec<String> = pdos
+        .map(|pdo| match pdo.entries.is_empty() {
+            true => format!("0x{:04X}", pdo.index),
+            false => format!("0x{:04X} (written)", pdo.index),
+        })
+        .collect();
+    writeln!(f, "       found     at {place}; {clock}; PDOs {}", pdos.join(", "))
 }
 
 fn identity(node: &Node) -> [(&'static str, Option<u32>); 5] {
@@ -293,6 +344,21 @@ fn described(channel: &Channel) -> String {
 
 /// The budget as JSON, times in ns.
 pub(in crate::cli) fn budget_json(config: &Config, plans: &[NodePlan]) -> Json {
+    if config.bus.kind.is_ethercat() {
+        let ns = |us: f64| (us * 1e3).round() as u64;
+        let sum_ns = bus::worst_exchange_ns(config);
+        let lines = bus::budget(config).into_iter().map(|line| {
+            let (wire_ns, worst_ns) = (ns(line.wire_us), ns(line.worst_us));
+            json!({ "part": line.part, "wire_ns": wire_ns, "expected_ns": worst_ns, "worst_ns": worst_ns })
+        });
+        return json!({
+            "parts": lines.collect::<Vec<_>>(),
+            "longest_cycle_of_round": 0,
+            "expected_ns": sum_ns,
+            "worst_ns": sum_ns,
+            "left_ns": (u64::from(config.cycle_us) * 1000).saturating_sub(sum_ns),
+        });
+    }
     let latencies_ns = latencies(&config.bus);
     with_mn_config(config, plans, |mn| {
         let budget = Budget::new(mn, &latencies_ns);

@@ -4,6 +4,7 @@
 //! Out: tables and sentences, or JSON, on standard output. Exit code 0: all is well, 1: trouble found, 2: wrong usage.
 
 pub(super) mod check;
+mod ethercat;
 pub mod network;
 pub mod scan;
 pub mod sdo;
@@ -12,10 +13,20 @@ pub mod trace;
 pub mod value;
 pub mod words;
 
-use clap::{Args, Subcommand};
+use clap::{Args, Subcommand, ValueEnum};
 use network::{NetworkArgs, Topic};
 use std::io::{BufWriter, ErrorKind};
 use std::process::ExitCode;
+
+/// Which frames an interface carries.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Protocol {
+    /// Ethernet POWERLINK
+    #[default]
+    Powerlink,
+    /// EtherCAT: nodes are counted from 1 along the cable; they are led to PRE-OP, asked, and left in INIT
+    Ethercat,
+}
 
 /// Arguments of `bus`.
 #[derive(Clone, Debug, Args)]
@@ -29,8 +40,10 @@ pub struct BusArgs {
 
 #[derive(Clone, Debug, Subcommand)]
 enum BusCommand {
-    /// Who is on an interface: asks every node id; only listens where a managing node is at work
-    #[command(after_help = "Example: isocnc bus scan --interface eth1")]
+    /// Who is on an interface: asks every node id or position; only listens where another master is at work
+    #[command(
+        after_help = "Examples: isocnc bus scan --interface eth1\n          isocnc bus scan --bus ethercat --interface eth1 --write machine.toml"
+    )]
     Scan(scan::ScanArgs),
     /// Who is on the network of a machine: identity, and whether it is the expected one
     #[command(after_help = "Example: isocnc bus nodes configs/mill3-powerlink.toml")]

@@ -5,10 +5,12 @@
 
 mod propose;
 
+use super::Protocol;
 use super::station::{ForeignMaster, Found, Station, listen};
 use super::trace::Heard;
 use super::words;
 use crate::api::client::Client;
+use crate::bus::sender::SoleSender;
 use crate::bus::service::IdentityView;
 use crate::config;
 use crate::host::terminal;
@@ -29,20 +31,23 @@ use std::process::ExitCode;
 pub struct ScanArgs {
     /// Network interface
     #[arg(long, value_name = "IF")]
-    interface: String,
+    pub(super) interface: String,
+    /// What the interface carries
+    #[arg(long, value_enum, default_value_t)]
+    bus: Protocol,
     /// Listen this long for a managing node before sending anything, and where there is one, to it
     #[arg(long, value_name = "S", default_value = "1", value_parser = super::listen_time)]
-    listen: f64,
+    pub(super) listen: f64,
     /// Give each node this long to answer
     #[arg(long, value_name = "US", default_value_t = 2000, value_parser = clap::value_parser!(u32).range(100..=1_000_000))]
     answer_us: u32,
     /// Write a machine file of the nodes, their channels and names; what is there is never replaced
     #[arg(long, value_name = "FILE")]
-    write: Option<PathBuf>,
-    /// Add the nodes that FILE does not have, and keep all else
+    pub(super) write: Option<PathBuf>,
+    /// Add the nodes that FILE does not have, and keep all else; POWERLINK only
     #[arg(long, requires = "write")]
     add: bool,
-    /// Folder of device files (XDD, XDC, EDS, DCF): those that fit are named in FILE
+    /// Folder of device files (XDD, XDC, EDS, DCF): those that fit are named in FILE; POWERLINK only
     #[arg(long, value_name = "FOLDER", requires = "write")]
     devices: Option<PathBuf>,
 }
@@ -52,8 +57,16 @@ pub struct ScanArgs {
 /// # Errors
 /// The interface.
 pub(super) fn scan(args: &ScanArgs, as_json: bool, out: &mut impl Write) -> anyhow::Result<ExitCode> {
-    let link = open(&args.interface)?;
+    let mut link = open(&args.interface, args.bus)?;
     let mac = link.mac();
+    if args.bus == Protocol::Ethercat {
+        ensure!(
+            !args.add && args.devices.is_none(),
+            "--add and --devices are for POWERLINK: a machine file of EtherCAT is written anew, device_file is named by hand"
+        );
+        let _sole = SoleSender::claim(&args.interface)?;
+        return super::ethercat::scan::scan_on(&mut link, mac, args, as_json, out);
+    }
     scan_on(Box::new(link), mac, Some(&args.interface), args, as_json, out)
 }
 
@@ -61,7 +74,7 @@ pub(super) fn scan(args: &ScanArgs, as_json: bool, out: &mut impl Write) -> anyh
 ///
 /// # Errors
 /// A control of this PC is at work on it: it would not be heard, because a socket does not hear what its own PC sends.
-pub(super) fn open(interface: &str) -> anyhow::Result<RawLink> {
+pub(super) fn open(interface: &str, bus: Protocol) -> anyhow::Result<RawLink> {
     for (machine, mut client) in Client::all() {
         // A control that does not answer is not known to be at work here.
         let (Ok(status), Ok(network)) = (client.call("status", json!({})), client.call("bus.network", json!({})))
@@ -75,6 +88,7 @@ pub(super) fn open(interface: &str) -> anyhow::Result<RawLink> {
         );
     }
     let config = RawConfig {
+        every_ether_type: bus == Protocol::Ethercat,
         promiscuous: true,
         ..RawConfig::default()
     };
@@ -103,13 +117,14 @@ enum Scanned {
 pub(in crate::cli) fn nodes_on(interface: &str) -> anyhow::Result<Vec<Found>> {
     let args = ScanArgs {
         interface: interface.to_owned(),
+        bus: Protocol::Powerlink,
         listen: 1.0,
         answer_us: 2000,
         write: None,
         add: false,
         devices: None,
     };
-    let link = open(interface)?;
+    let link = open(interface, args.bus)?;
     let mac = link.mac();
     match ask(
         Box::new(link),

@@ -13,6 +13,7 @@ const FOREIGN: Mac = [0x02, 0, 0, 0, 0, 0xEE];
 
 fn args() -> ScanArgs {
     ScanArgs {
+        bus: Protocol::Powerlink,
         interface: "eth7".into(),
         listen: 0.3,
         answer_us: 2000,

@@ -1,11 +1,13 @@
-//! The three ways to the objects of a node.
+//! The ways to the objects of a node.
 
 use super::super::scan::open;
 use super::super::station::{Parameters, Station};
+use super::super::{Protocol, ethercat};
 use super::SdoArgs;
 use crate::api::client::{Client, ClientError};
 use crate::api::methods::value_of;
 use crate::api::rpc::{RpcError, code, to_hex};
+use ::ethercat::main::SetupError;
 use anyhow::{Context, anyhow};
 use obd::AbortCode;
 use powerlink::link::Link;
@@ -35,6 +37,8 @@ pub(super) enum Failure {
 pub(super) enum Access {
     /// As the only managing node on an interface.
     Wire(Box<Parameters>),
+    /// As the only main device of EtherCAT on an interface.
+    Ethercat(Box<ethercat::sdo::Wire>),
     /// Over UDP.
     Udp(Box<UdpClient>),
     /// Through a running control.
@@ -50,8 +54,14 @@ impl Access {
     /// The way that the arguments ask for.
     pub(super) fn open(id: u8, args: &SdoArgs) -> anyhow::Result<Access> {
         if let Some(interface) = &args.interface {
-            let link = open(interface)?;
+            let link = open(interface, args.bus)?;
             let mac = link.mac();
+            if args.bus == Protocol::Ethercat {
+                let mut link: Box<dyn Link> = Box::new(link);
+                ethercat::refuse_other(&mut *link, LISTEN_NS)?;
+                let wire = ethercat::sdo::Wire::open(link, mac, Some(interface), id)?;
+                return Ok(Access::Ethercat(Box::new(wire)));
+            }
             return Access::on(Box::new(link), mac, Some(interface), id, LISTEN_NS).map_err(|error| {
                 match error.downcast_ref::<super::super::station::ForeignMaster>() {
                     Some(_) => {
@@ -103,6 +113,7 @@ impl Access {
                 sink.truncate(length);
                 Ok(sink)
             }
+            Access::Ethercat(wire) => device_result(wire.ask((index, sub), None)),
             Access::Udp(client) => {
                 let mut sink = vec![0; VALUE_MAX];
                 let length = client.read(index, sub, &mut sink).map_err(udp_failure)?;
@@ -125,6 +136,7 @@ impl Access {
                 started.map_err(client_failure)?;
                 wire_result(parameters.run(value, &mut [])).map(|_| ())
             }
+            Access::Ethercat(wire) => device_result(wire.ask((index, sub), Some(value))).map(|_| ()),
             Access::Udp(client) => client.write(index, sub, value).map_err(udp_failure),
             Access::Control { client, node } => {
                 let params = json!({ "node": *node, "index": index, "sub": sub, "value": to_hex(value) });
@@ -141,9 +153,16 @@ impl Access {
         match self {
             Access::Wire(parameters) => parameters.close(),
             Access::Udp(client) => Ok(client.close()?),
-            Access::Control { .. } => Ok(()),
+            Access::Control { .. } | Access::Ethercat(..) => Ok(()),
         }
     }
+}
+
+fn device_result(done: anyhow::Result<Result<Vec<u8>, SetupError>>) -> Result<Vec<u8>, Failure> {
+    done.map_err(Failure::Broken)?.map_err(|error| match error {
+        SetupError::Sdo { code, .. } => aborted(code),
+        error => Failure::Broken(error.into()),
+    })
 }
 
 fn wire_result(done: anyhow::Result<Result<usize, sdo::ClientError>>) -> Result<usize, Failure> {
@@ -152,14 +171,16 @@ fn wire_result(done: anyhow::Result<Result<usize, sdo::ClientError>>) -> Result<
 
 fn client_failure(error: sdo::ClientError) -> Failure {
     match error {
-        sdo::ClientError::Aborted(code) => {
-            let why = format!("{} (0x{:08X})", code.text(), code.0);
-            match code {
-                AbortCode::NO_OBJECT => Failure::NoObject(why),
-                _ => Failure::Refused(why),
-            }
-        }
+        sdo::ClientError::Aborted(code) => aborted(code),
         error => Failure::Broken(error.into()),
+    }
+}
+
+fn aborted(code: AbortCode) -> Failure {
+    let why = format!("{} (0x{:08X})", code.text(), code.0);
+    match code {
+        AbortCode::NO_OBJECT => Failure::NoObject(why),
+        _ => Failure::Refused(why),
     }
 }
 

@@ -5,6 +5,7 @@
 
 mod access;
 
+use super::Protocol;
 use super::value::{self, encode, guess};
 use super::words::{self, OBJECTS, counted};
 use crate::operator::refusal::Refusal;
@@ -28,12 +29,15 @@ const PER_NODE_SHOWN: u8 = 3;
 /// Arguments of `bus sdo`.
 #[derive(Clone, Debug, Args)]
 pub struct SdoArgs {
-    /// Node id
+    /// Node id; on EtherCAT the position, from 1
     #[arg(long, global = true, value_name = "ID", value_parser = clap::value_parser!(u8).range(1..=254))]
     node: Option<u8>,
-    /// Network interface on which no managing node is at work
+    /// Network interface on which no other master is at work
     #[arg(long, global = true, value_name = "IF", conflicts_with_all = ["udp", "machine"])]
     interface: Option<String>,
+    /// What the interface carries
+    #[arg(long, global = true, value_enum, default_value_t)]
+    bus: Protocol,
     /// SDO over UDP: address of the node, and port if it is not 3819
     #[arg(long, global = true, value_name = "ADDRESS", conflicts_with = "machine")]
     udp: Option<String>,

@@ -4,6 +4,7 @@
 //! Out: who says what to whom, as columns and one sentence.
 
 use super::super::words::{self, counted, node_name, object};
+use ethercat::wire::Addressing;
 use powerlink::nmt::{NmtCommand, NmtState};
 use powerlink::sdo::command::{Address, Command, Content as SdoContent, Segmentation, abort_code, split_initiate};
 use powerlink::sdo::sequence::{self, Con, Sequence};
@@ -35,6 +36,8 @@ pub(super) enum Content<'a> {
         /// From the sequence layer on.
         service_data: &'a [u8],
     },
+    /// EtherCAT.
+    Ethercat(ethercat::wire::Frame<'a>),
     /// Another protocol, by its EtherType.
     Other(u16),
     /// POWERLINK that cannot be read.
@@ -45,6 +48,9 @@ pub(super) enum Content<'a> {
 pub(super) fn parse(frame: &[u8]) -> Content<'_> {
     if let Some(content) = sdo_in_udp(frame) {
         return content;
+    }
+    if let Ok(frame) = ethercat::wire::Frame::parse(frame) {
+        return Content::Ethercat(frame);
     }
     match (Header::parse(frame), Frame::parse(frame)) {
         (Ok(header), Ok(frame)) => Content::Frame(header, frame),
@@ -82,6 +88,43 @@ fn sdo_in_udp(frame: &[u8]) -> Option<Content<'_>> {
         to: header[1],
         service_data,
     })
+}
+
+/// A frame of EtherCAT: whether it has passed the devices, and what each datagram asks of whom.
+fn datagrams(frame: &ethercat::wire::Frame<'_>) -> Line {
+    let has_passed = frame.source[0] & ethercat::wire::MAC_PASSED != 0;
+    let told: Vec<String> = frame
+        .datagrams()
+        .map(|datagram| one_datagram(&datagram, has_passed))
+        .collect();
+    let nobody = |datagram: ethercat::wire::Datagram<'_>| {
+        datagram.command.addressing() != Addressing::None && datagram.working_counter == 0
+    };
+    Line {
+        flags: if has_passed { vec!["back"] } else { Vec::new() },
+        trouble: has_passed && frame.datagrams().any(nobody),
+        ..plain("ECAT", told.join("; "))
+    }
+}
+
+/// `FPRD 1001h 0130h/2, 1 acted`
+fn one_datagram(datagram: &ethercat::wire::Datagram<'_>, has_passed: bool) -> String {
+    let (low, high) = (datagram.address as u16, (datagram.address >> 16) as u16);
+    let octets = datagram.data.len();
+    let command = format!("{:?}", datagram.command).to_uppercase();
+    let whom = match datagram.command.addressing() {
+        Addressing::None => format!("{octets} octets"),
+        // Who sees 0 there is meant: each device adds 1.
+        Addressing::Position if has_passed => format!("{high:04X}h/{octets}"),
+        Addressing::Position => format!("position {} {high:04X}h/{octets}", 1 + u32::from(low.wrapping_neg())),
+        Addressing::Station => format!("{low:04X}h {high:04X}h/{octets}"),
+        Addressing::Broadcast => format!("all {high:04X}h/{octets}"),
+        Addressing::Logical => format!("logical {:08X}h/{octets}", datagram.address),
+    };
+    match has_passed {
+        true => format!("{command} {whom}, working counter {}", datagram.working_counter),
+        false => format!("{command} {whom}"),
+    }
 }
 
 /// One frame as a line.
@@ -130,6 +173,7 @@ impl Decoder {
                 to: Some(*to),
                 ..marked("UDP", self.sdo(*from, *to, service_data))
             },
+            Content::Ethercat(frame) => datagrams(frame),
             Content::Other(ether_type) => plain("other", format!("not POWERLINK: EtherType 0x{ether_type:04X}")),
             Content::Unreadable(error) => Line {
                 trouble: true,

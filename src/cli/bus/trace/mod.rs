@@ -157,7 +157,11 @@ fn decode_all(args: &TraceArgs, octets: &[u8], as_json: bool, out: &mut impl Wri
 fn about(content: &Content<'_>) -> Option<u8> {
     match content {
         Content::Frame(_, Frame::Soa(soa)) => Some(soa.target),
-        Content::Frame(..) | Content::SdoUdp { .. } | Content::Other(_) | Content::Unreadable(_) => None,
+        Content::Frame(..)
+        | Content::SdoUdp { .. }
+        | Content::Ethercat(_)
+        | Content::Other(_)
+        | Content::Unreadable(_) => None,
     }
 }
 

@@ -105,7 +105,7 @@ impl Summary {
                 self.frames.sdo_udp += 1;
                 return self.note(line, t_ns);
             }
-            Content::Other(_) => {
+            Content::Ethercat(_) | Content::Other(_) => {
                 self.frames.other += 1;
                 return;
             }

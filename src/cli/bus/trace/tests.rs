@@ -425,3 +425,37 @@ proptest! {
         prop_assert_eq!(lines.len(), 2);
     }
 }
+
+#[test]
+fn a_frame_of_ethercat_is_told_there_and_back() {
+    use ethercat::wire::{BROADCAST, Command, FrameWriter, MAC_PASSED, register};
+    let mut buffer = [0; 1514];
+    let mut writer = FrameWriter::new(&mut buffer, BROADCAST, [0x10; 6]).unwrap();
+    writer
+        .push(Command::Frmw, 1, register::station(0x1001, 0x0910), 8)
+        .unwrap();
+    writer.push(Command::Aprd, 1, register::position(2, 0x0130), 2).unwrap();
+    writer.push(Command::Lrw, 1, 0x10, 7).unwrap();
+    let length = writer.finish();
+    let told = |octets: &[u8]| decode::Decoder::default().line(&decode::parse(octets));
+    let line = told(&buffer[..length]);
+    let words = "FRMW 1001h 0910h/8; APRD position 3 0130h/2; LRW logical 00000010h/7";
+    assert_eq!((line.kind, line.what.as_str(), line.trouble), ("ECAT", words, false));
+    // As the devices would send it back, where the last one was missing.
+    buffer[6] |= MAC_PASSED;
+    let places: Vec<usize> = ethercat::wire::Frame::parse(&buffer[..length])
+        .unwrap()
+        .datagrams()
+        .map(|datagram| datagram.at + 10 + datagram.data.len())
+        .collect();
+    for (place, counter) in places.into_iter().zip([3, 1, 0]) {
+        buffer[place] = counter;
+    }
+    let line = told(&buffer[..length]);
+    let words = "FRMW 1001h 0910h/8, working counter 3; APRD 0130h/2, working counter 1; LRW logical 00000010h/7, \
+                 working counter 0";
+    assert_eq!(
+        (line.flags.as_slice(), line.what.as_str(), line.trouble),
+        (&["back"][..], words, true)
+    );
+}

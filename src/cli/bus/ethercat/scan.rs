@@ -1,0 +1,312 @@
+//! `isocnc bus scan --bus ethercat`: who is on an interface, and a machine file of them.
+//!
+//! In:  a link. Out: a table or JSON; with --write nodes, what they exchange and channels for each input and output.
+
+use super::{Found, Lead, asked, lead, refuse_other};
+use crate::bus;
+use crate::cli::bus::scan::ScanArgs;
+use crate::cli::bus::words;
+use crate::config::{self, Mapped};
+use crate::host::terminal;
+use crate::operator::refusal::Refusal;
+use anyhow::{Context, ensure};
+use powerlink::link::Link;
+use serde_json::json;
+use std::io::Write;
+use std::path::Path;
+use std::process::ExitCode;
+
+/// The profile in a device type (0x1000).
+const PROFILE_DRIVE: u32 = 402;
+/// Assignment of outputs and of inputs.
+const ASSIGNMENTS: [u16; 2] = [0x1C12, 0x1C13];
+
+/// A device, and what it says of itself.
+#[derive(Clone, Debug)]
+pub(super) struct Module {
+    pub(super) found: Found,
+    device_type: Option<u32>,
+    name: String,
+    /// What it exchanges as it comes: outputs, inputs; `None`: not in whole octets.
+    exchanges: [Option<Vec<Mapped>>; 2],
+    /// Why it tells nothing of itself.
+    why: Option<String>,
+}
+
+/// Runs the command. Exit code 1: nobody answers, or a device does not come to PRE-OP.
+///
+/// # Errors
+/// The link, another main device, a file that cannot be written.
+pub(in crate::cli::bus) fn scan_on(
+    link: &mut dyn Link,
+    mac: [u8; 6],
+    args: &ScanArgs,
+    as_json: bool,
+    out: &mut impl Write,
+) -> anyhow::Result<ExitCode> {
+    refuse_other(link, (args.listen * 1e9) as u64)?;
+    let found = lead(link, mac, &[], |lead| lead.find())?;
+    let devices = asked(found.len());
+    let modules = lead(link, mac, &devices, |lead| {
+        let why = lead.led(devices.len())?;
+        let modules = found.iter().enumerate().map(|(device, found)| {
+            let mut module = ask(lead, device, *found)?;
+            let own = why.iter().find(|(of, _)| *of == device);
+            module.why = own.map(|(_, error)| error.to_string());
+            Ok(module)
+        });
+        let modules = modules.collect::<anyhow::Result<Vec<_>>>()?;
+        lead.end()?;
+        Ok(modules)
+    })?;
+    let mut trouble: Vec<String> = modules
+        .iter()
+        .filter_map(|module| Some(format!("position {}: {}", module.found.position, module.why.as_ref()?)))
+        .collect();
+    if modules.is_empty() {
+        trouble.push(
+            "nobody answers: are the devices on, is the cable in the port IN of the first one, and its link up? ('ip link')"
+                .into(),
+        );
+    }
+    let mut written = None;
+    if let (Some(path), true) = (&args.write, trouble.is_empty()) {
+        written = Some(write(path, &modules, &args.interface)?);
+    }
+    if as_json {
+        let nodes = modules.iter().map(Module::json).collect::<Vec<_>>();
+        let all = json!({ "interface": args.interface, "nodes": nodes, "trouble": trouble, "written": written });
+        writeln!(out, "{all:#}")?;
+    } else {
+        table(&args.interface, &modules, out)?;
+        for trouble in &trouble {
+            writeln!(out, "{trouble}")?;
+        }
+        if let Some(written) = &written {
+            write!(out, "\n{written}")?;
+        }
+    }
+    out.flush()?;
+    Ok(match trouble.is_empty() {
+        true => ExitCode::SUCCESS,
+        false => ExitCode::FAILURE,
+    })
+}
+
+/// What a device says of itself.
+pub(super) fn ask(lead: &mut Lead<'_, '_>, device: usize, found: Found) -> anyhow::Result<Module> {
+    let mut module = Module {
+        found,
+        device_type: None,
+        name: String::new(),
+        exchanges: lead.octets(device).map(|octets| Some(plain(octets))),
+        why: None,
+    };
+    if !lead.has_objects(device) {
+        // Of inputs and outputs that have no objects, those of the profile say what lies where.
+        let [outputs, inputs] = &mut module.exchanges;
+        for (objects, index) in [(outputs, 0x6200), (inputs, 0x6000)] {
+            let own = objects.as_mut().into_iter().flatten();
+            own.for_each(|object| object.index = index);
+        }
+        return Ok(module);
+    }
+    let mut number = |object| -> anyhow::Result<Option<u32>> {
+        let value = lead.sdo(device, object, None)?.unwrap_or_default();
+        let mut octets = [0; 4];
+        let length = value.len().min(4);
+        octets[..length].copy_from_slice(&value[..length]);
+        Ok((length > 0).then_some(u32::from_le_bytes(octets)))
+    };
+    module.device_type = number((0x1000, 0))?;
+    for (exchanges, assignment) in module.exchanges.iter_mut().zip(ASSIGNMENTS) {
+        let mut objects = Some(Vec::new());
+        for pdo in 1..=number((assignment, 0))?.unwrap_or(0).min(u32::from(u8::MAX)) as u8 {
+            let Some(index) = number((assignment, pdo))? else {
+                continue;
+            };
+            let index = index as u16;
+            for sub in 1..=number((index, 0))?.unwrap_or(0).min(u32::from(u8::MAX)) as u8 {
+                let entry = number((index, sub))?.unwrap_or(0);
+                let object = Mapped {
+                    index: (entry >> 16) as u16,
+                    sub: (entry >> 8) as u8,
+                    bits: entry as u8,
+                };
+                let is_whole = object.index >= 0x1000 && matches!(object.bits, 8 | 16 | 32 | 64);
+                objects = objects.filter(|_| is_whole);
+                objects
+                    .iter_mut()
+                    .for_each(|objects: &mut Vec<Mapped>| objects.push(object));
+            }
+        }
+        *exchanges = objects;
+    }
+    let name = lead.sdo(device, (0x1008, 0), None)?.unwrap_or_default();
+    module.name = words::text(&name);
+    Ok(module)
+}
+
+/// So many octets, each an object.
+fn plain(octets: u16) -> Vec<Mapped> {
+    let object = |sub| Mapped {
+        index: 0x6000,
+        sub,
+        bits: 8,
+    };
+    (1..=octets.min(u16::from(u8::MAX)) as u8).map(object).collect()
+}
+
+impl Module {
+    fn is_drive(&self) -> bool {
+        self.device_type.is_some_and(|of| of & 0xFFFF == PROFILE_DRIVE)
+    }
+
+    fn exchanges_nothing(&self) -> bool {
+        self.exchanges
+            .iter()
+            .all(|objects| objects.as_ref().is_some_and(Vec::is_empty))
+    }
+
+    fn json(&self) -> serde_json::Value {
+        let identity = self.found.identity;
+        json!({
+            "node": self.found.position,
+            "alias": self.found.alias,
+            "name": self.name,
+            "device_type": self.device_type,
+            "vendor_id": identity.vendor,
+            "product_code": identity.product,
+            "revision": identity.revision,
+            "serial": identity.serial,
+        })
+    }
+
+    /// Its `[[bus.node]]`.
+    pub(super) fn text(&self) -> String {
+        let (profile, kind) = if self.is_drive() {
+            ("cia402", "drive")
+        } else {
+            ("io", "io")
+        };
+        let identity = self.found.identity;
+        let position = self.found.position;
+        let mut text = format!(
+            "[[bus.node]]\nid = {position}\nname = \"{kind}-{position}\"\nprofile = \"{profile}\"\nvendor_id = 0x{:08X}\n\
+             product_code = 0x{:08X}\n# revision = 0x{:08X}\n# serial = {}\n",
+            identity.vendor, identity.product, identity.revision, identity.serial
+        );
+        if self.is_drive() {
+            text +=
+                "# What it exchanges is as the profile usually has it; its joint: [[joint]] with node = this id.\n\n";
+            return text;
+        }
+        let [outputs, inputs] = &self.exchanges;
+        for (key, objects) in [("inputs", inputs), ("outputs", outputs)] {
+            match objects {
+                Some(objects) => {
+                    let objects: Vec<String> = objects.iter().map(|object| format!("\"{object}\"")).collect();
+                    text += &format!("{key} = [{}]\n", objects.join(", "));
+                }
+                None => {
+                    text += &format!("# {key}: not in whole octets, which this control does not exchange\n{key} = []\n")
+                }
+            }
+        }
+        text += "\n";
+        for (name, objects) in [("input", inputs), ("output", outputs)] {
+            let objects = objects.iter().flatten();
+            for (number, object) in objects.enumerate() {
+                text += &channel(name, number, object);
+            }
+        }
+        text
+    }
+}
+
+/// Channels of an object: one for each bit of an octet, else one of its value.
+fn channel(name: &str, number: usize, object: &Mapped) -> String {
+    let place = format!("object = \"0x{:04X}:{}\"", object.index, object.sub);
+    if object.bits > 8 {
+        return format!("[[bus.node.channel]]\nname = \"analog-{name}-{number}\"\n{place}\ntype = \"analog\"\n\n");
+    }
+    let bit = |bit: usize| {
+        let number = number * 8 + bit;
+        format!("[[bus.node.channel]]\nname = \"{name}-{number:02}\"\n{place}\nbit = {bit}\n\n")
+    };
+    (0..8).map(bit).collect()
+}
+
+/// A machine file of these devices. What exchanges nothing, such as a coupler, is left out.
+pub(super) fn new_file(modules: &[Module], name: &str, interface: &str) -> String {
+    let mut text = format!(
+        "# Written by `isocnc bus scan`: names of nodes and channels are proposals; `isocnc check` names every mistake.\n\
+         schema = 1\n\n[machine]\nname = {}\nkinematics = \"none\"             # nothing moves\n\n[bus]\nkind = \"ethercat\"\n\
+         interface = {}\n\n",
+        toml::Value::from(name),
+        toml::Value::from(interface)
+    );
+    text.extend(
+        modules
+            .iter()
+            .filter(|module| !module.exchanges_nothing())
+            .map(Module::text),
+    );
+    text.truncate(text.trim_end().len());
+    text.push('\n');
+    text
+}
+
+/// Writes the file, unless there is one: what was done.
+fn write(path: &Path, modules: &[Module], interface: &str) -> anyhow::Result<String> {
+    let file = path.display();
+    ensure!(
+        std::fs::symlink_metadata(path).is_err(),
+        "{file} is there already: nothing was written"
+    );
+    let stem = path.file_stem().and_then(|stem| stem.to_str());
+    let name = stem.filter(|stem| config::is_name(stem)).unwrap_or("machine");
+    let text = new_file(modules, name, interface);
+    // Never a file that would be refused.
+    let config = config::parse(&text, path).map_err(Refusal::from)?;
+    bus::check(&config).map_err(Refusal::from)?;
+    files::write(path, text).with_context(|| format!("{file}: cannot be written"))?;
+    let nodes = words::counted(config.bus.nodes.len() as u64, "node");
+    Ok(format!("{file} is written: {nodes}. Next: isocnc check {file}\n"))
+}
+
+fn table(interface: &str, modules: &[Module], out: &mut impl Write) -> std::io::Result<()> {
+    if modules.is_empty() {
+        return Ok(());
+    }
+    let rows = modules.iter().map(|module| {
+        let hex = |value: u32| format!("0x{value:08X}");
+        let Found {
+            position,
+            identity,
+            alias,
+        } = module.found;
+        vec![
+            position.to_string(),
+            if alias == 0 { String::new() } else { alias.to_string() },
+            module.device_type.map_or(String::new(), hex),
+            hex(identity.vendor),
+            hex(identity.product),
+            hex(identity.revision),
+            identity.serial.to_string(),
+            module.name.clone(),
+        ]
+    });
+    let heading = [
+        ">position",
+        ">alias",
+        "device type",
+        "vendor",
+        "product",
+        "revision",
+        "serial",
+        "name",
+    ];
+    let devices = words::counted(modules.len() as u64, "device");
+    write!(out, "{devices} on {interface}\n\n{}", terminal::table(&heading, rows))
+}

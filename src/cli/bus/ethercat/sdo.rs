@@ -1,0 +1,73 @@
+//! Objects of a device of EtherCAT on an interface where no control is at work.
+//!
+//! In:  the position of the device. Out: values. Each object is asked on its own, and the devices are left in INIT.
+
+use super::{asked, lead};
+use crate::bus::sender::SoleSender;
+use anyhow::ensure;
+use ethercat::main::SetupError;
+use powerlink::link::Link;
+
+/// The way to one device.
+pub(in crate::cli::bus) struct Wire {
+    /// `None`: the wire is no interface of this PC.
+    _sole: Option<SoleSender>,
+    link: Box<dyn Link>,
+    mac: [u8; 6],
+    device: usize,
+    count: usize,
+}
+
+impl Wire {
+    /// Finds the device at a position, from 1. `interface`: that of the link, if it is one of this PC.
+    ///
+    /// # Errors
+    /// There is none; the link.
+    pub(in crate::cli::bus) fn open(
+        mut link: Box<dyn Link>,
+        mac: [u8; 6],
+        interface: Option<&str>,
+        position: u8,
+    ) -> anyhow::Result<Wire> {
+        let sole = interface.map(SoleSender::claim).transpose()?;
+        let found = lead(&mut *link, mac, &[], |lead| lead.find())?;
+        let (device, count) = (usize::from(position) - 1, found.len());
+        ensure!(
+            device < count,
+            "nothing is at position {position}: {count} devices answer ('isocnc bus scan --bus ethercat' shows them)"
+        );
+        Ok(Wire {
+            _sole: sole,
+            link,
+            mac,
+            device,
+            count,
+        })
+    }
+
+    /// Reads or writes an object.
+    ///
+    /// # Errors
+    /// The outer one: the link, or the device does not come to PRE-OP; the inner one: it refuses.
+    pub(in crate::cli::bus) fn ask(
+        &mut self,
+        object: (u16, u8),
+        write: Option<&[u8]>,
+    ) -> anyhow::Result<Result<Vec<u8>, SetupError>> {
+        let devices = asked(self.count);
+        lead(&mut *self.link, self.mac, &devices, |lead| {
+            let why = lead.led(devices.len())?;
+            if let Some((_, error)) = why.iter().find(|(device, _)| *device == self.device) {
+                anyhow::bail!("the device at position {}: {error}", self.device + 1);
+            }
+            ensure!(
+                lead.has_objects(self.device),
+                "the device at position {} has no mailbox, and so no objects",
+                self.device + 1
+            );
+            let result = lead.sdo(self.device, object, write)?;
+            lead.end()?;
+            Ok(result)
+        })
+    }
+}
