@@ -111,7 +111,6 @@ const FORBIDDEN: [&str; 31] = [
 /// What runs before real time begins or after it has ended: file, function, why.
 const START_UP: &[(&str, &str, &str)] = &[
     ("src/bus/powerlink/publisher.rs", "rings", "makes the rings"),
-    ("src/bus/ethercat/publisher.rs", "rings", "makes the rings"),
     ("src/bus/ethercat/mod.rs", "new", "makes the bus"),
     ("src/bus/ethercat/mod.rs", "node_states", "names for people"),
     (
@@ -211,9 +210,10 @@ fn files(root: &Path) -> Vec<PathBuf> {
         let before = files.len();
         for entry in std::fs::read_dir(&path).unwrap_or_else(|error| panic!("{name}: {error}")) {
             let path = entry.expect("a readable folder").path();
-            let is_test = path
-                .file_stem()
-                .is_some_and(|stem| stem.to_string_lossy().starts_with("tests"));
+            let is_test = path.file_stem().is_some_and(|stem| {
+                let stem = stem.to_string_lossy();
+                stem.starts_with("tests") || stem.ends_with("_tests")
+            });
             if path.extension().is_some_and(|extension| extension == "rs") && !is_test {
                 files.push(path);
             }

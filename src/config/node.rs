@@ -141,32 +141,29 @@ pub(super) fn node<'d, 'l>(
         )
     };
     let usual = known.map_or(Vec::new(), |known| of_axes(&known.writes, &axes));
-    let (pres_timeout_us, software, pdo_version, cross, own, is_ours): (_, _, _, _, _, IsOurs) =
-        if let Some(clock) = network.clock {
-            let around = ethercat::Around {
-                cycle_us: network.cycle_us,
-                clock,
-                is_drive: profile == Some(Profile::Cia402),
-                esi: esi_file,
-            };
-            let own = ethercat::node(section, &around, outputs.as_deref(), inputs.as_deref());
-            let none = Some(Vec::new());
-            let is_ours = ethercat::set_by_main_device;
-            (Some(PRES_TIMEOUT_US), Some(None), Some(0), none, own.map(Some), is_ours)
-        } else {
-            let pres_timeout_us = pres_timeout(section, network.cycle_us, file, inputs.as_deref());
-            let (software, pdo_version) = (stamp(section), section.integer("pdo_version", 0..=255, 0));
-            let is_ours = obd::device::set_by_managing_node;
-            (
-                pres_timeout_us,
-                software,
-                pdo_version,
-                pending_cross(section),
-                Some(None),
-                is_ours,
-            )
+    let is_ours: IsOurs = match is_ethercat {
+        true => ethercat::set_by_main_device,
+        false => obd::device::set_by_managing_node,
+    };
+    let (pres_timeout_us, software, pdo_version, own) = if let Some(clock) = network.clock {
+        let around = ethercat::Around {
+            cycle_us: network.cycle_us,
+            clock,
+            is_drive: profile == Some(Profile::Cia402),
+            esi: esi_file,
         };
+        let own = ethercat::node(section, &around, outputs.as_deref(), inputs.as_deref());
+        (Some(PRES_TIMEOUT_US), Some(None), Some(0), own.map(Some))
+    } else {
+        let pres_timeout_us = pres_timeout(section, network.cycle_us, file, inputs.as_deref());
+        let (software, pdo_version) = (stamp(section), section.integer("pdo_version", 0..=255, 0));
+        (pres_timeout_us, software, pdo_version, Some(None))
+    };
     let writes = device::writes(section, file, &usual, is_ours);
+    let cross = match is_ethercat {
+        true => Some(Vec::new()),
+        false => pending_cross(section),
+    };
     let payloads = inputs.as_deref().zip(outputs.as_deref());
     let channels = channels::channels(section, profile, file, payloads);
     let node = Node {
