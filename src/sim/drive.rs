@@ -1,11 +1,9 @@
-//! A simulated servo drive: a POWERLINK controlled node, and for each of its axes a CiA 402 device and a motor.
+//! A simulated servo drive: for each of its axes a CiA 402 device and a motor, whatever bus it hangs on.
 //!
-//! In:  frames of the managing node, the time. Out: the frame to answer with; the motor's motion.
+//! In:  its objects, a period after the other, and whether the bus leads it. Out: its objects; the motor's motion.
 //!
-//! The drive lives by the SoC: each one closes a period of the motor and opens the next. The work of a period is done
-//! once the SoA has been answered, when nobody waits for this drive. When the SoC stays away for
-//! [`FREE_RUN_PERIODS`] its periods go by its own clock; once its node gives the managing node up (1C0B, 1C14) it stops
-//! as 6007 says.
+//! A period is closed and the next one opened when the carrier says so: at the synchronous instant of its bus, or, when that stays
+//! away, by the drive's own clock. Once the bus does not lead it any more it stops as 6007 says.
 
 use super::SimError;
 use super::built::{MAKER_ENTRIES, objects, quirks};
@@ -17,21 +15,14 @@ use crate::config::{
     SimFaultKind, SpindleAxis, Sto, StopLimits,
 };
 use cia402::State;
-use cia402::device::{self, DEVICE_TYPE, DRIVE_OBJECTS, Delays, Demand, Device, Injected};
+use cia402::device::{self, DRIVE_OBJECTS, Delays, Demand, Device, Injected};
 use cia402::profile::{AXES_MAX, object_of};
 use obd::{AbortCode, Dictionary, EntryDef, Handle, Key};
-use powerlink::cn::objects::{COMMUNICATION_BYTES, COMMUNICATION_ENTRIES, COMMUNICATION_PROFILE};
-use powerlink::cn::{Cn, Events, QueueError};
-use powerlink::nmt::{NmtState, Reset};
-use powerlink::wire::FRAME_LEN_MAX;
 
-const ENTRIES: usize = COMMUNICATION_ENTRIES + AXES_MAX as usize * (obd::lines_of(DRIVE_OBJECTS) + 1) + MAKER_ENTRIES;
-const OCTETS: usize = COMMUNICATION_BYTES + AXES_MAX as usize * (obd::octets_of(DRIVE_OBJECTS) + 8) + 8 * MAKER_ENTRIES;
+/// Lines and octets that the objects of a drive take at most, beside those of its bus.
+pub(super) const ENTRIES: usize = AXES_MAX as usize * (obd::lines_of(DRIVE_OBJECTS) + 1) + MAKER_ENTRIES;
+pub(super) const OCTETS: usize = AXES_MAX as usize * (obd::octets_of(DRIVE_OBJECTS) + 8) + 8 * MAKER_ENTRIES;
 
-/// Periods without a SoC after which a drive goes on by its own clock.
-pub(super) const FREE_RUN_PERIODS: u64 = 5;
-/// Periods made up for at most after a pause, such as that of a stopped process.
-const CATCH_UP_PERIODS: u32 = 20;
 /// 6007: quick stop.
 const ABORT_QUICK_STOP: i16 = 3;
 /// Greatest acceleration of the motor as a multiple of the joint's stop acceleration.
@@ -40,8 +31,6 @@ const MOTOR_RESERVE: f64 = 4.0;
 const ENABLE_OPERATION: usize = 4;
 /// Longer than anybody waits for it.
 const SLOW_NS: u32 = 4_000_000_000;
-/// Number of the device profile in error entries.
-const PROFILE: u16 = 402;
 
 /// A drive that no joint uses still turns a motor: on a bench.
 const BENCH: Joint = Joint {
@@ -138,7 +127,7 @@ fn of_spindle(of: &SpindleAxis) -> Joint {
 const OVERCURRENT: u16 = 0x2310;
 
 /// Values that the drive takes by SDO.
-fn check_write<const E: usize, const B: usize>(
+pub(super) fn check_write<const E: usize, const B: usize>(
     objects: &Dictionary<E, B>,
     index: u16,
     sub: u8,
@@ -155,8 +144,17 @@ fn check_write<const E: usize, const B: usize>(
 struct Setup {
     node: Node,
     axes: Vec<AxisSetup>,
-    objects: &'static [EntryDef],
     period_ns: u32,
+}
+
+impl Setup {
+    /// The device of an axis as it is when it is switched on.
+    fn device<const E: usize, const B: usize>(&self, axis: u8, objects: &Dictionary<E, B>) -> Result<Device, SimError> {
+        let of = &self.axes[usize::from(axis)];
+        let device = Device::of_axis(objects, axis, self.period_ns, of.delays);
+        let device = device.map_err(|error| SimError::new(&self.node, error))?;
+        Ok(device.with_quirks(quirks(&self.node, &of.joint.factor_group)))
+    }
 }
 
 /// The same of one axis.
@@ -184,14 +182,16 @@ struct Axis {
     order: Key<u64>,
     /// How long what was asked for lasts still, ns, in the order of [`SimFaultKind::WORDS`]; `None`: it is not there, or has no end.
     lasts_ns: [Option<u64>; SimFaultKind::WORDS.len()],
-    /// Error code that 1001h and the error history have been told of.
+    /// Error code that 1001h and the bus have been told of.
     reported: u16,
 }
+
+/// Error codes (603F) that have come up in a period, one for each axis; 0: none.
+pub(super) type Reports = [u16; AXES_MAX as usize];
 
 #[derive(Debug)]
 pub(super) struct Drive {
     setup: Setup,
-    cn: Cn<ENTRIES, OCTETS>,
     axes: Vec<Axis>,
     powered: bool,
     /// When its supply goes, and when it comes back, ns from now.
@@ -200,42 +200,37 @@ pub(super) struct Drive {
     error_register: Key<u8>,
     /// Bits of 1001h that stand for the error codes of the axes.
     register_bits: u8,
-    /// The last SoC, or the last period of the drive's own clock.
-    period_start_ns: u64,
-    /// The SoC came and its period has not been worked off.
-    due: bool,
-    free_running: bool,
     /// A reset of the application waits until the motors have stopped.
     reset_due: bool,
 }
 
-impl Drive {
-    pub(super) fn new(
-        node: &Node,
-        (config, index): (&Config, NodeIndex),
-        period_ns: u32,
-        now_ns: u64,
-    ) -> Result<Drive, SimError> {
-        let count = axes(config, index);
-        let (setups, motors) = (0..count).map(|axis| axis_setup(config, index, axis)).unzip();
-        Drive::switch_on(
-            Setup {
-                node: node.clone(),
-                axes: setups,
-                objects: objects(node, count),
-                period_ns,
-            },
-            motors,
-            now_ns,
-        )
-    }
+/// Tables of the objects of a drive, beside those of its bus.
+pub(super) fn tables(config: &Config, index: NodeIndex) -> [&'static [EntryDef]; 2] {
+    let count = axes(config, index);
+    [
+        objects(&config.bus.nodes[index], count),
+        &FAULT_OBJECTS[..usize::from(count)],
+    ]
+}
 
-    fn switch_on(setup: Setup, motors: Vec<Motor>, now_ns: u64) -> Result<Drive, SimError> {
-        let node = &setup.node;
+impl Drive {
+    /// A drive that is switched on; `objects` has its [`tables`].
+    pub(super) fn new<const E: usize, const B: usize>(
+        config: &Config,
+        index: NodeIndex,
+        period_ns: u32,
+        objects: &mut Dictionary<E, B>,
+    ) -> Result<Drive, SimError> {
+        let node = &config.bus.nodes[index];
+        let (setups, motors): (Vec<_>, Vec<_>) = (0..axes(config, index))
+            .map(|axis| axis_setup(config, index, axis))
+            .unzip();
+        let setup = Setup {
+            node: node.clone(),
+            axes: setups,
+            period_ns,
+        };
         let failed = |error: AbortCode| SimError::new(node, error);
-        let mut objects: Dictionary<ENTRIES, OCTETS> =
-            Dictionary::new(&[COMMUNICATION_PROFILE, setup.objects, &FAULT_OBJECTS[..setup.axes.len()]])
-                .map_err(|error| SimError::new(node, error))?;
         let sto = node.drive.as_ref().and_then(|drive| drive.sto);
         let sto = sto.filter(|sto| sto.object != (0x60FD, 0));
         let bits = node
@@ -244,14 +239,13 @@ impl Drive {
             .map_or(InputBits::default(), |drive| drive.input_bits);
         let mut axes = Vec::new();
         for (number, (of, motor)) in (0..).zip(setup.axes.iter().zip(motors)) {
-            commission(&mut objects, number, &of.joint).map_err(failed)?;
+            commission(objects, number, &of.joint).map_err(failed)?;
             if let Some(rpm_max) = of.rpm_max {
-                commission_spindle(&mut objects, number, &of.joint, rpm_max).map_err(failed)?;
+                commission_spindle(objects, number, &of.joint, rpm_max).map_err(failed)?;
             }
-            let device = Device::of_axis(&objects, number, setup.period_ns, of.delays).map_err(failed)?;
             let find = |sto: Sto| objects.find(object_of(number, sto.object.0), sto.object.1).ok();
             axes.push(Axis {
-                device: device.with_quirks(quirks(node, &of.joint.factor_group)),
+                device: setup.device(number, objects)?,
                 motor,
                 demand: Demand::default(),
                 sto: sto.and_then(|sto| Some((find(sto)?, sto))),
@@ -261,108 +255,54 @@ impl Drive {
                 reported: 0,
             });
         }
-        let error_register = objects.key(0x1001, 0).map_err(failed)?;
-        let mut cn = super::node::build(node, DEVICE_TYPE, objects, now_ns)?;
-        cn.set_write_check(check_write);
         Ok(Drive {
-            cn,
             axes,
             powered: true,
             supply_goes_ns: None,
             supply_back_ns: None,
-            error_register,
+            error_register: objects.key(0x1001, 0).map_err(failed)?,
             register_bits: 0,
-            period_start_ns: now_ns,
-            due: false,
-            free_running: true,
             reset_due: false,
             setup,
         })
     }
 
-    /// Takes a frame; the octets of `response` that are to be sent at once.
-    pub(super) fn receive(&mut self, now_ns: u64, frame: &[u8], response: &mut [u8; FRAME_LEN_MAX]) -> Option<usize> {
-        if !self.powered {
-            return None;
+    /// From now on its periods take so long. Where that changes, the power section of each axis is as after power-on.
+    pub(super) fn set_period<const E: usize, const B: usize>(
+        &mut self,
+        objects: &Dictionary<E, B>,
+        period_ns: u32,
+    ) -> Result<(), SimError> {
+        if period_ns == self.setup.period_ns {
+            return Ok(());
         }
-        let reaction = self.cn.receive(now_ns, frame, response);
-        self.apply_events(now_ns, &reaction.events);
-        reaction.transmit
+        self.setup.period_ns = period_ns;
+        for (number, axis) in (0..).zip(&mut self.axes) {
+            let injected = axis.device.injected;
+            axis.device = self.setup.device(number, objects)?;
+            axis.device.injected = injected;
+        }
+        Ok(())
     }
 
-    /// Does the work of the period, if its SoC has come.
-    pub(super) fn work(&mut self) {
-        if self.due {
-            self.due = false;
-            self.step();
-        }
+    /// A reset of the application is asked for; it waits until the motors have stopped.
+    pub(super) fn reset(&mut self) {
+        self.reset_due = true;
     }
 
-    pub(super) fn poll(&mut self, now_ns: u64) {
-        if self.powered {
-            let events = self.cn.poll(now_ns);
-            self.apply_events(now_ns, &events);
-        }
-        if now_ns < self.own_period_ns() {
-            return;
-        }
-        self.free_running = true;
-        self.due = false;
-        let period_ns = u64::from(self.setup.period_ns);
-        for _ in 0..CATCH_UP_PERIODS {
-            if now_ns < self.period_start_ns + period_ns {
-                return;
-            }
-            self.period_start_ns += period_ns;
-            self.step();
-        }
-        self.period_start_ns = now_ns;
-    }
-
-    /// The octets of `response` that are to be sent by the clock: the PRes of a chained node.
-    pub(super) fn poll_transmit(&mut self, now_ns: u64, response: &mut [u8; FRAME_LEN_MAX]) -> Option<usize> {
-        self.powered.then(|| self.cn.poll_transmit(now_ns, response)).flatten()
-    }
-
-    /// Has a frame that is not POWERLINK sent when the node is invited to.
-    pub(super) fn send_ethernet(&mut self, frame: &[u8]) -> Result<(), QueueError> {
-        self.cn.send_ethernet(frame)
-    }
-
-    pub(super) fn next_poll_ns(&self) -> u64 {
-        let own_ns = self.own_period_ns();
-        if self.powered {
-            self.cn.next_deadline_ns().map_or(own_ns, |cn_ns| cn_ns.min(own_ns))
-        } else {
-            own_ns
-        }
-    }
-
-    /// When the drive's own clock ends a period.
-    fn own_period_ns(&self) -> u64 {
-        let periods = if self.free_running { 1 } else { FREE_RUN_PERIODS };
-        self.period_start_ns + periods * u64::from(self.setup.period_ns)
-    }
-
-    fn apply_events(&mut self, now_ns: u64, events: &Events) {
-        if let Some(Reset::Software | Reset::Node) = events.reset {
-            self.reset_due = true;
-        }
-        if events.sync.is_some() {
-            // The SoA of the period before was lost.
-            self.work();
-            self.due = true;
-            self.free_running = false;
-            self.period_start_ns = now_ns;
-        }
-    }
-
-    /// Ends one period of the motors and begins the next.
-    fn step(&mut self) {
-        self.go_wrong();
+    /// Ends one period of the motors and begins the next. `operational`: the bus leads it; how long it trusts its last set-point
+    /// when nothing comes any more is the business of its carrier.
+    ///
+    /// RT: no allocation, no locks.
+    pub(super) fn step<const E: usize, const B: usize>(
+        &mut self,
+        objects: &mut Dictionary<E, B>,
+        operational: bool,
+    ) -> Reports {
+        self.go_wrong(objects);
         let period_s = f64::from(self.setup.period_ns) * 1e-9;
-        // How long the drive trusts its last set-point without a SoC is the business of its node: 1C14 and 1C0B.
-        let led = self.cn.nmt_state() == NmtState::Operational && !self.reset_due;
+        let led = operational && !self.reset_due;
+        let mut reports = Reports::default();
         let mut stopping = false;
         let mut told = false;
         for axis in &mut self.axes {
@@ -371,20 +311,17 @@ impl Drive {
                 axis.demand = Demand::default();
                 continue;
             }
-            axis.demand = axis.device.cycle(self.cn.dictionary_mut(), &sensors, led);
+            axis.demand = axis.device.cycle(objects, &sensors, led);
             if let Some((handle, sto)) = axis.sto {
                 let shown = axis.device.injected.sto_open == sto.active;
                 let value = u64::from(shown) << sto.bit;
                 // As long as it is; only a value of another length could be refused.
-                let _ = self
-                    .cn
-                    .dictionary_mut()
-                    .set_octets(handle, &value.to_le_bytes()[..handle.size()]);
+                let _ = objects.set_octets(handle, &value.to_le_bytes()[..handle.size()]);
             }
             stopping |= matches!(axis.device.state(), State::QuickStopActive | State::FaultReactionActive);
         }
         if !self.powered {
-            return;
+            return reports;
         }
         if self.reset_due && !stopping {
             self.reset_due = false;
@@ -393,14 +330,12 @@ impl Drive {
                 axis.demand = Demand::default();
             }
         }
-        for axis in &mut self.axes {
+        for (axis, report) in self.axes.iter_mut().zip(&mut reports) {
             let error_code = axis.device.error_code();
             if error_code != axis.reported {
                 axis.reported = error_code;
                 told = true;
-                if error_code != 0 {
-                    self.cn.report_error(PROFILE, error_code, [0; 8]);
-                }
+                *report = error_code;
             }
         }
         if told {
@@ -408,11 +343,11 @@ impl Drive {
                 .axes
                 .iter()
                 .fold(0, |bits, axis| bits | axis.device.error_register());
-            let objects = self.cn.dictionary_mut();
             let others = objects.get(self.error_register) & !self.register_bits;
             self.register_bits = bits;
             objects.set(self.error_register, others | bits);
         }
+        reports
     }
 
     /// The machine's probe has changed after this share of the last period; a drive at which it is not wired does not know.
@@ -425,7 +360,7 @@ impl Drive {
     }
 
     /// Takes orders of what is to go wrong, and mends what has lasted as long as it was to.
-    fn go_wrong(&mut self) {
+    fn go_wrong<const E: usize, const B: usize>(&mut self, objects: &mut Dictionary<E, B>) {
         let period_ns = u64::from(self.setup.period_ns);
         // Whether the time is over now.
         let is_over = |left_ns: &mut Option<u64>| {
@@ -444,9 +379,9 @@ impl Drive {
                 }
             }
             let key = self.axes[axis].order;
-            let value = self.cn.dictionary().get(key);
+            let value = objects.get(key);
             if value != 0 && self.powered {
-                self.cn.dictionary_mut().set(key, 0);
+                objects.set(key, 0);
                 if let Some(order) = FaultOrder::of_value(value) {
                     self.fault(axis as u8, order);
                 }
@@ -526,20 +461,25 @@ impl Drive {
         }
     }
 
-    /// It starts from its defaults, and its encoders from zero. In place: see [`Cn::power_on`].
-    pub(super) fn power_on(&mut self, now_ns: u64) -> Result<(), SimError> {
-        self.cn.power_on(now_ns);
-        for (number, (axis, of)) in (0..).zip(self.axes.iter_mut().zip(&self.setup.axes)) {
+    /// Whether it has its supply.
+    pub(super) fn is_powered(&self) -> bool {
+        self.powered
+    }
+
+    /// It starts from its defaults, which `objects` has again, and its encoders from zero. In place: nothing large goes over the
+    /// stack of whoever switches it on.
+    pub(super) fn power_on<const E: usize, const B: usize>(
+        &mut self,
+        objects: &Dictionary<E, B>,
+    ) -> Result<(), SimError> {
+        for (number, axis) in (0..).zip(&mut self.axes) {
             axis.motor.power_on();
-            let device = Device::of_axis(self.cn.dictionary(), number, self.setup.period_ns, of.delays);
-            let device = device.map_err(|error| SimError::new(&self.setup.node, error))?;
-            axis.device = device.with_quirks(quirks(&self.setup.node, &of.joint.factor_group));
+            axis.device = self.setup.device(number, objects)?;
             (axis.demand, axis.reported) = (Demand::default(), 0);
         }
-        (self.powered, self.due, self.free_running, self.reset_due) = (true, false, true, false);
+        (self.powered, self.reset_due) = (true, false);
         (self.supply_goes_ns, self.supply_back_ns) = (None, None);
         self.register_bits = 0;
-        self.period_start_ns = now_ns;
         Ok(())
     }
 
@@ -555,14 +495,6 @@ impl Drive {
 
     pub(super) fn injected(&mut self, axis: u8) -> Option<&mut Injected> {
         Some(&mut self.axes.get_mut(usize::from(axis))?.device.injected)
-    }
-
-    pub(super) fn nmt_state(&self) -> NmtState {
-        if self.powered {
-            self.cn.nmt_state()
-        } else {
-            NmtState::Off
-        }
     }
 
     pub(super) fn state(&self, axis: u8) -> Option<State> {
@@ -645,7 +577,11 @@ fn increments_of_unit(group: &FactorGroup) -> f64 {
 }
 
 /// Sets the drive's parameters as whoever put the machine into service did; they outlive resets.
-fn commission(objects: &mut Dictionary<ENTRIES, OCTETS>, axis: u8, joint: &Joint) -> Result<(), AbortCode> {
+fn commission<const E: usize, const B: usize>(
+    objects: &mut Dictionary<E, B>,
+    axis: u8,
+    joint: &Joint,
+) -> Result<(), AbortCode> {
     let counts = |mm: f64| (mm_to_counts(joint, mm).round().clamp(1.0, f64::from(u32::MAX)) as u32).to_le_bytes();
     let [velocity, per] = joint.factor_group.velocity_ratio().map(f64::from);
     let velocity_units = |mm: f64| counts(mm * velocity / per);
@@ -683,8 +619,8 @@ fn commission(objects: &mut Dictionary<ENTRIES, OCTETS>, axis: u8, joint: &Joint
 }
 
 /// The same of a drive that turns the spindle: encoder, highest speed, ramps of VL.
-fn commission_spindle(
-    objects: &mut Dictionary<ENTRIES, OCTETS>,
+fn commission_spindle<const E: usize, const B: usize>(
+    objects: &mut Dictionary<E, B>,
     axis: u8,
     joint: &Joint,
     rpm_max: f64,

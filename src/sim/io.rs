@@ -10,18 +10,13 @@
 //! The spindle hangs on the same node: its frequency converter on the analog output 6411h/1, the counter of its encoder on
 //! 3000h/1, the count at the last index on 3000h/2.
 //!
-//! When the node is not OPERATIONAL the outputs fall back to zero, as the profile has it by default.
+//! When the bus does not lead the node the outputs fall back to zero, as the profile has it by default.
 
 use super::SimError;
 use super::amplifier::Amplifier;
 use super::spindle::Spindle;
-use crate::config::{Mapped, Node, SimSignal};
+use crate::config::{Config, Mapped, Node, NodeIndex, SimSignal};
 use obd::{DataType, Dictionary, EntryDef, Handle, Key};
-use powerlink::cn::Cn;
-use powerlink::cn::QueueError;
-use powerlink::cn::objects::{COMMUNICATION_BYTES, COMMUNICATION_ENTRIES, COMMUNICATION_PROFILE};
-use powerlink::nmt::NmtState;
-use powerlink::wire::FRAME_LEN_MAX;
 
 /// 1000h: profile 401, digital inputs and outputs.
 pub(super) const DEVICE_TYPE: u32 = 0x000F_0191;
@@ -48,15 +43,11 @@ pub(super) const IO_OBJECTS: &[EntryDef] = &[
         .rpdo(),
 ];
 
-const ENTRIES: usize = COMMUNICATION_ENTRIES + obd::lines_of(IO_OBJECTS);
-const OCTETS: usize = COMMUNICATION_BYTES + obd::octets_of(IO_OBJECTS);
-
 /// Bit of the output that orients the spindle, and of the input that tells that it is there.
 const ORIENT: u8 = 0x80;
 
 #[derive(Debug)]
 pub(super) struct Io {
-    cn: Cn<ENTRIES, OCTETS>,
     powered: bool,
     input_keys: [Key<u8>; 2],
     output_keys: [Key<u8>; 2],
@@ -85,7 +76,11 @@ struct Signal {
 }
 
 impl Signal {
-    fn new(objects: &Dictionary<ENTRIES, OCTETS>, node: &Node, is: SimSignal) -> Result<Signal, SimError> {
+    fn new<const E: usize, const B: usize>(
+        objects: &Dictionary<E, B>,
+        node: &Node,
+        is: SimSignal,
+    ) -> Result<Signal, SimError> {
         let find = |(index, sub)| objects.find(index, sub).map_err(|error| SimError::new(node, error));
         Ok(Signal {
             is,
@@ -98,7 +93,7 @@ impl Signal {
         })
     }
 
-    fn apply(&self, objects: &mut Dictionary<ENTRIES, OCTETS>, t_s: f64) {
+    fn apply<const E: usize, const B: usize>(&self, objects: &mut Dictionary<E, B>, t_s: f64) {
         let is = &self.is;
         let wave = match is.amplitude {
             0.0 => 0.0,
@@ -122,23 +117,21 @@ fn number(octets: &[u8]) -> i64 {
 }
 
 /// Writes the low octets of a number: counters wrap.
-fn set_number(objects: &mut Dictionary<ENTRIES, OCTETS>, handle: Handle, value: i64) {
+fn set_number<const E: usize, const B: usize>(objects: &mut Dictionary<E, B>, handle: Handle, value: i64) {
     let length = objects.octets(handle).len();
     // Its length is that of the object.
     let _ = objects.set_octets(handle, &value.to_le_bytes()[..length]);
 }
 
 impl Io {
-    pub(super) fn new(
-        node: &Node,
-        spindle: Spindle,
-        signals: &[SimSignal],
-        amplifiers: &[Amplifier],
+    /// A node that is switched on; `objects` has [`IO_OBJECTS`].
+    pub(super) fn new<const E: usize, const B: usize>(
+        config: &Config,
+        index: NodeIndex,
         period_ns: u64,
-        now_ns: u64,
+        objects: &Dictionary<E, B>,
     ) -> Result<Io, SimError> {
-        let objects: Dictionary<ENTRIES, OCTETS> =
-            Dictionary::new(&[COMMUNICATION_PROFILE, IO_OBJECTS]).map_err(|error| SimError::new(node, error))?;
+        let node = &config.bus.nodes[index];
         let key = |index, sub| objects.key(index, sub).map_err(|error| SimError::new(node, error));
         let input_keys = [key(0x6000, 1)?, key(0x6000, 2)?];
         let output_keys = [key(0x6200, 1)?, key(0x6200, 2)?];
@@ -149,31 +142,29 @@ impl Io {
         let numbers_out = outputs
             .map(|(index, sub)| objects.find(index, sub).map_err(|error| SimError::new(node, error)))
             .collect::<Result<_, _>>()?;
+        let signals = config.sim.signals.iter();
         let signals = signals
-            .iter()
-            .map(|signal| Signal::new(&objects, node, *signal))
+            .filter(|signal| signal.node == index)
+            .map(|signal| Signal::new(objects, node, *signal))
             .collect::<Result<_, _>>()?;
         let find = |object: Mapped| {
             let found = objects.find(object.index, object.sub);
             found.map_err(|error| SimError::new(node, error))
         };
-        let amplifiers = amplifiers
-            .iter()
+        let amplifiers = Amplifier::at_node(config, index)
             .map(|amplifier| {
                 let is = amplifier.is();
-                Ok((*amplifier, [find(is.command)?, find(is.position)?, find(is.enable.0)?]))
+                Ok((amplifier, [find(is.command)?, find(is.position)?, find(is.enable.0)?]))
             })
             .collect::<Result<_, SimError>>()?;
-        let cn = super::node::build(node, DEVICE_TYPE, objects, now_ns)?;
         Ok(Io {
-            cn,
             powered: true,
             input_keys,
             output_keys,
             speed_key,
             encoder_keys,
             wired: 0,
-            spindle,
+            spindle: Spindle::new(config),
             sensed: 0,
             numbers_out,
             signals,
@@ -183,19 +174,11 @@ impl Io {
         })
     }
 
-    /// Takes a frame; the octets of `response` that are to be sent at once.
-    pub(super) fn receive(&mut self, now_ns: u64, frame: &[u8], response: &mut [u8; FRAME_LEN_MAX]) -> Option<usize> {
-        if self.powered {
-            self.cn.receive(now_ns, frame, response).transmit
-        } else {
-            None
-        }
-    }
-
-    /// One cycle: contactors, inputs, spindle.
-    pub(super) fn work(&mut self) {
-        self.switch();
-        let objects = self.cn.dictionary_mut();
+    /// One cycle: contactors, inputs, spindle. `operational`: the bus leads it.
+    ///
+    /// RT: no allocation, no locks.
+    pub(super) fn work<const E: usize, const B: usize>(&mut self, objects: &mut Dictionary<E, B>, operational: bool) {
+        self.switch(objects, operational);
         self.spindle.orient = objects.get(self.output_keys[1]) & ORIENT != 0;
         self.spindle.advance(objects.get(self.speed_key));
         objects.set(self.encoder_keys[0], self.spindle.count() as u32);
@@ -220,9 +203,7 @@ impl Io {
     }
 
     /// Switches the contactors and reads the inputs.
-    fn switch(&mut self) {
-        let operational = self.cn.nmt_state() == NmtState::Operational;
-        let objects = self.cn.dictionary_mut();
+    pub(super) fn switch<const E: usize, const B: usize>(&self, objects: &mut Dictionary<E, B>, operational: bool) {
         if !operational {
             for key in self.output_keys {
                 objects.set(key, 0);
@@ -237,54 +218,25 @@ impl Io {
         objects.set(self.input_keys[1], self.wired | self.sensed | oriented);
     }
 
-    pub(super) fn poll(&mut self, now_ns: u64) {
-        if self.powered && self.cn.poll(now_ns).nmt_state.is_some() {
-            self.switch();
-        }
-    }
-
-    /// The octets of `response` that are to be sent by the clock: the PRes of a chained node.
-    pub(super) fn poll_transmit(&mut self, now_ns: u64, response: &mut [u8; FRAME_LEN_MAX]) -> Option<usize> {
-        self.powered.then(|| self.cn.poll_transmit(now_ns, response)).flatten()
-    }
-
-    /// Has a frame that is not POWERLINK sent when the node is invited to.
-    pub(super) fn send_ethernet(&mut self, frame: &[u8]) -> Result<(), QueueError> {
-        self.cn.send_ethernet(frame)
-    }
-
-    pub(super) fn next_poll_ns(&self) -> Option<u64> {
-        if self.powered { self.cn.next_deadline_ns() } else { None }
+    /// Whether it has its supply.
+    pub(super) fn is_powered(&self) -> bool {
+        self.powered
     }
 
     pub(super) fn power_off(&mut self) {
         self.powered = false;
     }
 
-    /// In place: see [`Cn::power_on`].
-    pub(super) fn power_on(&mut self, now_ns: u64) {
-        self.cn.power_on(now_ns);
+    pub(super) fn power_on(&mut self) {
         for (amplifier, _) in &mut self.amplifiers {
             *amplifier = amplifier.anew();
         }
         (self.powered, self.sensed, self.cycles) = (true, 0, 0);
     }
 
-    pub(super) fn nmt_state(&self) -> NmtState {
-        if self.powered {
-            self.cn.nmt_state()
-        } else {
-            NmtState::Off
-        }
-    }
-
-    /// Outputs 6200h/1 and /2 as they act on the machine.
-    pub(super) fn outputs(&self) -> [u8; 2] {
-        if self.nmt_state() == NmtState::Operational {
-            self.output_keys.map(|key| self.cn.dictionary().get(key))
-        } else {
-            [0; 2]
-        }
+    /// Outputs 6200h/1 and /2.
+    pub(super) fn outputs<const E: usize, const B: usize>(&self, objects: &Dictionary<E, B>) -> [u8; 2] {
+        self.output_keys.map(|key| objects.get(key))
     }
 
     /// A sensor of the machine at a bit of 6000h/2.

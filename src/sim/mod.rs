@@ -5,14 +5,16 @@
 
 mod amplifier;
 mod built;
+mod carrier;
 mod drive;
+mod ethercat;
 mod faults;
 mod io;
 mod machine;
 mod motor;
 pub mod near_end;
-mod node;
 pub mod paced;
+mod powerlink;
 mod run;
 mod sensors;
 mod spindle;
@@ -20,9 +22,9 @@ pub mod stepper;
 mod track;
 mod virtual_net;
 
+pub use self::powerlink::node_mac;
 pub use faults::{FAULT, FaultOrder};
 pub use machine::{DriveId, SimMachine};
-pub use node::node_mac;
 pub use run::{Served, serve};
 pub use virtual_net::{Disturbance, NetConfig, VirtualNet};
 
@@ -65,3 +67,5 @@ mod test_machine;
 use test_machine::test_config;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod tests_ethercat;

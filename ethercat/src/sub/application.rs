@@ -23,7 +23,7 @@ pub struct Cycle<'a> {
 }
 
 /// What a device does with its process data.
-pub trait Application: core::fmt::Debug + Send {
+pub trait Application: core::any::Any + core::fmt::Debug + Send {
     /// The device comes to SAFE-OP, with this period of its cycles.
     ///
     /// # Errors
@@ -36,8 +36,10 @@ pub trait Application: core::fmt::Debug + Send {
     /// One cycle; an error that the device reports.
     fn cycle(&mut self, cycle: Cycle<'_>) -> Option<Emergency>;
 
-    /// Its power has come back.
-    fn power_on(&mut self) {}
+    /// Its power has come back; the objects are as they come out of the box.
+    fn power_on(&mut self, objects: &mut ObjectStore) {
+        let _ = objects;
+    }
 
     /// The drive that it is, to be looked into.
     fn as_drive(&mut self) -> Option<&mut Drive> {
@@ -218,7 +220,7 @@ impl Application for Drive {
         emergency
     }
 
-    fn power_on(&mut self) {
+    fn power_on(&mut self, _: &mut ObjectStore) {
         for axis in &mut self.axes {
             axis.device = None;
             axis.demand = Demand::default();

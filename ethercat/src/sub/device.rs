@@ -55,6 +55,8 @@ pub struct SubDeviceConfig {
     pub mail_ns: u64,
     /// SYNC0 pulses that it wants to see before OP, where SYNC0 is on.
     pub pulses_before_op: u32,
+    /// Period of its application where it has no SYNC0, ns.
+    pub period_ns: u32,
 }
 
 impl SubDeviceConfig {
@@ -72,6 +74,7 @@ impl SubDeviceConfig {
             step_ns: 200_000,
             mail_ns: 200_000,
             pulses_before_op: 20,
+            period_ns: PERIOD_NS,
         }
     }
 }
@@ -159,7 +162,7 @@ impl SubDevice {
             counters: (0, 0),
             last_mail: Vec::new(),
             pulses: 0,
-            period_ns: PERIOD_NS,
+            period_ns: config.period_ns,
             cycle_ns: now_ns,
             fresh_outputs: false,
             faults: Faults::default(),
@@ -187,7 +190,7 @@ impl SubDevice {
         self.pulses = 0;
         self.cycle_ns = now_ns;
         self.fresh_outputs = false;
-        self.config.application.power_on();
+        self.config.application.power_on(&mut self.objects);
     }
 
     /// It has power.
@@ -218,6 +221,11 @@ impl SubDevice {
     /// Its objects, to be changed behind its back.
     pub fn objects_mut(&mut self) -> &mut ObjectStore {
         &mut self.objects
+    }
+
+    /// Its application.
+    pub fn application(&self) -> &dyn Application {
+        &*self.config.application
     }
 
     /// Its application.
@@ -580,7 +588,7 @@ impl SubDevice {
         self.period_ns = if activation & sync::SYNC0 != 0 {
             cycle_ns
         } else {
-            PERIOD_NS
+            self.config.period_ns
         };
         self.config.application.start(&mut self.objects, self.period_ns)
     }
@@ -653,6 +661,11 @@ impl SubDevice {
     }
 
     // --- Process data ---
+
+    /// A cycle of its application beside those of its own, for whatever has changed around it.
+    pub fn run_application(&mut self) {
+        self.application_cycle(self.powered && self.state == AlState::Op);
+    }
 
     fn cycle(&mut self, now_ns: u64) {
         self.cycle_ns = now_ns;

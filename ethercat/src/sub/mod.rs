@@ -20,7 +20,9 @@ pub use application::{Application, Cycle, Drive, IdealMotor, Motor, NoProcessDat
 pub use clock::ClockConfig;
 pub use coe::Abilities;
 pub use device::{Faults, SubDevice, SubDeviceConfig};
-pub use objects::{COMMUNICATION, Description, ENTRIES, OCTETS, ObjectRef, ObjectStore, PDO_ENTRIES, ProcessData};
+pub use objects::{
+    COMMUNICATION, Description, ENTRIES, OCTETS, ObjectRef, ObjectStore, PDO_ENTRIES, Part, ProcessData, WriteCheck,
+};
 pub use segment::{Answer, Segment};
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Kinds of devices, ready made: servo drives, terminals, couplers.
 
-use super::application::{Drive, Motor, NoProcessData, Terminal};
+use super::application::{Application, Drive, Motor, NoProcessData, Terminal};
 use super::device::SubDeviceConfig;
 use super::objects::{COMMUNICATION, ObjectStore, PDO_ENTRIES};
 use crate::wire::sii::{
@@ -61,6 +61,85 @@ const AXIS_PDOS: [&[EntryDef]; AXES_MAX] = [
     &axis_pdos::<3>(),
 ];
 
+/// A device with a CoE mailbox, whose process data are what its objects assign.
+#[derive(Clone, Copy, Debug)]
+pub struct CoeModel<'a> {
+    /// What it says it is.
+    pub identity: Identity,
+    /// 1000h.
+    pub device_type: u32,
+    /// Order number and name.
+    pub names: [&'a str; 2],
+    /// Alias of the station address.
+    pub alias: u16,
+    /// Octets of each mailbox.
+    pub mailbox: u16,
+    /// Octets of the outputs and of the inputs as it comes out of the box.
+    pub octets: [u16; 2],
+    /// Octets of the memory for three buffers of each direction.
+    pub room: u16,
+    /// What its EEPROM tells of CoE.
+    pub coe: u8,
+    /// Kinds of its ports, as its EEPROM has them.
+    pub ports: u16,
+}
+
+impl CoeModel<'_> {
+    /// The device; `objects` has [`COMMUNICATION`], whose identity and names are set here, and its mapping.
+    ///
+    /// # Errors
+    /// An object of [`COMMUNICATION`] that is missing.
+    pub fn build(
+        &self,
+        mut objects: ObjectStore,
+        application: Box<dyn Application>,
+    ) -> Result<SubDeviceConfig, AbortCode> {
+        let Identity {
+            vendor,
+            product,
+            revision,
+            serial,
+        } = self.identity;
+        for (sub, value) in (1_u8..).zip([vendor, product, revision, serial]) {
+            objects.preset(0x1018, sub, &value.to_le_bytes())?;
+        }
+        objects.preset(0x1000, 0, &self.device_type.to_le_bytes())?;
+        objects.preset(0x1008, 0, self.names[1].as_bytes())?;
+        objects.preset(0x1009, 0, b"1.0")?;
+        objects.preset(0x100A, 0, env!("CARGO_PKG_VERSION").as_bytes())?;
+        let behind = MAILBOX + 2 * self.mailbox;
+        let [outputs, inputs] = self.octets;
+        let managers = [
+            manager(MAILBOX, self.mailbox, 0x26, Usage::MailboxOut),
+            manager(MAILBOX + self.mailbox, self.mailbox, 0x22, Usage::MailboxIn),
+            manager(behind, outputs, 0x64, Usage::Outputs),
+            manager(behind + self.room, inputs, 0x20, Usage::Inputs),
+        ];
+        let image = Image {
+            pdi: 0x0005,
+            alias: self.alias,
+            identity: self.identity,
+            mailboxes: Mailboxes {
+                receive: area(&managers[0]),
+                send: area(&managers[1]),
+                protocols: protocol::COE,
+            },
+            strings: &self.names,
+            general: General {
+                order: 1,
+                name: 2,
+                coe: self.coe,
+                ports: self.ports,
+                ..General::default()
+            },
+            fmmus: &[1, 2],
+            sync_managers: &managers,
+            ..Image::default()
+        };
+        Ok(SubDeviceConfig::new(eeprom(&image), objects, application))
+    }
+}
+
 /// A servo drive.
 #[derive(Clone, Copy, Debug)]
 pub struct DriveModel<'a> {
@@ -117,7 +196,6 @@ impl DriveModel<'_> {
                 .map_err(built)?;
             parts.push(part);
         }
-        preset(&mut objects, &self.identity, self.name, DEVICE_TYPE)?;
         for assign in [0x1C12_u16, 0x1C13] {
             objects.preset(assign, 0, &[axes as u8])?;
             for axis in 0..axes as u16 {
@@ -127,47 +205,19 @@ impl DriveModel<'_> {
         }
         let octets = AXIS_OCTETS * axes as u16;
         let drive = Drive::new(parts.into_iter().zip(motors).collect(), self.delays);
-        let behind = MAILBOX + 2 * self.mailbox;
-        let managers = [
-            manager(MAILBOX, self.mailbox, 0x26, Usage::MailboxOut),
-            manager(MAILBOX + self.mailbox, self.mailbox, 0x22, Usage::MailboxIn),
-            manager(behind, octets, 0x64, Usage::Outputs),
-            manager(behind + ROOM, octets, 0x20, Usage::Inputs),
-        ];
-        let image = Image {
-            pdi: 0x0005,
-            alias: self.alias,
+        let model = CoeModel {
             identity: self.identity,
-            mailboxes: Mailboxes {
-                receive: area(&managers[0]),
-                send: area(&managers[1]),
-                protocols: protocol::COE,
-            },
-            strings: &["ISOCNC-SIM", self.name],
-            general: General {
-                order: 1,
-                name: 2,
-                coe: 0x0F | General::COMPLETE_ACCESS,
-                ports: 0x0011,
-                ..General::default()
-            },
-            fmmus: &[1, 2],
-            sync_managers: &managers,
-            ..Image::default()
+            device_type: DEVICE_TYPE,
+            names: ["ISOCNC-SIM", self.name],
+            alias: self.alias,
+            mailbox: self.mailbox,
+            octets: [octets; 2],
+            room: ROOM,
+            coe: 0x0F | General::COMPLETE_ACCESS,
+            ports: 0x0011,
         };
-        Ok(SubDeviceConfig::new(eeprom(&image), objects, Box::new(drive)))
+        model.build(objects, Box::new(drive))
     }
-}
-
-fn preset(objects: &mut ObjectStore, identity: &Identity, name: &str, device_type: u32) -> Result<(), AbortCode> {
-    let numbers = [identity.vendor, identity.product, identity.revision, identity.serial];
-    for (sub, value) in (1_u8..).zip(numbers) {
-        objects.preset(0x1018, sub, &value.to_le_bytes())?;
-    }
-    objects.preset(0x1000, 0, &device_type.to_le_bytes())?;
-    objects.preset(0x1008, 0, name.as_bytes())?;
-    objects.preset(0x1009, 0, b"1.0")?;
-    objects.preset(0x100A, 0, env!("CARGO_PKG_VERSION").as_bytes())
 }
 
 const fn manager(start: u16, length: u16, control: u8, usage: Usage) -> SyncManagerEntry {
@@ -285,49 +335,28 @@ const ANALOG_PDOS: &[EntryDef] = &[
 /// # Errors
 /// An object that is not as the tables here have it.
 pub fn analog_terminal(identity: Identity) -> Result<SubDeviceConfig, AbortCode> {
-    let name = "Simulated analog terminal";
     let mut objects = ObjectStore::new();
     let built = |_| AbortCode::INTERNAL_INCOMPATIBLE;
     objects
         .add(0x1000..=0x1FFF, 0, &[COMMUNICATION, ANALOG_PDOS])
         .map_err(built)?;
     objects.add(0x2000..=0x9FFF, 0, &[ANALOG]).map_err(built)?;
-    preset(&mut objects, &identity, name, 0x0000_1389)?;
     for (assign, pdo) in [(0x1C12, 0x1600_u16), (0x1C13, 0x1A00)] {
         objects.preset(assign, 0, &[1])?;
         objects.preset(assign, 1, &pdo.to_le_bytes())?;
     }
-    let managers = [
-        manager(MAILBOX, 128, 0x26, Usage::MailboxOut),
-        manager(MAILBOX + 128, 128, 0x22, Usage::MailboxIn),
-        manager(MAILBOX + 256, 8, 0x64, Usage::Outputs),
-        manager(MAILBOX + 256 + ROOM, 8, 0x20, Usage::Inputs),
-    ];
-    let image = Image {
-        pdi: 0x0005,
+    let model = CoeModel {
         identity,
-        mailboxes: Mailboxes {
-            receive: area(&managers[0]),
-            send: area(&managers[1]),
-            protocols: protocol::COE,
-        },
-        strings: &["AIO-4-4", name],
-        general: General {
-            order: 1,
-            name: 2,
-            coe: 0x03,
-            ports: 0x0033,
-            ..General::default()
-        },
-        fmmus: &[1, 2],
-        sync_managers: &managers,
-        ..Image::default()
+        device_type: 0x0000_1389,
+        names: ["AIO-4-4", "Simulated analog terminal"],
+        alias: 0,
+        mailbox: 128,
+        octets: [8; 2],
+        room: ROOM,
+        coe: 0x03,
+        ports: 0x0033,
     };
-    Ok(SubDeviceConfig::new(
-        eeprom(&image),
-        objects,
-        Box::new(Terminal::default()),
-    ))
+    model.build(objects, Box::new(Terminal::default()))
 }
 
 /// A coupler: no mailbox, no process data, terminals behind it.
