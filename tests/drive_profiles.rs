@@ -7,7 +7,7 @@ use isocnc::config::{self, Config, DRIVE_PROFILES, parse_drive_profile};
 use isocnc::machine::sequence::Outcome;
 use isocnc::operator::console::Operator;
 use isocnc::operator::rehearsal::{Rehearsal, rehearse, rehearse_on};
-use isocnc::sim::near_end::VirtualBus;
+use isocnc::sim::near_end::VirtualPowerlink;
 use isocnc::sim::{NetConfig, SimMachine, VirtualNet};
 use powerlink::wire::NetTime;
 use std::path::Path;
@@ -173,7 +173,7 @@ fn journal_beside(wanted: &Config, there: &Config) -> String {
     let nodes = node_configs(&wanted.bus, &plans);
     let link = VirtualNet::new(SimMachine::new(there).expect("simulated"), NetConfig::clean(1));
     let network = mn_config(wanted, &nodes, [2, 0, 0, 0, 0, 0xF0]);
-    let bus: VirtualBus<'_> =
+    let bus: VirtualPowerlink<'_> =
         Powerlink::new(network, link, Arc::new(Watch::default()), NetTime::default).expect("a network");
     rehearse_on(wanted, b"", bus, Operator::standing_by, |run| {
         run.run_until(3000, |_| false)?;

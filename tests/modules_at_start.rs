@@ -7,7 +7,7 @@ use isocnc::bus::watch::Watch;
 use isocnc::config;
 use isocnc::operator::console::Operator;
 use isocnc::operator::rehearsal::rehearse_on;
-use isocnc::sim::near_end::VirtualBus;
+use isocnc::sim::near_end::VirtualPowerlink;
 use isocnc::sim::{NetConfig, SimMachine, VirtualNet};
 use powerlink::wire::NetTime;
 use std::path::Path;
@@ -21,7 +21,7 @@ fn journal(wanted: &str, there: &str) -> String {
     let plans = network::plan(&wanted);
     let nodes = node_configs(&wanted.bus, &plans);
     let link = VirtualNet::new(SimMachine::new(&there).expect("simulated"), NetConfig::clean(1));
-    let bus: VirtualBus<'_> = Powerlink::new(
+    let bus: VirtualPowerlink<'_> = Powerlink::new(
         mn_config(&wanted, &nodes, [2, 0, 0, 0, 0, 0xF0]),
         link,
         Arc::new(Watch::default()),

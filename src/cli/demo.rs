@@ -18,7 +18,7 @@ use crate::operator::standby::stand_by;
 use crate::program::text::{Reader, Text};
 use crate::sim::READY;
 use anyhow::{Context, ensure};
-use clap::Args;
+use clap::{Args, ValueEnum};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use std::io::{BufRead, BufReader};
@@ -28,7 +28,11 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitCode, Stdio};
 use std::time::{Duration, Instant};
 
-const MACHINE: &str = include_str!("../../configs/mill3-demo.toml");
+/// Machine of each bus.
+const MACHINES: [(DemoBus, &str); 2] = [
+    (DemoBus::Powerlink, include_str!("../../configs/mill3-demo.toml")),
+    (DemoBus::Ethercat, include_str!("../../configs/mill3-ethercat.toml")),
+];
 const PROGRAM: &[u8] = include_bytes!("../../configs/sample-part.ngc");
 const PROGRAM_NAME: &str = "sample-part.ngc";
 /// Ends of the private wire: the control's, which the machine file names, and the machine's.
@@ -41,6 +45,14 @@ const CYCLES_MAX: u32 = 4;
 /// Longest wait for the simulated machine to write its measurement down.
 const FAR_END_WAIT: Duration = Duration::from_secs(5);
 
+/// The bus of a demonstration.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(super) enum DemoBus {
+    #[default]
+    Powerlink,
+    Ethercat,
+}
+
 /// Arguments of `demo`.
 #[derive(Debug, Args)]
 pub struct DemoArgs {
@@ -50,6 +62,9 @@ pub struct DemoArgs {
     /// Machine file instead of the demo's own.
     #[arg(long, value_name = "FILE")]
     machine: Option<PathBuf>,
+    /// Bus of the demo's own machine [default: powerlink]
+    #[arg(long, value_name = "BUS", conflicts_with = "machine")]
+    bus: Option<DemoBus>,
     /// Folder for the report and its pictures.
     #[arg(long, default_value = "isocnc-out")]
     out: PathBuf,
@@ -78,7 +93,7 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<ExitCode> {
         None => (PROGRAM_NAME.to_owned(), PROGRAM.to_vec().into()),
     };
     files::make_folder(&args.out).with_context(|| args.out.display().to_string())?;
-    let machine = machine_file(args.machine.as_deref(), &args.out)?;
+    let machine = machine_file(args.machine.as_deref(), args.bus, &args.out)?;
     let mut config = bus::read(&machine).map_err(Refusal::from)?;
     if !args.json && args.panel.is_none() {
         say(&format!(
@@ -190,13 +205,15 @@ pub(super) fn bear(config: &mut Config) {
     }
 }
 
-/// The machine file that was given, or that of the demo, put into the folder for the processes that read it, too.
-pub(super) fn machine_file(given: Option<&Path>, out: &Path) -> anyhow::Result<PathBuf> {
+/// The machine file that was given, or that of the demo on a bus, put into the folder for the processes that read it, too.
+pub(super) fn machine_file(given: Option<&Path>, bus: Option<DemoBus>, out: &Path) -> anyhow::Result<PathBuf> {
     if let Some(path) = given {
         return Ok(path.to_owned());
     }
     let path = out.join("machine.toml");
-    files::write(&path, MACHINE).with_context(|| path.display().to_string())?;
+    let bus = bus.unwrap_or_default();
+    let of_bus = MACHINES.iter().find(|(of, _)| *of == bus);
+    files::write(&path, of_bus.map_or("", |(_, text)| text)).with_context(|| path.display().to_string())?;
     Ok(path)
 }
 

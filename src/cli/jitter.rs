@@ -1,6 +1,6 @@
 //! `isocnc jitter`: how exactly the cycle is kept while a program runs, beside what the PC can do at all.
 
-use super::demo::{bear, machine_file};
+use super::demo::{DemoBus, bear, machine_file};
 use crate::analyser::listen;
 use crate::bus;
 use crate::host::netns;
@@ -47,12 +47,15 @@ pub struct JitterArgs {
     /// Machine file instead of that of the demo.
     #[arg(long, value_name = "FILE")]
     machine: Option<PathBuf>,
+    /// Bus of the machine of the demo [default: powerlink]
+    #[arg(long, value_name = "BUS", conflicts_with = "machine")]
+    bus: Option<DemoBus>,
     /// Run on this network interface, with the nodes that are there, instead of on a private wire with simulated drives. The
     /// machine moves.
     #[arg(long, value_name = "IF")]
     interface: Option<String>,
     /// Be the analyser: only listen at the interface and measure the SoC period of another PC.
-    #[arg(long, requires = "interface", conflicts_with_all = ["program", "machine", "rounds"])]
+    #[arg(long, requires = "interface", conflicts_with_all = ["program", "machine", "bus", "rounds"])]
     listen: bool,
     /// As an analyser, take orders on standard input.
     #[arg(long, requires = "listen", hide = true)]
@@ -72,7 +75,7 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<ExitCode> {
     }
     let signal = StopSignal::install().context("signals")?;
     output::prepare(&args.out)?;
-    let machine = machine_file(args.machine.as_deref(), &args.out)?;
+    let machine = machine_file(args.machine.as_deref(), args.bus, &args.out)?;
     let mut config = bus::read_with_cycle(&machine, args.period_us).map_err(Refusal::from)?;
     // The name is also that of the shared pins: a control of this machine may run beside it.
     config.name = format!("{}-{}", config.name, std::process::id());

@@ -1,4 +1,4 @@
-//! `isocnc simulate`: the simulated machine as controlled nodes on an interface.
+//! `isocnc simulate`: the simulated machine as the nodes of its bus on an interface.
 
 use crate::analyser::Analyser;
 use crate::bus;
@@ -26,7 +26,7 @@ use std::time::Duration;
 pub struct SimulateArgs {
     /// Machine file.
     machine: PathBuf,
-    /// Network interface on which the managing node is.
+    /// Network interface on which the managing node or the main device is.
     #[arg(long)]
     interface: String,
     /// Measure the SoC period at this end from kernel receive stamps and write it to this file at the end.
@@ -59,10 +59,14 @@ pub fn simulate(args: &SimulateArgs) -> anyhow::Result<ExitCode> {
         stay_with(parent)?;
     }
     let config = bus::read_with_cycle(&args.machine, args.cycle_us).map_err(Refusal::from)?;
+    ensure!(
+        args.tap.is_none() || !config.bus.kind.is_ethercat(),
+        "--tap: the simulated devices of EtherCAT have no Ethernet over EtherCAT (EoE)"
+    );
     let signal = StopSignal::install().context("signals")?;
     let mut machine = SimMachine::new(&config).map_err(|error| anyhow!("{error}"))?;
     let _sole = SoleSender::claim(&args.interface)?;
-    let mut link = near_end::far_end(&args.interface)?;
+    let mut link = near_end::far_end(&config, &args.interface)?;
     let analyser = match (&args.analyse, &args.capture) {
         (None, None) => None,
         (_, capture) => {

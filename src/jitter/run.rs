@@ -74,8 +74,13 @@ impl FarEnd<'_> {
         }
     }
 
-    fn words(&self) -> String {
+    fn words(&self, is_ethercat: bool) -> String {
         match self {
+            FarEnd::Private { .. } if is_ethercat => {
+                "simulated devices in a process of their own; the first frame of each cycle, here for the SoC, \
+                                       stamped by the kernel where it arrives, read by an analyser in a third process"
+                    .into()
+            }
             FarEnd::Private { .. } => {
                 "simulated drives in a process of their own; SoC stamped by the kernel where it arrives, \
                                        read by an analyser in a third process"
@@ -152,7 +157,7 @@ fn empty_report(wanted: &Wanted<'_>, rounds: u32) -> JitterReport {
             machine: config.name.clone(),
             program: wanted.program.name.into(),
             interface: wanted.far_end.interface().into(),
-            far_end: wanted.far_end.words(),
+            far_end: wanted.far_end.words(config.bus.kind.is_ethercat()),
             cycles: wanted.cycles,
             rounds,
             cycle_us: config.cycle_us,

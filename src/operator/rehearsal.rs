@@ -17,7 +17,7 @@ use crate::program::{Begin, Feeder, Progress, waits};
 use crate::rt::assemble::assemble;
 use crate::rt::cycle::MotionController;
 use crate::rt::pins::capacity;
-use crate::rt::thread::grid;
+use crate::rt::thread::{Steering, grid};
 use crate::sim::near_end::{VirtualBus, VirtualTime, with_virtual};
 use crate::sim::{NetConfig, VirtualNet, stepper};
 use anyhow::anyhow;
@@ -49,6 +49,7 @@ pub struct Rehearsal<'a, B = VirtualBus<'a>> {
     path: Vec<Programmed>,
     probed_time_s: Option<f64>,
     grid: Grid,
+    steering: Steering,
     deadline_ns: u64,
     skipped: u64,
     cycles: u64,
@@ -113,6 +114,7 @@ pub fn rehearse_on<'a, B: VirtualTime, T>(
         path: Vec::new(),
         probed_time_s: None,
         grid,
+        steering: Steering::default(),
         deadline_ns: grid.first_after(0),
         skipped: 0,
         cycles: 0,
@@ -124,7 +126,7 @@ pub fn rehearse_on<'a, B: VirtualTime, T>(
 impl Rehearsal<'_> {
     /// The wire and the simulated machine behind it.
     pub fn net(&mut self) -> &mut VirtualNet {
-        self.control.bus_mut().link_mut()
+        self.control.bus_mut().net()
     }
 }
 
@@ -180,13 +182,14 @@ impl<'a, B: VirtualTime> Rehearsal<'a, B> {
         }
         let deadline_ns = self.deadline_ns;
         let began_ns = self.now_ns();
-        self.control.cycle(
+        let report = self.control.cycle(
             began_ns - deadline_ns,
             self.skipped,
             deadline_ns + self.grid.period_ns * 9 / 10,
         );
         let now_ns = self.now_ns();
-        let next = self.grid.next(deadline_ns, now_ns);
+        let begun_ns = deadline_ns.saturating_add_signed(self.steering.shift_ns(report.time));
+        let next = self.grid.next(begun_ns, now_ns);
         (self.deadline_ns, self.skipped) = (next.deadline_ns, next.skipped);
         self.cycles += 1;
         if self.cycles.is_multiple_of(OPERATOR_CYCLES) {

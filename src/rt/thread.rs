@@ -27,14 +27,14 @@ const STEER_DRIFT_SHARE: f64 = 1.0 / 1024.0;
 
 /// Leads the dates of cycles to the clock of the bus, where it is the one that counts.
 #[derive(Clone, Copy, Debug, Default)]
-struct Steering {
+pub struct Steering {
     /// What the clocks part by in a cycle, ns.
     drift_ns: f64,
 }
 
 impl Steering {
     /// By how much the next cycle begins later than a period behind this one, ns.
-    fn shift_ns(&mut self, time: TimeReference) -> i64 {
+    pub fn shift_ns(&mut self, time: TimeReference) -> i64 {
         let TimeReference::Bus { late_ns } = time else {
             return 0;
         };

@@ -1,7 +1,7 @@
 //! The seam between the simulated devices and the bus that carries them.
 //!
 //! A device is an object dictionary that it works on once in every period, as far as the bus leads it. A carrier gives it its
-//! objects, its process data and its periods: [`Powerlink`](super::powerlink::Powerlink).
+//! objects, its process data and its periods: [`Powerlink`](super::powerlink::Powerlink), [`Ethercat`](super::ethercat::Ethercat).
 
 use super::SimError;
 use super::drive::{self, Drive};

@@ -8,7 +8,7 @@
 use super::SimError;
 use super::carrier::{Carrier, Device, tables};
 use super::drive;
-use crate::config::{Config, Mapped, Node, NodeIndex};
+use crate::config::{Config, Mapped, Node, NodeIndex, Pdo};
 use ::ethercat::sub::models::{self, CoeModel};
 use ::ethercat::sub::{
     Application, COMMUNICATION, ClockConfig, Cycle, ENTRIES, OCTETS, ObjectStore, PDO_ENTRIES, Segment, SubDevice,
@@ -342,7 +342,7 @@ fn sub_device(config: &Config, index: NodeIndex) -> Result<SubDeviceConfig, SimE
         Device::Drive(_) => PRODUCTS[0],
         Device::Io(_) => PRODUCTS[1],
     });
-    let wanted = &node.identity;
+    let (wanted, own) = (&node.identity, node.ethercat.as_ref());
     // Names beyond the length of the object are cut; they are for people.
     let end = node.name.char_indices().map(|(at, char)| at + char.len_utf8());
     let end = end.take_while(|end| *end <= 64).last().unwrap_or(0);
@@ -355,7 +355,7 @@ fn sub_device(config: &Config, index: NodeIndex) -> Result<SubDeviceConfig, SimE
         },
         device_type: wanted.device_type.unwrap_or(device.device_type()),
         names: ["ISOCNC-SIM", &node.name[..end]],
-        alias: 0,
+        alias: own.and_then(|own| own.alias).unwrap_or(0),
         mailbox: MAILBOX,
         octets: [&node.outputs, &node.inputs].map(|mapped| octets(mapped) as u16),
         room: ROOM,
@@ -378,11 +378,16 @@ fn octets(mapped: &[Mapped]) -> usize {
     mapped.iter().map(|object| usize::from(object.bits) / 8).sum()
 }
 
-/// PDOs of a node: of its outputs and of its inputs.
+/// PDOs of a node, at least one, what they map, and the object that assigns them: outputs, inputs.
 fn pdos(node: &Node) -> [(Vec<u16>, &[Mapped], u16); 2] {
+    let own = node.ethercat.as_ref();
+    let indices = |pdos: Option<&Vec<Pdo>>, usual: u16| match pdos.map(Vec::as_slice) {
+        None | Some([]) => vec![usual],
+        Some(pdos) => pdos.iter().map(|pdo| pdo.index).collect(),
+    };
     [
-        (vec![0x1600], &node.outputs, 0x1C12),
-        (vec![0x1A00], &node.inputs, 0x1C13),
+        (indices(own.map(|own| &own.outputs), 0x1600), &node.outputs, 0x1C12),
+        (indices(own.map(|own| &own.inputs), 0x1A00), &node.inputs, 0x1C13),
     ]
 }
 

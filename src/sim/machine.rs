@@ -57,17 +57,12 @@ pub struct SimMachine {
 }
 
 impl SimMachine {
-    /// All nodes switched on at time 0 of their clock, on POWERLINK.
+    /// All nodes switched on at time 0 of their clock, on the bus of the machine file.
     pub fn new(config: &Config) -> Result<SimMachine, SimError> {
-        SimMachine::on(Box::new(Powerlink::new(config)?), config)
-    }
-
-    /// The same on EtherCAT, where the id of a node is its position.
-    pub fn on_ethercat(config: &Config) -> Result<SimMachine, SimError> {
-        SimMachine::on(Box::new(Ethercat::new(config)?), config)
-    }
-
-    fn on(carrier: Box<dyn Carrier>, config: &Config) -> Result<SimMachine, SimError> {
+        let carrier: Box<dyn Carrier> = match config.bus.kind.is_ethercat() {
+            true => Box::new(Ethercat::new(config)?),
+            false => Box::new(Powerlink::new(config)?),
+        };
         let place = |joint: &Joint| {
             let place = joint.analog.map_or(joint.node, |analog| analog.node);
             (place, joint.drive_axis)

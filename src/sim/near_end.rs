@@ -4,18 +4,19 @@
 
 use super::paced::Paced;
 use super::{NetConfig, SimMachine, VirtualNet, serve};
-use crate::bus::powerlink::Powerlink;
+use crate::bus::ethercat::{self, Ethercat, setup};
 use crate::bus::powerlink::managing_node::{mn_config, node_configs};
-use crate::bus::powerlink::open::{ANSWER_SPIN_NS, with_link};
+use crate::bus::powerlink::open::ANSWER_SPIN_NS;
+use crate::bus::powerlink::{self, Powerlink};
 use crate::bus::watch::Watch;
 use crate::bus::{self, CyclicBus, Open};
 use crate::config::Config;
 use crate::host::setup::{Process, Role, STACK_SIZE, enter_thread};
 use crate::host::signals::StopOnDrop;
+use ::powerlink::link::raw::{RawConfig, RawLink};
+use ::powerlink::link::{Link, memory};
+use ::powerlink::wire::NetTime;
 use anyhow::anyhow;
-use powerlink::link::memory;
-use powerlink::link::raw::{RawConfig, RawLink};
-use powerlink::wire::NetTime;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -44,7 +45,7 @@ pub fn with_memory<T>(
                 serve(&mut far, &mut machine, &stop, &mut |_| {}, &mut |_, _| {})
             })?;
         let ended = StopOnDrop(&stop);
-        let done = with_link(config, near, MEMORY_MAC, watch, None, run);
+        let done = with_link(config, near, watch, run);
         drop(ended);
         // Our end of its link is gone by now: an error it gives is that.
         let _ = machine_thread.join();
@@ -63,14 +64,33 @@ pub fn with_paced<T>(
 ) -> anyhow::Result<T> {
     let machine = SimMachine::new(config).map_err(|error| anyhow!("{error}"))?;
     let wire = Paced::new(machine);
-    with_link(config, wire.clone(), MEMORY_MAC, watch, None, |open| run(open, wire))
+    with_link(config, wire.clone(), watch, |open| run(open, wire))
+}
+
+/// The control's end of the bus of a machine file, on a link.
+fn with_link<L: Link + Send, T>(
+    config: &Config,
+    link: L,
+    watch: Arc<Watch>,
+    run: impl FnOnce(Open<'_>) -> anyhow::Result<T>,
+) -> anyhow::Result<T> {
+    match config.bus.kind.is_ethercat() {
+        true => ethercat::open::with_link(config, link, MEMORY_MAC, watch, run),
+        false => powerlink::open::with_link(config, link, MEMORY_MAC, watch, None, run),
+    }
 }
 
 /// Most nodes of a machine on virtual time. A managing node for all ids is too large for the stack of a test thread.
 const VIRTUAL_NODES: usize = 32;
+/// Most frames of a cycle of EtherCAT there.
+const VIRTUAL_FRAMES: usize = 4;
 
-/// A bus on virtual time.
-pub type VirtualBus<'a> = Powerlink<'a, VirtualNet, VIRTUAL_NODES>;
+/// POWERLINK on virtual time.
+pub type VirtualPowerlink<'a> = Powerlink<'a, VirtualNet, VIRTUAL_NODES>;
+/// EtherCAT on virtual time.
+pub type VirtualEthercat<'a> = Ethercat<'a, VirtualNet, VIRTUAL_NODES, VIRTUAL_FRAMES>;
+/// Any bus on virtual time.
+pub type VirtualBus<'a> = Box<dyn VirtualWire + 'a>;
 
 /// A bus whose time passes when it is told to.
 pub trait VirtualTime: CyclicBus {
@@ -78,9 +98,33 @@ pub trait VirtualTime: CyclicBus {
     fn advance(&mut self, ns: u64);
 }
 
+/// A bus on a [`VirtualNet`].
+pub trait VirtualWire: CyclicBus {
+    /// The wire and the simulated machine behind it.
+    fn net(&mut self) -> &mut VirtualNet;
+}
+
+impl VirtualWire for VirtualPowerlink<'_> {
+    fn net(&mut self) -> &mut VirtualNet {
+        self.link_mut()
+    }
+}
+
+impl VirtualWire for VirtualEthercat<'_> {
+    fn net(&mut self) -> &mut VirtualNet {
+        self.link_mut()
+    }
+}
+
+impl VirtualTime for VirtualPowerlink<'_> {
+    fn advance(&mut self, ns: u64) {
+        self.net().advance(ns);
+    }
+}
+
 impl VirtualTime for VirtualBus<'_> {
     fn advance(&mut self, ns: u64) {
-        self.link_mut().advance(ns);
+        self.net().advance(ns);
     }
 }
 
@@ -95,21 +139,31 @@ pub fn with_virtual<T>(
 ) -> anyhow::Result<T> {
     let machine = SimMachine::new(config).map_err(|error| anyhow!("{error}"))?;
     let plans = bus::plan(config);
-    let nodes = node_configs(&config.bus, &plans);
     let link = VirtualNet::new(machine, net);
+    let watch = Arc::new(Watch::default());
+    if config.bus.kind.is_ethercat() {
+        let tables = setup::tables(config, &plans);
+        let devices = setup::devices(config, &plans, &tables);
+        let network = setup::network(config, &devices);
+        let bus: VirtualEthercat<'_> = ethercat::open::new(config, &network, link, MEMORY_MAC, watch)?;
+        return run(Box::new(bus));
+    }
+    let nodes = node_configs(&config.bus, &plans);
     let network = mn_config(config, &nodes, MEMORY_MAC);
-    let bus = Powerlink::new(network, link, Arc::new(Watch::default()), NetTime::default);
-    run(bus.map_err(|error| anyhow!("{error}"))?)
+    let bus: VirtualPowerlink<'_> =
+        Powerlink::new(network, link, watch, NetTime::default).map_err(|error| anyhow!("{error}"))?;
+    run(Box::new(bus))
 }
 
-/// The far end of a wire: an interface on which the machine answers.
+/// The far end of a wire: an interface on which the machine of a machine file answers.
 ///
 /// # Errors
 /// What the system refuses.
-pub fn far_end(interface: &str) -> anyhow::Result<RawLink> {
+pub fn far_end(config: &Config, interface: &str) -> anyhow::Result<RawLink> {
     let config = RawConfig {
         spin_ns: 0,
         promiscuous: true,
+        every_ether_type: config.bus.kind.is_ethercat(),
         ..RawConfig::default()
     };
     Ok(RawLink::open(interface, config)?)

@@ -12,6 +12,7 @@ use crate::host::wait::{monotonic_ns, sleep_until};
 use crate::machine::state::State;
 use crate::rt::cycle::MotionController;
 use crate::rt::cycle_stats::{CycleFigures, CycleTimes, Recorder};
+use crate::rt::thread::Steering;
 use powerlink::link::{Link, LinkError, Received};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -94,6 +95,7 @@ pub fn run_paced<B: CyclicBus>(
 ) -> Box<CycleFigures> {
     let mut pace = Pace::default();
     let mut deadline_ns = grid.first_after(wire.time_ns());
+    let mut steering = Steering::default();
     recorder.begin();
     while control.state() != State::Down && !stop.load(Ordering::Acquire) {
         control.serve(deadline_ns);
@@ -113,7 +115,7 @@ pub fn run_paced<B: CyclicBus>(
             pres_lost: report.lost,
         });
         control.show_timing(recorder.timing());
-        deadline_ns = next_ns;
+        deadline_ns = next_ns.saturating_add_signed(steering.shift_ns(report.time));
     }
     recorder.end()
 }

@@ -1,7 +1,7 @@
 //! The main device of this project against the simulated machine, on virtual time.
 
 use super::{FaultOrder, SimMachine, test_config};
-use crate::config::{Mapped, Node, Profile, SimFaultKind};
+use crate::config::{BusKind, Mapped, Node, Profile, SimFaultKind};
 use cia402::axis::{Axis, AxisConfig, AxisFault, Feedback, Request, Status};
 use cia402::profile::State;
 use ethercat::main::config::{ClockConfig, Config, DeviceConfig, Expected, PdoConfig, ProcessDataConfig, Times};
@@ -13,6 +13,12 @@ const X: usize = 0;
 const IO: usize = 3;
 const X_ID: u8 = 1;
 const IO_ID: u8 = 10;
+
+fn ethercat_config() -> crate::config::Config {
+    let mut config = test_config();
+    config.bus.kind = BusKind::EthercatMemory;
+    config
+}
 
 fn process_data(index: u16, mapped: &[Mapped]) -> ProcessDataConfig<'static> {
     let entry = |object: &Mapped| u32::from(object.index) << 16 | u32::from(object.sub) << 8 | u32::from(object.bits);
@@ -59,9 +65,9 @@ struct Rig {
 
 impl Rig {
     fn new() -> Rig {
-        let mut file = test_config();
+        let mut file = ethercat_config();
         // The machine is as it was put into service, the main device writes another mapping.
-        let machine = SimMachine::on_ethercat(&file).expect("a machine");
+        let machine = SimMachine::new(&file).expect("a machine");
         for node in file.bus.nodes.iter_mut().filter(|node| node.profile == Profile::Cia402) {
             node.inputs.reverse();
         }
@@ -296,14 +302,14 @@ fn a_fault_is_ordered_by_sdo_and_anything_else_refused() {
 
 #[test]
 fn a_node_without_room_for_its_process_data_is_refused() {
-    let mut config = test_config();
+    let mut config = ethercat_config();
     let many = Mapped {
         index: 0x6401,
         sub: 1,
         bits: 64,
     };
     config.bus.nodes[IO].inputs = vec![many; 129];
-    let error = SimMachine::on_ethercat(&config).expect_err("too much");
+    let error = SimMachine::new(&config).expect_err("too much");
     assert_eq!(
         error.to_string(),
         "simulated node 10 (io): 1032 octets in one direction: a simulated device has room for 1024"
