@@ -83,10 +83,10 @@ mod tests {
         };
         for (commands, source, expected) in [
             (&[Command::Frmw, Command::Brd, Command::Lrw][..], 0x10, FrameKind::Soc),
-            (&[Command::Nop, Command::Brd, Command::Lrw], 0x10, FrameKind::Soc),
-            (&[Command::Lrw, Command::Lrw], 0x10, FrameKind::PReq),
-            (&[Command::Fprd, Command::Frmw], 0x10, FrameKind::Asnd),
-            (&[Command::Frmw, Command::Brd, Command::Lrw], 0x12, FrameKind::PRes),
+            (&[Command::Nop, Command::Brd, Command::Lrw][..], 0x10, FrameKind::Soc),
+            (&[Command::Lrw, Command::Lrw][..], 0x10, FrameKind::PReq),
+            (&[Command::Fprd, Command::Frmw][..], 0x10, FrameKind::Asnd),
+            (&[Command::Frmw, Command::Brd, Command::Lrw][..], 0x12, FrameKind::PRes),
         ] {
             assert_eq!(kind(commands, source), expected, "{commands:?} from {source:02X}");
         }
