@@ -9,7 +9,6 @@
 
 mod configuration;
 pub mod ethercat;
-pub mod frames;
 pub mod layout;
 pub mod plan;
 pub mod powerlink;
@@ -17,6 +16,7 @@ pub mod service;
 pub mod watch;
 
 pub use self::ethercat::{Names, Remark};
+pub use self::powerlink::frames;
 pub use self::powerlink::sender;
 pub use self::powerlink::tap::Tap;
 pub use crate::config::NodeIndex;

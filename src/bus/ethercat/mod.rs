@@ -4,6 +4,7 @@
 //!
 //! RT except for [`Ethercat::new`].
 
+pub mod frames;
 pub mod open;
 mod publisher;
 mod remark;

@@ -6,6 +6,7 @@
 //! RT except for [`Powerlink::new`].
 
 pub mod cdc;
+pub mod frames;
 pub mod managing_node;
 pub mod network;
 pub mod open;
