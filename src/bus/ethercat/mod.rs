@@ -160,15 +160,13 @@ impl<'a, L: Link, const N: usize, const F: usize> Ethercat<'a, L, N, F> {
         &self.main
     }
 
-    /// Sends the frame of a service, if there is one; whether it was sent.
-    fn send_service(&mut self, now_ns: u64) -> bool {
-        let Some(frame) = self.main.service_frame(now_ns) else {
-            return false;
-        };
-        if let Err(error) = in_the_kernel(|| self.link.send(frame)) {
+    /// Sends the frame of a service, if there is one and none is under way.
+    fn send_service(&mut self, now_ns: u64) {
+        if let Some(frame) = self.main.service_frame(now_ns)
+            && let Err(error) = in_the_kernel(|| self.link.send(frame))
+        {
             self.link_error = Some(error);
         }
-        true
     }
 
     /// Waits for a frame and hands it over; whether one came.
@@ -406,11 +404,11 @@ impl<L: Link, const N: usize, const F: usize> CyclicBus for Ethercat<'_, L, N, F
         }
         loop {
             let now_ns = self.link.now_ns();
-            if now_ns + SERVICE_NS >= until_ns || !self.send_service(now_ns) {
-                return;
+            if now_ns + SERVICE_NS < until_ns {
+                self.send_service(now_ns);
             }
             // One that does not come back is given up by the main device, some cycles later.
-            if !self.receive(until_ns) {
+            if !self.main.awaits_service() || now_ns >= until_ns || !self.receive(until_ns) {
                 return;
             }
         }

@@ -58,6 +58,11 @@ impl<const N: usize, const F: usize> MainDevice<'_, N, F> {
         })
     }
 
+    /// The frame of a service is under way: its answer is awaited.
+    pub const fn awaits_service(&self) -> bool {
+        self.service.sent_ns.is_some()
+    }
+
     /// What the network is about.
     pub const fn stage_text(&self) -> &'static str {
         match self.stage {
