@@ -13,13 +13,14 @@
 //! | who may do what | `guard.rs` (pages of others), `peer.rs` (users of this PC), `tokens.rs` (everybody else), `tls.rs` (whoever listens) |
 //! | a client of `/rpc`, from its first message to its end | `rpc.rs` |
 //! | the same without a socket, for fuzzing | `play.rs` |
-//! | MTConnect | `mtconnect.rs` |
+//! | senders of Grbl; MTConnect | `grbl.rs`; `mtconnect.rs` |
 //! | pages; programs; the way of a program; figures; measurements; a backup | `pages.rs`; `programs.rs`; `path.rs`; `figures.rs`; `measurements.rs`; `backup.rs` |
 
 mod ask;
 mod backup;
 mod counts;
 mod figures;
+mod grbl;
 mod guard;
 mod listen;
 mod measurements;

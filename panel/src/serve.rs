@@ -6,7 +6,7 @@ use crate::listen::Listener;
 use crate::programs::{self, Programs};
 use crate::tls::Tls;
 use crate::tokens::Tokens;
-use crate::{Control, figures, guard, measurements, mtconnect, pages, path, rpc};
+use crate::{Control, figures, grbl, guard, measurements, mtconnect, pages, path, rpc};
 use axum::Router;
 use axum::body::Body;
 use axum::extract::Request;
@@ -62,6 +62,10 @@ pub struct Settings {
     pub tls: Option<Tls>,
     /// What is to be kept elsewhere.
     pub backup: Backup,
+    /// Where senders of Grbl connect.
+    pub grbl: Option<Listener>,
+    /// MTConnect answers at `/probe` and the like, too, not only below `/mtconnect`.
+    pub mtconnect_at_root: bool,
 }
 
 /// Everything that requests can reach.
@@ -122,7 +126,7 @@ pub(crate) struct Connection {
 /// The system gives no runtime.
 pub fn serve(
     listener: Listener,
-    settings: Settings,
+    mut settings: Settings,
     control: Arc<dyn Control>,
     counts: Arc<Counts>,
     until: UnixStream,
@@ -138,7 +142,11 @@ pub fn serve(
         until.set_nonblocking(true)?;
         let mut until = tokio::net::UnixStream::from_std(until)?;
         let (end, ending) = watch::channel(false);
+        let senders = settings.grbl.take();
         let panel = Arc::new(Panel::new(settings, control, Arc::clone(&counts), ending));
+        if let Some(senders) = senders {
+            tokio::spawn(grbl::serve(senders, Arc::clone(&panel)));
+        }
         tokio::select! {
             taken = take(listener, panel) => taken?,
             // Whatever is read: nothing is ever written there.
@@ -160,7 +168,13 @@ pub fn serve(
 }
 
 pub(crate) fn router(panel: &Arc<Panel>) -> Router {
-    Router::new()
+    let mut router = Router::new();
+    if panel.settings.mtconnect_at_root {
+        for path in ["/probe", "/current", "/sample", "/assets", "/asset/{*ids}"] {
+            router = router.route(path, get(mtconnect::answer));
+        }
+    }
+    router
         .route("/rpc", any(rpc::open))
         .route("/files/", any(programs::list))
         .route("/files/{name}", any(programs::one))

@@ -396,6 +396,7 @@ fn result(gives: Gives) -> Value {
                 "joints": list(whole()),
                 "travel": or_null(list(number())),
                 "velocity_per_s": or_null(number()),
+                "acceleration_per_s2": or_null(number()),
             }))),
             "joints": list(object(json!({
                 "joint": whole(),

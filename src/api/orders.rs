@@ -54,6 +54,9 @@ pub enum Order {
     Inspect(Source),
     /// Run a line that was typed, behind those that wait.
     Mdi(String),
+    /// Run lines behind those that wait, with nothing that stops between them; answered when there is room for more, or with `wait`
+    /// once all of them have been executed.
+    Lines { text: String, wait: bool },
     /// Change what the machine remembers.
     Change(Change),
     /// Move joints by hand.

@@ -28,6 +28,10 @@ pub struct Panel {
     pub on_lost_control: OnLostControl,
     /// How what goes over the network is encrypted.
     pub encryption: Encryption,
+    /// Where senders of Grbl connect, an address of this PC alone; `None`: nowhere.
+    pub grbl: Option<SocketAddr>,
+    /// MTConnect answers at `/probe` and the like, too, not only below `/mtconnect`.
+    pub mtconnect_at_root: bool,
 }
 
 /// What connections of the panel are encrypted with.
@@ -62,6 +66,8 @@ impl Panel {
             programs: state_directory.map(|folder| folder.join("programs")),
             on_lost_control: OnLostControl::default(),
             encryption: Encryption::None,
+            grbl: None,
+            mtconnect_at_root: false,
         }
     }
 
@@ -113,6 +119,18 @@ pub(super) fn panel(mut section: Section<'_, '_>, base: &Path, state_directory: 
     let lost = [("go-on", OnLostControl::GoOn), ("hold", OnLostControl::Hold)];
     let on_lost_control = section.word("on_lost_control", &lost, OnLostControl::GoOn);
     let encryption = encryption(&mut section, base, state_directory);
+    let grbl = match section.optional_section("grbl") {
+        None => Some(None),
+        Some(table) => grbl(table).map(Some),
+    };
+    let mtconnect_at_root = match section.optional_section("mtconnect") {
+        None => Some(false),
+        Some(mut table) => {
+            let at_root = table.flag("at_root", false);
+            table.done();
+            at_root
+        }
+    };
     section.done();
     let default = Panel::at(address?, state_directory);
     Some(Panel {
@@ -121,6 +139,8 @@ pub(super) fn panel(mut section: Section<'_, '_>, base: &Path, state_directory: 
         programs: programs?.or(default.programs),
         on_lost_control: on_lost_control?,
         encryption: encryption?,
+        grbl: grbl?,
+        mtconnect_at_root: mtconnect_at_root?,
         ..default
     })
 }
@@ -147,6 +167,23 @@ fn encryption(section: &mut Section<'_, '_>, base: &Path, state_directory: Optio
             None
         }
     }
+}
+
+/// `[panel.grbl]`
+fn grbl(mut section: Section<'_, '_>) -> Option<SocketAddr> {
+    let item = section.required("listen", "an address and a port");
+    let text = item.and_then(|item| item.text("panel.grbl.listen"));
+    let address: Option<SocketAddr> = text.and_then(|text| text.parse().ok());
+    // It knows no tokens: whoever connects is known by the system, which it is on this PC alone.
+    let address = address.filter(|address| address.ip().is_loopback());
+    if text.is_some() && address.is_none() {
+        section.wrong(
+            "listen",
+            "must be an address of this PC alone and a port, like \"127.0.0.1:8403\"",
+        );
+    }
+    section.done();
+    address
 }
 
 #[cfg(test)]
@@ -178,6 +215,13 @@ mod tests {
             (vec!["mill.local".to_owned()], Some("t.json".into()))
         );
         assert_eq!(panel.on_lost_control, OnLostControl::Hold);
+        let panel = read("[panel.grbl]\nlisten = \"127.0.0.1:8403\"\n[panel.mtconnect]\nat_root = true")
+            .unwrap()
+            .unwrap();
+        assert_eq!(
+            (panel.grbl, panel.mtconnect_at_root),
+            (Some("127.0.0.1:8403".parse().unwrap()), true)
+        );
         let of_folder = Panel::at(Panel::loopback(), Some(Path::new("/s")));
         assert_eq!(of_folder.programs, Some("/s/programs".into()));
     }
@@ -212,6 +256,12 @@ mod tests {
             ("[panel]\nhosts = [\"http://x\"]", "is no name of a PC"),
             ("[panel]\nport = 1", "panel.port: unknown key"),
             ("[panel]\non_lost_control = \"stop\"", "panel.on_lost_control"),
+            (
+                "[panel.grbl]\nlisten = \"0.0.0.0:8403\"",
+                "must be an address of this PC alone",
+            ),
+            ("[panel.grbl]", "panel.grbl.listen"),
+            ("[panel.mtconnect]\nroot = true", "panel.mtconnect.root: unknown key"),
         ] {
             let errors = read(table).unwrap_err();
             assert!(errors.contains(told), "{errors}");

@@ -118,6 +118,8 @@ impl Panel {
                 .collect(),
                 secret: wanted.tokens.iter().cloned().collect(),
             },
+            grbl: senders(wanted.grbl, quiet)?,
+            mtconnect_at_root: wanted.mtconnect_at_root,
         };
         Ok(Some(Panel {
             wanted,
@@ -207,6 +209,18 @@ fn encryption(wanted: &Wanted) -> Result<Option<Tls>, TlsError> {
             Tls::own(folder.as_deref(), &names).map(Some)
         }
     }
+}
+
+/// Where senders of Grbl connect.
+fn senders(address: Option<SocketAddr>, quiet: bool) -> anyhow::Result<Option<Listener>> {
+    let Some(address) = address else { return Ok(None) };
+    let listener = Listener::bind(address).context("[panel.grbl] listen")?;
+    let told = format!("grbl: {}\n", listener.address());
+    match quiet {
+        false => say(&told),
+        true => _ = io::stderr().write_all(told.as_bytes()),
+    }
+    Ok(Some(listener))
 }
 
 /// The way into the service.

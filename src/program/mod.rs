@@ -8,6 +8,7 @@ mod check;
 mod dry_run;
 mod exact_stops;
 mod from_line;
+pub mod growing;
 pub mod outline;
 pub mod path;
 pub mod real_time;

@@ -5,11 +5,13 @@
 //!
 //! Memory is locked, so a long text does not lie there but in a temporary file without a name, of which readers see a window.
 
+use super::growing::Growing;
 use files::read::PROGRAM_MAX;
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Longest text that is kept in memory where there is a temporary file to be had, octets.
 const IN_MEMORY_MAX: u64 = 1 << 20;
@@ -22,6 +24,8 @@ pub struct Text(Kept);
 enum Kept {
     InMemory(Vec<u8>),
     InFile(File),
+    /// There may be more of it.
+    Growing(Arc<Growing>),
 }
 
 impl Text {
@@ -57,6 +61,12 @@ impl From<File> for Text {
     }
 }
 
+impl From<Arc<Growing>> for Text {
+    fn from(growing: Arc<Growing>) -> Text {
+        Text(Kept::Growing(growing))
+    }
+}
+
 /// A temporary file without a name.
 ///
 /// # Errors
@@ -88,6 +98,7 @@ pub struct Reader<'t> {
 enum Source<'t> {
     Memory(&'t [u8]),
     File(&'t File),
+    Growing(&'t Growing),
 }
 
 impl<'t> From<&'t Text> for Reader<'t> {
@@ -95,6 +106,7 @@ impl<'t> From<&'t Text> for Reader<'t> {
         let source = match &text.0 {
             Kept::InMemory(octets) => Source::Memory(octets),
             Kept::InFile(file) => Source::File(file),
+            Kept::Growing(growing) => Source::Growing(growing),
         };
         Reader { source, at: 0 }
     }
@@ -116,6 +128,7 @@ impl Read for Reader<'_> {
             }
             // Several readers have one file: none of them moves its place.
             Source::File(file) => file.read_at(to, self.at)?,
+            Source::Growing(growing) => growing.read_at(to, self.at)?,
         };
         self.at += count as u64;
         Ok(count)
@@ -130,6 +143,8 @@ impl Seek for Reader<'_> {
             SeekFrom::End(by) => match self.source {
                 Source::Memory(octets) => (octets.len() as u64, by),
                 Source::File(file) => (file.metadata()?.len(), by),
+                // Nobody knows where it ends.
+                Source::Growing(_) => return Err(io::ErrorKind::Unsupported.into()),
             },
         };
         let at = from.checked_add_signed(by);

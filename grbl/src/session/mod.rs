@@ -141,6 +141,8 @@ pub struct Session {
     settling: Option<(u32, bool)>,
     /// Lines may still have to be executed.
     is_under_way: bool,
+    /// The last number given when all lines had been executed.
+    idle_since: Option<u32>,
     busy: Option<Busy>,
     lock: Option<Lock>,
     is_check: bool,
@@ -178,6 +180,7 @@ impl Session {
             sent: None,
             settling: None,
             is_under_way: false,
+            idle_since: None,
             busy: None,
             lock: None,
             is_check: false,
@@ -243,7 +246,9 @@ impl Session {
     pub fn answered(&mut self, number: u32, answer: Result<Answer, String>) {
         if let Some(at) = self.asked.iter().position(|(asked, _)| *asked == number) {
             let is_wanted = self.asked.remove(at).is_some_and(|(_, is_wanted)| is_wanted);
-            if let Ok(Answer::Status(status)) = answer {
+            if let Ok(Answer::Status(status)) = answer
+                && self.idle_since.is_none_or(|since| number.wrapping_sub(since).cast_signed() > 0)
+            {
                 self.see(*status);
             }
             if is_wanted {
@@ -253,6 +258,11 @@ impl Session {
         }
         if let Some((_, others)) = self.settling.take_if(|(settling, _)| *settling == number) {
             self.is_under_way = others && answer.is_ok();
+            if answer.is_ok() && !others {
+                // A status that was asked for before does not know it.
+                self.status.activity = Activity::Idle;
+                self.idle_since = Some(self.number);
+            }
         }
         if self.hold.take_if(|hold| *hold == number).is_some() && self.is_under_way {
             // Where it was refused, the next status sees whether there is something to hold by then.

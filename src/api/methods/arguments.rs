@@ -23,6 +23,9 @@ use std::fmt;
 /// Longest line of MDI, octets.
 const LINE_MAX: usize = gcode::LINE_OCTETS_MAX;
 
+/// Lines that come together at the most, octets.
+const LINES_OCTETS_MAX: usize = 65_536;
+
 /// Work systems, from 1 on.
 pub const WORK_SYSTEMS: [&str; 9] = ["G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3"];
 
@@ -188,6 +191,22 @@ pub(super) fn line(params: &Params) -> Result<String, RpcError> {
         line if line.len() > LINE_MAX => invalid(format!("parameter \"line\": expected {LINE_MAX} octets at the most")),
         line => Ok(line.to_owned()),
     }
+}
+
+/// The lines of "mdi.stream".
+pub(super) fn lines(params: &Params) -> Result<Order, RpcError> {
+    let text = needed(params.text("text")?, "text", "a text")?;
+    if text.len() > LINES_OCTETS_MAX {
+        let what = format!("parameter \"text\": expected {LINES_OCTETS_MAX} octets at the most");
+        return Err(RpcError::new(code::INVALID_PARAMS, what));
+    }
+    if !text.is_empty() && !text.ends_with('\n') {
+        let what = "parameter \"text\": expected whole lines, the last one has no end";
+        return Err(RpcError::new(code::INVALID_PARAMS, what));
+    }
+    let wait = params.has("wait") && params.flag("wait")?;
+    let text = text.to_owned();
+    Ok(Order::Lines { text, wait })
 }
 
 /// How "program.start" begins.

@@ -839,6 +839,7 @@ fn describe(config: &Config) -> Value {
                 "joints": map.joints,
                 "travel": map.travel_mm.or(joint.map(|joint| joint.travel_mm)),
                 "velocity_per_s": joint.map(|joint| joint.limits.velocity_mm_s),
+                "acceleration_per_s2": joint.map(|joint| joint.limits.acceleration_mm_s2),
             })
         })
         .collect();

@@ -21,7 +21,7 @@ use hal_pins::scope::CHANNELS_MAX;
 
 /// Version of what is served here: the first number changes when something is gone or means something else, the second when
 /// something is new.
-pub const API_VERSION: &str = "2.3";
+pub const API_VERSION: &str = "2.4";
 
 /// What can be asked for.
 pub struct Method {
@@ -579,6 +579,16 @@ pub const METHODS: &[Method] = &[
         call: |methods, call| {
             let line = arguments::line(call.params);
             methods.order_of(call, line.map(Order::Mdi))
+        },
+        ..ORDER
+    },
+    Method {
+        name: "mdi.stream",
+        params: &[needed("text", Kind::Text), optional("wait", Kind::Flag)],
+        does: "runs the lines of a \"text\" as \"mdi\" does, but those that come in time as one program: nothing stops between them. Answered when there is room for more; with \"wait\" once all of them and those before have been executed, also without any; the program ends behind lines that are waited for. They are not checked before: what is wrong is an alarm at its line",
+        call: |methods, call| {
+            let lines = arguments::lines(call.params);
+            methods.order_of(call, lines)
         },
         ..ORDER
     },

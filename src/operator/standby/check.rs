@@ -57,6 +57,11 @@ pub(super) enum Subject {
         line: String,
         modes: Option<Arc<Modes>>,
     },
+    /// Lines that come one after the other, of which nobody knows the end.
+    Lines {
+        text: Arc<Text>,
+        modes: Option<Arc<Modes>>,
+    },
     /// The program that is loaded: tables may have changed since. `dry_feed_s`: to be run dry, mm/s.
     Loaded {
         part: Arc<Part>,
@@ -93,8 +98,9 @@ pub(super) fn examine(
     let mut typed = String::new();
     let revision = match &subject {
         Subject::Loaded { part, .. } | Subject::FromLine { part, .. } => part.revision,
-        Subject::Program(_) | Subject::Mdi { .. } => REVISIONS.fetch_add(1, Ordering::Relaxed),
+        Subject::Program(_) | Subject::Mdi { .. } | Subject::Lines { .. } => REVISIONS.fetch_add(1, Ordering::Relaxed),
     };
+    let can_be_checked = !matches!(subject, Subject::Lines { .. });
     let (name, text, begin) = match subject {
         Subject::Loaded { part, dry_feed_s: None } if part.tables == tables => return Ok(part),
         Subject::Loaded { part, dry_feed_s } => {
@@ -113,6 +119,10 @@ pub(super) fn examine(
                 Begin::Mdi { at, modes },
             )
         }
+        Subject::Lines { text, modes } => {
+            typed = "lines, one after the other".to_owned();
+            ("MDI".to_owned(), text, Begin::Mdi { at, modes })
+        }
         Subject::FromLine {
             part,
             line,
@@ -130,8 +140,10 @@ pub(super) fn examine(
             (part.name.clone(), Arc::clone(&part.text), begin)
         }
     };
-    let checked = check(config, &tables, &name, &*text, &begin, given_up);
-    let overview = checked.map_err(|errors| errors.to_string())?;
+    let overview = match can_be_checked {
+        true => check(config, &tables, &name, &*text, &begin, given_up).map_err(|errors| errors.to_string())?,
+        false => Overview::default(),
+    };
     Ok(Arc::new(Part {
         name,
         revision,

@@ -1,6 +1,7 @@
 //! What clients want of the machine: each order is judged by the table of [`crate::machine::permission`], then carried out.
 
 use super::check::{Checked, Part, Subject, examine};
+use super::streamed::Streamed;
 use super::wishes::{is_told, moves, wish};
 use crate::api;
 use crate::api::orders::{Jogged, MESSAGES, Order, OrderInbox, Shown, ShownProgram, ShownText, Source, Waiting};
@@ -19,7 +20,7 @@ use crate::operator::console::Operator;
 use crate::operator::manual_mode;
 use crate::operator::remembered;
 use crate::operator::table_writer::{Keeper, Mark};
-use crate::program::text::Reader;
+use crate::program::text::{Reader, Text};
 use crate::program::tool_path::{record_octets, trace};
 use crate::program::{Begin, Overview, changed, home};
 use crate::rt::shared::{Command, Snapshot};
@@ -51,6 +52,15 @@ enum Then {
     Start { runs: u32 },
     /// It runs, once drives are on and joints are home.
     Run,
+    /// It runs while it grows.
+    Stream,
+}
+
+/// What was typed.
+enum Typed {
+    Line(String),
+    /// Lines for a text that grows, and whether they are to have been executed.
+    Lines(String, bool),
 }
 
 /// Whose orders the machine follows.
@@ -89,7 +99,11 @@ pub(in crate::operator) struct Clients<'scope, 'env> {
     loaded: Option<Arc<Part>>,
     mode: Mode,
     /// Lines of MDI that wait for their turn, and who wants them.
-    mdi: VecDeque<(Ticket, String)>,
+    mdi: VecDeque<(Ticket, Typed)>,
+    /// The text that grows, while it runs or is about to.
+    streamed: Option<Streamed>,
+    /// It is over.
+    is_streamed_over: bool,
     /// Those in force for the next line of MDI; `None`: as at the start of a program.
     modes: Option<Arc<Modes>>,
     /// How often the machine had switched spindle and coolant off by the last look, and when the last program began.
@@ -159,6 +173,8 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             loaded: None,
             mode: Mode::default(),
             mdi: VecDeque::new(),
+            streamed: None,
+            is_streamed_over: false,
             modes: None,
             switched_off: [0; 2],
             is_planning: false,
@@ -194,6 +210,10 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         }
         if is_given_up {
             self.refuse_queue("the line before it was given up");
+        } else if let Some(streamed) = &self.streamed {
+            // Also where its reader has not come to its end: behind M2.
+            streamed.text().close();
+            self.is_streamed_over = true;
         }
     }
 
@@ -208,6 +228,10 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         let early = self.early.drain(..).map(|(ticket, _)| ticket);
         for ticket in self.mdi.drain(..).map(|(ticket, _)| ticket).chain(early) {
             self.inbox.answer(ticket, Err(RpcError::new(code::REFUSED, why)));
+        }
+        let streamed = self.streamed.take().map(|streamed| streamed.end(Some(why)));
+        for (ticket, answer) in streamed.into_iter().flatten() {
+            self.inbox.answer(ticket, answer);
         }
     }
 
@@ -270,7 +294,11 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                 .unwrap_or_else(|_| Err("the check of the program panicked".to_owned().into()));
             if let Some(ticket) = wanted {
                 let answer = checked.and_then(|part| Ok(self.accept(part, then, operator, keeper, now_ns)?));
-                answers.push((ticket, answer));
+                match (then, &answer) {
+                    (Then::Stream, Err(why)) => self.refuse_queue(&why.message),
+                    (Then::Stream, Ok(_)) => {}
+                    _ => answers.push((ticket, answer)),
+                }
             }
         }
         while let Some(at) = self.inspected.iter().position(|(_, _, thread)| thread.is_finished()) {
@@ -280,14 +308,13 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                 .unwrap_or_else(|_| Err("the check of the program panicked".to_owned().into()));
             answers.push((ticket, checked.map(|part| outlook(&part))));
         }
+        self.serve_streamed(operator, &mut answers);
         if self.condition(operator).activity == Activity::Idle
-            && let Some((ticket, line)) = self.mdi.pop_front()
+            && self.streamed.is_none()
+            && let Some((ticket, typed)) = self.mdi.pop_front()
         {
             match self.may(Wish::Mdi, operator) {
-                Ok(()) => {
-                    let modes = self.modes.clone();
-                    self.check(ticket, Subject::Mdi { line, modes }, Then::Start { runs: 1 }, operator);
-                }
+                Ok(()) => self.begin_typed(ticket, typed, operator, &mut answers),
                 Err(why) => answers.push((ticket, Err(why.into()))),
             }
         }
@@ -316,6 +343,58 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         self.inbox.show(shown);
         for (ticket, answer) in answers {
             self.inbox.answer(ticket, answer);
+        }
+    }
+
+    /// Hands lines to the text that grows, and answers who can be answered.
+    fn serve_streamed(&mut self, operator: &Operator, answers: &mut Vec<(Ticket, Result<Value, RpcError>)>) {
+        let is_idle = self.condition(operator).activity == Activity::Idle;
+        if let Some(streamed) = self.streamed.take_if(|_| is_idle && self.is_streamed_over) {
+            answers.extend(streamed.end(None));
+        }
+        let Some(streamed) = &mut self.streamed else { return };
+        while let Some((ticket, Typed::Lines(lines, wait))) = self.mdi.front() {
+            match streamed.take(*ticket, lines, *wait) {
+                Ok(true) => {}
+                // It is the next text.
+                Ok(false) => break,
+                Err(cause) => answers.push((*ticket, Err(not_kept(&cause)))),
+            }
+            self.mdi.pop_front();
+        }
+        answers.extend(streamed.answers());
+    }
+
+    /// Begins what was typed.
+    fn begin_typed(
+        &mut self,
+        ticket: Ticket,
+        typed: Typed,
+        operator: &Operator,
+        answers: &mut Vec<(Ticket, Result<Value, RpcError>)>,
+    ) {
+        let modes = self.modes.clone();
+        let (lines, wait) = match typed {
+            Typed::Line(line) => {
+                let subject = Subject::Mdi { line, modes };
+                return self.check(ticket, subject, Then::Start { runs: 1 }, operator);
+            }
+            // All before it is over.
+            Typed::Lines(lines, _) if lines.is_empty() => return answers.push((ticket, Ok(json!({})))),
+            Typed::Lines(lines, wait) => (lines, wait),
+        };
+        let begun = Streamed::new().and_then(|mut streamed| {
+            streamed.take(ticket, &lines, wait)?;
+            Ok(streamed)
+        });
+        match begun {
+            Ok(streamed) => {
+                let text = Arc::new(Text::from(Arc::clone(streamed.text())));
+                (self.streamed, self.is_streamed_over) = (Some(streamed), false);
+                // Whoever waits for room or for the end is answered then.
+                self.check(0, Subject::Lines { text, modes }, Then::Stream, operator);
+            }
+            Err(cause) => answers.push((ticket, Err(not_kept(&cause)))),
         }
     }
 
@@ -369,7 +448,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         }
         if let Err(why) = self.may(wish, operator) {
             // Lines of MDI wait behind those that run.
-            let waits = matches!(order, Order::Mdi(_)) && self.is_mdi_under_way(operator);
+            let waits = matches!(order, Order::Mdi(_) | Order::Lines { .. }) && self.is_mdi_under_way(operator);
             if !waits {
                 return Some(Err(why));
             }
@@ -440,7 +519,12 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             Order::Mdi(_) if self.mdi.len() >= MDI_MAX => Err(format!("{MDI_MAX} lines wait already")),
             Order::Mdi(line) => {
                 keeper.memory.add_mdi(&line);
-                self.mdi.push_back((ticket, line));
+                self.mdi.push_back((ticket, Typed::Line(line)));
+                return None;
+            }
+            Order::Lines { .. } if self.mdi.len() >= MDI_MAX => Err(format!("{MDI_MAX} lines wait already")),
+            Order::Lines { text, wait } => {
+                self.mdi.push_back((ticket, Typed::Lines(text, wait)));
                 return None;
             }
             Order::Change(change) => {
@@ -559,6 +643,9 @@ impl<'scope, 'env> Clients<'scope, 'env> {
     /// A machine must not begin to move for somebody who has given up waiting for it.
     pub(super) fn withdraw(&mut self, ticket: Ticket) {
         self.mdi.retain(|(wanted, _)| *wanted != ticket);
+        if let Some(streamed) = &mut self.streamed {
+            streamed.withdraw(ticket);
+        }
         self.early.retain(|(wanted, _)| *wanted != ticket);
         self.unsettled.retain(|(wanted, _)| *wanted != ticket);
         for (_, cancel, _) in self.inspected.iter().filter(|(wanted, ..)| *wanted == ticket) {
@@ -751,7 +838,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         let (config, tables) = (self.config, self.tables);
         let at = self.begin_of_programs(operator);
         self.mode = match subject {
-            Subject::Mdi { .. } => Mode::Mdi,
+            Subject::Mdi { .. } | Subject::Lines { .. } => Mode::Mdi,
             Subject::Program(_) | Subject::Loaded { .. } | Subject::FromLine { .. } => Mode::Auto,
         };
         let switched_off = operator.live().switched_off;
@@ -819,7 +906,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         }
         match then {
             Then::Load => Ok(self.outlook(&part, operator)),
-            Then::Start { .. } | Then::Run => self.start(part, then, operator, now_ns),
+            Then::Start { .. } | Then::Run | Then::Stream => self.start(part, then, operator, now_ns),
         }
     }
 
@@ -836,7 +923,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         let (wish, mode) = match (then, part.is_mdi()) {
             (_, true) => (Wish::Mdi, Mode::Mdi),
             (Then::Run, false) => (Wish::Run, Mode::Auto),
-            (Then::Start { .. } | Then::Load, false) => (Wish::Start, Mode::Auto),
+            (Then::Start { .. } | Then::Load | Then::Stream, false) => (Wish::Start, Mode::Auto),
         };
         // Things may have changed during the check.
         self.may(wish, operator)?;
@@ -847,7 +934,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         let (missing, runs) = match then {
             Then::Run => (operator.not_homed(), 1),
             Then::Start { runs } => (0, runs),
-            Then::Load => (0, 1),
+            Then::Load | Then::Stream => (0, 1),
         };
         let home = operator.homing_order(missing);
         self.begin(Job::Program { home, runs }, mode, operator, now_ns)?;
@@ -895,7 +982,10 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         {
             mdi.push(part.line.clone());
         }
-        mdi.extend(self.mdi.iter().map(|(_, line)| line.clone()));
+        mdi.extend(self.mdi.iter().map(|(_, typed)| match typed {
+            Typed::Line(line) => line.clone(),
+            Typed::Lines(lines, _) => lines.lines().next().unwrap_or_default().to_owned(),
+        }));
         let (block_delete, tool, rotation_degrees) = {
             let tables = lock(self.tables);
             (
@@ -967,6 +1057,11 @@ fn way_back(live: &Snapshot, config: &Config) -> Option<Vec<String>> {
         way.push(format!("Z down to {:.3}, the last {SLOW_MM} mm slowly", to[Axis::Z]));
     }
     Some(way)
+}
+
+/// Lines cannot be taken, for this reason.
+fn not_kept(cause: &std::io::Error) -> RpcError {
+    RpcError::new(code::REFUSED, format!("the lines cannot be kept: {cause}"))
 }
 
 /// What is to be known of a program before it runs.

@@ -10,6 +10,7 @@
 mod check;
 mod clients;
 mod pins;
+mod streamed;
 #[cfg(test)]
 mod tests;
 #[cfg(test)]

@@ -245,7 +245,8 @@ impl Day<'_, '_, '_, '_> {
             State::Ready if !homed => Order::Home(Vec::new()),
             State::Ready => match self.random.below(5) {
                 0 => self.jog(),
-                1 | 2 => Order::Mdi(LINES[self.random.below(LINES.len() as u64) as usize].into()),
+                1 => Order::Mdi(LINES[self.random.below(LINES.len() as u64) as usize].into()),
+                2 => self.lines(),
                 3 => Order::Run(part()),
                 _ => Order::Start {
                     from_line: self.random.once_in(2).then(|| 5 + self.random.below(9) as u32),
@@ -273,6 +274,16 @@ impl Day<'_, '_, '_, '_> {
             State::Jogging => self.jog(),
             State::Returning if self.random.once_in(3) => Order::Hold,
             _ => self.any_order(),
+        }
+    }
+
+    /// Some lines that come one after the other, and now and then none but a wait.
+    fn lines(&mut self) -> Order {
+        let count = self.random.below(4);
+        let lines = (0..count).map(|_| LINES[self.random.below(LINES.len() as u64) as usize].to_owned() + "\n");
+        Order::Lines {
+            text: lines.collect(),
+            wait: self.random.once_in(2),
         }
     }
 
@@ -321,7 +332,8 @@ impl Day<'_, '_, '_, '_> {
                 dry_feed_min: None,
             },
             14 | 15 => Order::Run(part()),
-            16..=18 => Order::Mdi(LINES[self.random.below(LINES.len() as u64) as usize].into()),
+            18 => self.lines(),
+            16..=17 => Order::Mdi(LINES[self.random.below(LINES.len() as u64) as usize].into()),
             19..=22 => self.jog(),
             23 | 24 => Order::Hold,
             25..=27 => Order::Resume,

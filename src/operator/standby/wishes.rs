@@ -23,7 +23,7 @@ pub(super) fn wish(order: &Order) -> Option<Wish> {
         Order::Load(_) => Wish::Load,
         Order::Start { .. } => Wish::Start,
         Order::Run(_) => Wish::Run,
-        Order::Mdi(_) => Wish::Mdi,
+        Order::Mdi(_) | Order::Lines { .. } => Wish::Mdi,
         Order::Change(Change::Offset { .. } | Change::Rotation { .. } | Change::Tool { .. }) => Wish::Set,
         Order::Change(_) => Wish::TouchOff,
         Order::Jog(_) => Wish::Jog,
@@ -43,7 +43,7 @@ pub(super) fn wish(order: &Order) -> Option<Wish> {
 
 /// Whether the journal has it: not what a hand on a key sends many times a second, nor lines of MDI, which it has when they begin.
 pub(super) fn is_told(order: &Order) -> bool {
-    !matches!(order, Order::Jog(_) | Order::Mdi(_))
+    !matches!(order, Order::Jog(_) | Order::Mdi(_) | Order::Lines { .. })
 }
 
 /// Whether it is about motion, which a machine without joints has none of.
