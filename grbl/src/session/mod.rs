@@ -21,6 +21,8 @@ const INPUTS_MAX: usize = 1024;
 const ROOM: [usize; 2] = [15, 128];
 /// Jogs ahead of where the machine stands can be told only so well, mm.
 const TRAVEL_TOLERANCE_MM: f64 = 1e-6;
+/// So many statuses in a row without motion end a jog: more than it takes one to begin.
+const JOG_RESTS: u8 = 5;
 
 /// What the control is to do. Each is answered once, by [`Session::answered`].
 #[derive(Clone, Debug, PartialEq)]
@@ -155,6 +157,8 @@ pub struct Session {
     jog_to: Option<[f64; 3]>,
     /// A status may still be older than the last jog: so many of them.
     jog_unseen: u8,
+    /// Statuses in a row in which a jog rests: the control takes one for over only when nobody keeps it any more.
+    jog_rests: u8,
     homing: bool,
     /// The sender has been told what the machine waits for.
     is_wait_told: bool,
@@ -189,6 +193,7 @@ impl Session {
             hold: None,
             jog_to: None,
             jog_unseen: 0,
+            jog_rests: 0,
             homing: false,
             is_wait_told: false,
             probed: ([0.0; 3], false),
@@ -247,7 +252,9 @@ impl Session {
         if let Some(at) = self.asked.iter().position(|(asked, _)| *asked == number) {
             let is_wanted = self.asked.remove(at).is_some_and(|(_, is_wanted)| is_wanted);
             if let Ok(Answer::Status(status)) = answer
-                && self.idle_since.is_none_or(|since| number.wrapping_sub(since).cast_signed() > 0)
+                && self
+                    .idle_since
+                    .is_none_or(|since| number.wrapping_sub(since).cast_signed() > 0)
             {
                 self.see(*status);
             }
@@ -368,7 +375,12 @@ impl Session {
             Activity::Jogging => self.jog_unseen = 0,
             _ => self.jog_unseen = self.jog_unseen.saturating_sub(1),
         }
-        if self.status.activity != Activity::Jogging && self.jog_unseen == 0 {
+        let is_jogging = self.status.activity == Activity::Jogging;
+        self.jog_rests = match is_jogging && self.status.feed_mm_min == 0.0 {
+            true => self.jog_rests.saturating_add(1),
+            false => 0,
+        };
+        if !is_jogging && self.jog_unseen == 0 || self.jog_rests >= JOG_RESTS {
             self.jog_to = None;
         }
         if !self.is_under_way && self.status.activity == Activity::Idle {
@@ -789,6 +801,7 @@ impl Session {
         self.jog_to = Some(to);
         // One may be under way, and the cycle has to take the order.
         self.jog_unseen = 3;
+        self.jog_rests = 0;
         self.modes.forget_place();
         self.give(Order::Jog {
             distance_mm,

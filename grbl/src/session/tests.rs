@@ -518,6 +518,18 @@ fn jogs_add_up_and_end_within_the_travel() {
     assert_eq!(bench.ordered.last(), Some(&Order::StopJog));
     bench.state(bench.ready());
     assert!(!bench.session.is_jogging());
+    // One that has come to its end is kept no longer: the control waits for that.
+    bench.send("$J=G91X1F60\n");
+    let rests = Status {
+        feed_mm_min: 0.0,
+        ..bench.doing(Activity::Jogging)
+    };
+    for _ in 1..JOG_RESTS {
+        bench.state(rests.clone());
+        assert!(bench.session.is_jogging());
+    }
+    assert_eq!(bench.state(rests), "Jog");
+    assert!(!bench.session.is_jogging());
     bench.status.work_offset_mm = [10.0, 0.0, 0.0];
     bench.send("?");
     bench.send("$J=G20X1F100\n");

@@ -128,7 +128,7 @@ mod tests {
         assert!(streamed.take(2, &many, false).unwrap());
         assert!(streamed.take(3, "", true).unwrap());
         assert_eq!(tickets(streamed.answers()), [(1, true)]);
-        let mut buffer = vec![0; many.len()];
+        let mut buffer = vec![0; "G0 X1\n".len() + many.len()];
         streamed.text().read_at(&mut buffer, 0).unwrap();
         assert_eq!(tickets(streamed.answers()), [(2, true)]);
         assert_eq!(tickets(streamed.answers()), []);
@@ -141,7 +141,10 @@ mod tests {
         streamed.take(1, "M2\n", false).unwrap();
         streamed.text().read_at(&mut [0; 9], 0).unwrap();
         streamed.take(2, "G0 X1\n", true).unwrap();
-        assert!(!streamed.take(3, "G0 X2\n", true).unwrap(), "behind lines that are waited for");
+        assert!(
+            !streamed.take(3, "G0 X2\n", true).unwrap(),
+            "behind lines that are waited for"
+        );
         assert_eq!(tickets(streamed.end(None)), [(1, true), (2, false)]);
         let mut streamed = Streamed::new().unwrap();
         streamed.take(1, "G0 X1\n", false).unwrap();
