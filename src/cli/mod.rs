@@ -142,7 +142,7 @@ enum Command {
     /// How well step pulses by digital differential analysers follow a circle: path variance of each method and register width.
     #[command(after_help = "Example: isocnc dda --width 6,8 --svg dda.svg")]
     Dda(dda::DdaArgs),
-    /// Be the machine of a machine file: its drives and I/O as controlled nodes on an interface.
+    /// Be the machine of a machine file: its drives and I/O as the nodes of its bus on an interface.
     #[command(after_help = "Example: isocnc simulate configs/mill3-powerlink.toml --interface eth1")]
     Simulate(simulate::SimulateArgs),
     /// Measure how exactly the cycle is kept while a program runs, beside what the PC can do at all.
