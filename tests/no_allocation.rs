@@ -3,10 +3,13 @@
 //! A counting allocator stands in front of the system's; it counts for one thread, and only while the code of that
 //! thread is real-time code. The wire and the simulated machine behind it stand for the kernel and are left out.
 
+use isocnc::bus::ethercat::open::new as new_ethercat;
+use isocnc::bus::ethercat::setup;
 use isocnc::bus::powerlink::Powerlink;
 use isocnc::bus::powerlink::managing_node::{mn_config, node_configs};
 use isocnc::bus::powerlink::network;
-use isocnc::bus::{BusState, CyclicBus, InputImage, OutputImage};
+use isocnc::bus::service::{Mailbox, MailboxRequest};
+use isocnc::bus::{self, BusEvent, BusState, CyclicBus, InputImage, OutputImage};
 use isocnc::config::{self, Config};
 use isocnc::host::histogram::Jitter;
 use isocnc::machine::motion_settings::{ring_capacity, stop_ramp};
@@ -377,6 +380,67 @@ fn the_cycle_never_allocates() {
     // The last value of what was shown is on the pins.
     let compute_max = hal.reader::<i64>("rt.compute-max-ns").expect("a pin");
     assert_eq!(compute_max.get(), 4000);
+}
+
+/// Cycles of the main device of EtherCAT on virtual time: bring-up, process data, a parameter, a lost frame, a pulled cable.
+#[test]
+fn the_main_device_of_ethercat_never_allocates() {
+    const CYCLE_NS: u64 = 1_000_000;
+    let text = include_str!("../configs/mill3-ethercat.toml");
+    let config = config::parse(text, Path::new("mill3-ethercat.toml")).unwrap_or_else(|errors| panic!("{errors}"));
+    let plans = bus::plan(&config);
+    let tables = setup::tables(&config, &plans);
+    let devices = setup::devices(&config, &plans, &tables);
+    let network = setup::network(&config, &devices);
+    let net = VirtualNet::new(SimMachine::new(&config).expect("a machine"), NetConfig::clean(1));
+    let watch = Arc::new(Watch::default());
+    let opened = new_ethercat::<_, 16, 2>(&config, &network, Aside(net), [0x10; 6], watch);
+    let mut bus = Box::new(opened.expect("it fits"));
+    let mut service = bus.service();
+    let outputs = OutputImage::new(plans.iter().map(|plan| plan.outputs.octets));
+    let mut inputs = InputImage::new(plans.iter().map(|plan| plan.inputs.octets));
+    let (mut allocations, mut date_ns, mut lost, mut came_back) = (0, 2 * CYCLE_NS, 0, 0);
+    for cycle in 0..8_000 {
+        let net = &mut bus.link_mut().0;
+        match cycle {
+            2_000 => {
+                let request = MailboxRequest {
+                    ticket: 1,
+                    node: 0,
+                    index: 0x1018,
+                    sub: 1,
+                    value: None,
+                };
+                service.request(request).expect("room");
+            }
+            2_200 => assert!(service.reply().expect("an answer").result.is_ok()),
+            2_500 => net.at(date_ns, Disturbance::DropPres { node: 1, count: 1 }),
+            3_000 => net.at(date_ns, Disturbance::Unplug { node: 2 }),
+            3_500 => net.at(date_ns, Disturbance::Plug { node: 2 }),
+            _ => {}
+        }
+        allocations += calls(|| {
+            bus.serve(date_ns - CYCLE_NS / 10);
+            bus.prepare(date_ns, &outputs);
+            aside(|| {
+                let net = &mut bus.link_mut().0;
+                net.advance(date_ns.saturating_sub(net.time_ns()));
+            });
+            let report = bus.exchange(date_ns + CYCLE_NS / 2, &mut inputs);
+            lost += u32::from(report.lost > 0);
+            while let Some(event) = bus.pop_event() {
+                came_back += u32::from(cycle > 3_500 && matches!(event, BusEvent::NodeUp(_)));
+            }
+            bus.publish(cycle);
+        });
+        date_ns += CYCLE_NS;
+    }
+    assert_eq!(bus.state(), BusState::Operational);
+    assert!(
+        lost > 10 && came_back > 0,
+        "{lost} cycles with losses, {came_back} came back"
+    );
+    assert_eq!(allocations, 0, "calls of the allocator in real time");
 }
 
 #[test]
