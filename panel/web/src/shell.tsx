@@ -7,6 +7,7 @@ import { ask, clientName, connection, controlOf, dismiss, getStore, logIn, order
 import type { Entry } from "./types";
 import { Button, Dialog, Field, Icon, type IconName } from "./ui";
 import { useEveryHalfSecond } from "./hooks";
+import { inWords } from "./words";
 
 // ------------------------------------------------------------------------------------------------ state bar
 
@@ -51,7 +52,7 @@ export function StateBar() {
       </div>
       <NextStep />
       <div class="waiting" data-testid="waiting" aria-live="polite">
-        {waiting ? `${t("waits")}: ${word("wait", waiting.for) === waiting.for ? waiting.text : word("wait", waiting.for)}` : (obstruction ?? "")}
+        {waiting ? `${t("waits")}: ${word("wait", waiting.for) === waiting.for ? waiting.text : word("wait", waiting.for)}` : inWords(obstruction ?? "")}
       </div>
       <ForcedChip />
       <ControlChip />
@@ -380,11 +381,22 @@ export function Toasts() {
       {toasts.map((toast) => (
         <div class={`toast ${toast.kind}`} key={toast.id} data-testid="toast">
           <Icon name={toast.kind === "refused" ? "warning" : "check"} />
-          <span>{toast.text}</span>
+          <Said text={toast.text} />
           <Button icon="close" kind="plain" label={t("close")} onClick={() => dismiss(toast.id)} />
         </div>
       ))}
     </div>
+  );
+}
+
+/** A sentence; below it the lines of a program that it is about, where it has some. */
+function Said({ text }: { text: string }) {
+  const [first, ...lines] = text.split("\n");
+  return (
+    <span>
+      {first}
+      {lines.length > 0 && <code class="lines">{lines.join("\n")}</code>}
+    </span>
   );
 }
 

@@ -3,6 +3,7 @@ import { useEffect, useState } from "preact/hooks";
 import { Connection, Refused } from "./rpc";
 import { t } from "./i18n";
 import type { Control, Status } from "./types";
+import { inWords } from "./words";
 
 /** What the connection may do: who looks, who runs the machine, who changes it. */
 export type Role = "watch" | "operate" | "set-up";
@@ -216,8 +217,8 @@ export async function order<T = unknown>(method: string, params: Record<string, 
 export function tellRefused(error: unknown): void {
   const { code, message, data } = error as Refused;
   if (code === 0) say("refused", t("not-sent"));
-  else if (code === -32004) say("refused", t("other-has-control", { name: (data as { control?: Control } | undefined)?.control?.name ?? "" }) + " " + message);
-  else say("refused", message);
+  else if (code === -32004) say("refused", t("other-has-control", { name: (data as { control?: Control } | undefined)?.control?.name ?? "" }) + " " + inWords(message));
+  else say("refused", inWords(message));
 }
 
 let toastId = 0;
