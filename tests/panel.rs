@@ -6,7 +6,7 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
-use std::time::Duration;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use tungstenite::client::IntoClientRequest;
 use tungstenite::{Message, WebSocket};
 
@@ -360,6 +360,14 @@ fn the_machine_file_is_read_checked_and_changed_by_whoever_may() {
         .map(|count| count.as_u64().unwrap())
         .sum();
     assert!(cycles > 100, "{times}");
+    // Drives on and homing were orders of the cycle thread, in the life of this control.
+    let orders = &times["orders"];
+    let now_s = SystemTime::now().duration_since(UNIX_EPOCH).unwrap().as_secs_f64();
+    let ago_s = now_s - orders["last_unix_s"].as_f64().unwrap();
+    assert!(
+        orders["taken"].as_u64().unwrap() >= 2 && (0.0..600.0).contains(&ago_s),
+        "{orders}"
+    );
 }
 
 #[test]

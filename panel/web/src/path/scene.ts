@@ -65,13 +65,17 @@ const FAST_MS = 20;
 const FAST_ENOUGH = 10;
 const STRIDE_MAX = 64;
 
+let software: boolean | null = null;
+
 /** Whether the processor draws in place of a graphics card: smooth edges would take it four times as long. */
 function isSoftware(): boolean {
+  if (software !== null) return software;
   const context = document.createElement("canvas").getContext("webgl2");
   const told = context?.getExtension("WEBGL_debug_renderer_info");
   const name = String((told && context?.getParameter(told.UNMASKED_RENDERER_WEBGL)) ?? "");
-  context?.getExtension("WEBGL_lose_context")?.loseContext();
-  return /swiftshader|llvmpipe|softpipe|basic render/i.test(name);
+  // Not given back by hand: Chromium may wait half a minute for that.
+  software = /swiftshader|llvmpipe|softpipe|basic render/i.test(name);
+  return software;
 }
 
 /** What of a chunk is on the graphics card: one set of vertices, and a list of indices for each level. */
