@@ -39,7 +39,7 @@ async function open({ width = 1280, height = 800, hash = "", context = browser }
   });
   page.on("pageerror", (error) => troubles.push(error.stack));
   page.on("request", (request) => {
-    if (!request.url().startsWith(url) && !request.url().startsWith("data:")) troubles.push(`fetches ${request.url()}`);
+    if (!request.url().startsWith(url) && !/^(data:|blob:http:\/\/127\.0\.0\.1)/.test(request.url())) troubles.push(`fetches ${request.url()}`);
   });
   await page.evaluateOnNewDocument(() => {
     document.addEventListener("securitypolicyviolation", (event) => console.error(`policy: ${event.violatedDirective} ${event.blockedURI}`));
