@@ -21,6 +21,8 @@ fn shipped(extension: &str) -> Vec<PathBuf> {
     let folder = std::fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/configs")).unwrap();
     let mut paths: Vec<PathBuf> = folder.map(|entry| entry.unwrap().path()).collect();
     paths.retain(|path| path.extension().is_some_and(|found| found == extension));
+    // It is of no machine: isocnc-cell plan reads it.
+    paths.retain(|path| !path.ends_with("cell-cost.toml"));
     paths.sort();
     paths
 }

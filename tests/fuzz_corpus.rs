@@ -2,6 +2,8 @@
 
 #![allow(unreachable_pub, reason = "the modules are those of another package")]
 
+#[path = "../fuzz/src/cell_message.rs"]
+mod cell_message;
 #[path = "../fuzz/src/controlled_node.rs"]
 mod controlled_node;
 #[path = "../fuzz/src/device_files.rs"]
@@ -212,6 +214,11 @@ fn panel_connection() {
             panel_connection::run(&changed);
         }
     });
+}
+
+#[test]
+fn cell_message() {
+    replay("cell_message", cell_message::run);
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! What the fuzzers run, one module each. The same modules are part of an ordinary test (`tests/fuzz_corpus.rs`), which replays
 //! the inputs kept in `corpus/`.
 
+pub mod cell_message;
 pub mod controlled_node;
 pub mod device_files;
 pub mod ethercat_main;

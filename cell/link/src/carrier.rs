@@ -1,0 +1,216 @@
+//! Zenoh as it is used here, and certificates.
+//!
+//! In:  addresses, files of certificates and keys. Out: a session, or in words why there is none.
+//!
+//! A star: the supervisor listens as a router, controls are its clients. No multicast, no gossip, TLS 1.3 with certificates of both
+//! sides and nothing else. Only the supervisor's certificate may serve (extended key usage), so no machine can stand in its place.
+
+use serde_json::{Value, json};
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use x509_parser::prelude::{FromDer, Pem, X509Certificate};
+use zenoh::{Session, Wait};
+
+/// Longest file of a certificate or a key, octets.
+const PEM_MAX: u64 = 64 << 10;
+/// A link that says nothing for so long is over, ms.
+const LEASE_MS: u64 = 4000;
+
+/// Files of one side.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Identity {
+    /// Certificate of this side (PEM).
+    pub certificate: PathBuf,
+    /// Its key.
+    pub key: PathBuf,
+    /// The certificate of the cell's authority.
+    pub ca: PathBuf,
+}
+
+/// What is wrong with the carrier.
+#[derive(Debug, thiserror::Error)]
+pub enum CarrierError {
+    /// A file of the identity.
+    #[error("{}: {what}", .file.display())]
+    File {
+        /// Which one.
+        file: PathBuf,
+        /// What is wrong with it.
+        what: String,
+    },
+    /// Zenoh has no session.
+    #[error("{0}")]
+    Session(String),
+}
+
+/// The common name of a certificate, as of `mill-1.3`: the machine, and the number of its certificate.
+///
+/// # Errors
+/// The file cannot be read, or holds no certificate with such a name.
+pub fn common_name(file: &Path) -> Result<String, CarrierError> {
+    let wrong = |what: &str| CarrierError::File {
+        file: file.to_owned(),
+        what: what.to_owned(),
+    };
+    let length = std::fs::metadata(file)
+        .map_err(|cause| wrong(&cause.to_string()))?
+        .len();
+    if length > PEM_MAX {
+        return Err(wrong("is too long for a certificate"));
+    }
+    let text = std::fs::read(file).map_err(|cause| wrong(&cause.to_string()))?;
+    common_name_of(&text).ok_or_else(|| wrong("holds no certificate (PEM) with a common name"))
+}
+
+/// The common name of a certificate in PEM.
+pub fn common_name_of(pem: &[u8]) -> Option<String> {
+    let pem = Pem::iter_from_buffer(pem).next()?.ok()?;
+    let (_, certificate) = X509Certificate::from_der(&pem.contents).ok()?;
+    let name = certificate.subject().iter_common_name().next()?.as_str().ok()?;
+    Some(name.to_owned())
+}
+
+/// The machine of a certificate's common name; `None`: it is none of a machine.
+pub fn machine_of(common_name: &str) -> Option<&str> {
+    let (machine, number) = common_name.rsplit_once('.')?;
+    let is_number = !number.is_empty() && number.bytes().all(|octet| octet.is_ascii_digit());
+    (is_number && crate::message::is_machine(machine)).then_some(machine)
+}
+
+/// Keys of Zenoh's configuration that both sides have.
+fn common(mode: &str, tls: Value) -> Value {
+    json!({
+        "mode": mode,
+        "scouting": { "multicast": { "enabled": false }, "gossip": { "enabled": false } },
+        "timestamping": { "enabled": false },
+        "adminspace": { "enabled": false },
+        "transport": {
+            "link": { "protocols": ["tls"], "tx": { "lease": LEASE_MS }, "tls": tls },
+            "unicast": { "max_sessions": 600, "accept_pending": 600, "max_links": 1 },
+        },
+    })
+}
+
+fn path(file: &Path) -> Result<&str, CarrierError> {
+    // Zenoh opens them itself, and says less of what is wrong.
+    let wrong = |what: String| CarrierError::File {
+        file: file.to_owned(),
+        what,
+    };
+    std::fs::File::open(file).map_err(|cause| wrong(cause.to_string()))?;
+    file.to_str().ok_or_else(|| wrong("its path is no UTF-8".into()))
+}
+
+fn open(config: &Value) -> Result<Session, CarrierError> {
+    let failed = |cause: zenoh::Error| CarrierError::Session(cause.to_string());
+    let config = zenoh::Config::from_json5(&config.to_string()).map_err(failed)?;
+    zenoh::open(config).wait().map_err(failed)
+}
+
+/// A session of a control with the supervisor at `address`; it is made again by itself whenever it is lost.
+///
+/// # Errors
+/// A file is wrong, or the supervisor cannot be reached now.
+pub fn connect(address: &str, identity: &Identity) -> Result<Session, CarrierError> {
+    let mut config = common(
+        "client",
+        json!({
+            "root_ca_certificate": path(&identity.ca)?,
+            "enable_mtls": true,
+            "connect_certificate": path(&identity.certificate)?,
+            "connect_private_key": path(&identity.key)?,
+            // The list of authorities of the web counts as well, which no name of a cell can have.
+            "verify_name_on_connect": true,
+            "close_link_on_expiration": true,
+        }),
+    );
+    config["connect"] = json!({
+        "endpoints": [format!("tls/{address}")],
+        "timeout_ms": 5000,
+        "exit_on_failure": true,
+        "retry": { "period_init_ms": 250, "period_max_ms": 2000, "period_increase_factor": 2 },
+    });
+    open(&config)
+}
+
+/// The session of the supervisor, listening; clients are those of `machines`, by the common names of their certificates, and each
+/// may speak for itself alone.
+///
+/// # Errors
+/// A file is wrong, or the address cannot be had.
+pub fn listen(address: SocketAddr, identity: &Identity, machines: &[String]) -> Result<Session, CarrierError> {
+    let mut config = common(
+        "router",
+        json!({
+            "root_ca_certificate": path(&identity.ca)?,
+            "enable_mtls": true,
+            "listen_certificate": path(&identity.certificate)?,
+            "listen_private_key": path(&identity.key)?,
+            "close_link_on_expiration": true,
+        }),
+    );
+    config["listen"] = json!({ "endpoints": [format!("tls/{address}")] });
+    config["access_control"] = access(machines);
+    open(&config)
+}
+
+/// Who may say what: everything that is not allowed here is refused.
+fn access(machines: &[String]) -> Value {
+    let named: Vec<(&String, &str)> = (machines.iter())
+        .filter_map(|name| machine_of(name).map(|machine| (name, machine)))
+        .collect();
+    let rules: Vec<Value> = (named.iter())
+        .map(|(name, machine)| {
+            json!({
+                "id": name,
+                "permission": "allow",
+                "key_exprs": [format!("cell/{machine}/**")],
+                // What a control does, and what the supervisor does at it.
+                "messages": ["put", "declare_subscriber", "declare_queryable", "query", "reply", "liveliness_token",
+                             "declare_liveliness_subscriber", "liveliness_query"],
+                "flows": ["ingress", "egress"],
+            })
+        })
+        .collect();
+    let subjects: Vec<Value> = (named.iter())
+        .map(|(name, _)| json!({ "id": name, "cert_common_names": [name] }))
+        .collect();
+    let policies: Vec<Value> = (named.iter())
+        .map(|(name, _)| json!({ "rules": [name], "subjects": [name] }))
+        .collect();
+    json!({
+        "enabled": true,
+        "default_permission": "deny",
+        "rules": rules,
+        "subjects": subjects,
+        "policies": policies,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_certificates_are_machine_and_number() {
+        assert_eq!(machine_of("mill-1.12"), Some("mill-1"));
+        for name in ["mill-1", "mill.", ".1", "Mill.1", "a.b", "supervisor"] {
+            assert_eq!(machine_of(name), None, "{name}");
+        }
+        assert_eq!(common_name_of(b"-----BEGIN CERTIFICATE-----\nAA\n"), None);
+    }
+
+    #[test]
+    fn what_is_told_to_zenoh_is_what_it_knows() {
+        let mut config = common("router", json!({ "enable_mtls": true }));
+        config["access_control"] = access(&["a.1".into(), "b.2".into()]);
+        zenoh::Config::from_json5(&config.to_string()).unwrap();
+        let gone = Identity {
+            certificate: "gone.crt".into(),
+            key: "gone.key".into(),
+            ca: "gone.ca".into(),
+        };
+        let error = connect("127.0.0.1:1", &gone).unwrap_err();
+        assert!(error.to_string().starts_with("gone.ca: "), "{error}");
+    }
+}

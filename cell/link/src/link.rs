@@ -1,0 +1,756 @@
+//! The threads of the link.
+//!
+//! In:  ways to the control, settings. Out: what the supervisor is told and answered, until the control ends.
+//!
+//! | thread | does |
+//! |---|---|
+//! | `cell` (the caller's) | state and journal as they change, ends of orders into the ledger |
+//! | `cell-orders` | hold, stop, questions: at once |
+//! | `cell-programs` | stores, checks and starts programs, one at a time |
+//! | `cell-connect` | until there is a session, which from then on makes itself again |
+
+use crate::carrier::{self, Identity};
+use crate::control::{Control, Refused};
+use crate::ledger::{Ledger, Line};
+use crate::message::{
+    ENTRIES_MAX, Envelope, Journal, Order, OrderState, Phase, Remote, Since, State, Stored, Topic, Upload, What, is_id,
+    sum,
+};
+use crate::store;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use serde_json::{Map, Value, json};
+use std::fmt::Write;
+use std::io;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use zenoh::liveliness::LivelinessToken;
+use zenoh::qos::CongestionControl;
+use zenoh::query::Query;
+use zenoh::{Session, Wait};
+
+/// The state is told at least so often.
+const HEARTBEAT: Duration = Duration::from_secs(1);
+/// Longest sleep of a thread: so long may an end take to be noticed.
+const NAP: Duration = Duration::from_millis(250);
+/// Between two tries to reach a supervisor that was never there.
+const RETRY: Duration = Duration::from_secs(1);
+/// Questions that wait to be answered.
+const QUESTIONS: usize = 64;
+/// Programs and runs that wait: each may hold a whole program.
+const PROGRAMS: usize = 2;
+
+/// What the link of a control is told.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Settings {
+    /// Address and port of the supervisor.
+    pub supervisor: String,
+    /// Certificate and key of this machine.
+    pub identity: Identity,
+    /// What the supervisor may do.
+    pub remote: Remote,
+    /// Folder of programs.
+    pub programs: PathBuf,
+    /// Folder of the state.
+    pub state: PathBuf,
+    /// Where the panel of this machine is.
+    pub panel: Option<String>,
+}
+
+/// A way to the control: another client of it, which hears of changes where that is `true`.
+pub type Connect<'a> = dyn Fn(bool) -> Result<Box<dyn Control>, Refused> + Sync + 'a;
+
+/// Why a link has ended.
+#[derive(Debug, thiserror::Error)]
+pub enum LinkError {
+    #[error(transparent)]
+    /// A file of the identity, or the carrier.
+    Identity(#[from] carrier::CarrierError),
+    #[error("orders that were begun: {0}")]
+    /// The ledger cannot be read or written.
+    Ledger(#[from] io::Error),
+    #[error("the certificate {certificate} is called {name:?}, which is no machine's")]
+    /// The certificate is of no machine.
+    Name {
+        /// Which file.
+        certificate: String,
+        /// The name in it.
+        name: String,
+    },
+    #[error(transparent)]
+    /// The control has ended.
+    Control(#[from] Refused),
+}
+
+/// What the threads share.
+struct Shared<'a> {
+    settings: &'a Settings,
+    machine: String,
+    connect: &'a Connect<'a>,
+    ledger: Mutex<Ledger>,
+    /// Whether a run would be refused, and why.
+    why_not: Mutex<Option<String>>,
+    /// Messages so far.
+    said: AtomicU64,
+    stop: &'a AtomicBool,
+    /// One of the threads has ended.
+    ended: AtomicBool,
+    /// Nobody wants a session any more.
+    given_up: Arc<AtomicBool>,
+}
+
+impl Shared<'_> {
+    fn ledger(&self) -> MutexGuard<'_, Ledger> {
+        self.ledger.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn stops(&self) -> bool {
+        self.stop.load(Ordering::Relaxed) || self.ended.load(Ordering::Relaxed)
+    }
+
+    fn say<B: Serialize>(&self, body: B) -> Vec<u8> {
+        Envelope::new(self.said.fetch_add(1, Ordering::Relaxed), body).to_octets()
+    }
+}
+
+/// Keeps the link until `stop`, or until the control ends.
+///
+/// # Errors
+/// A file of the identity or of the ledger is wrong; or the control has ended.
+pub fn run(settings: &Settings, connect: &Connect<'_>, stop: &AtomicBool) -> Result<(), LinkError> {
+    let name = carrier::common_name(&settings.identity.certificate)?;
+    let Some(machine) = carrier::machine_of(&name) else {
+        return Err(LinkError::Name {
+            certificate: settings.identity.certificate.display().to_string(),
+            name,
+        });
+    };
+    let shared = Shared {
+        settings,
+        machine: machine.to_owned(),
+        connect,
+        ledger: Mutex::new(Ledger::open(&settings.state)?),
+        why_not: Mutex::default(),
+        said: AtomicU64::new(0),
+        stop,
+        ended: AtomicBool::new(false),
+        given_up: Arc::default(),
+    };
+    let (orders, order_queries) = sync_channel(QUESTIONS);
+    let (programs, program_queries) = sync_channel(PROGRAMS);
+    let shared = &shared;
+    std::thread::scope(|scope| {
+        let named = |name: &str| std::thread::Builder::new().name(name.to_owned());
+        named("cell-orders").spawn_scoped(scope, move || ended(shared, answer_orders(shared, &order_queries)))?;
+        named("cell-programs").spawn_scoped(scope, move || ended(shared, answer_programs(shared, &program_queries)))?;
+        let told = Teller::new(shared).and_then(|teller| teller.tell(orders, programs));
+        shared.ended.store(true, Ordering::Relaxed);
+        shared.given_up.store(true, Ordering::Relaxed);
+        told
+    })
+}
+
+/// A thread of the link has ended, and with it the others do.
+fn ended(shared: &Shared<'_>, how: Result<(), Refused>) {
+    if let Err(cause) = how {
+        tracing::debug!("cell: {cause}");
+    }
+    shared.ended.store(true, Ordering::Relaxed);
+}
+
+/// What keeps a session going: its end ends all of it.
+struct Live {
+    session: Session,
+    _token: LivelinessToken,
+}
+
+/// Tells the supervisor how the machine is.
+struct Teller<'a> {
+    shared: &'a Shared<'a>,
+    control: Box<dyn Control>,
+    /// Another one after each start.
+    boot: u64,
+    joints: usize,
+    /// Entries up to this one were told, or will be asked for.
+    told: u64,
+    /// The machine was moved by hand since it was homed or ran a program.
+    by_hand: bool,
+    /// Orders under way, the oldest first; and ends that the disk has not taken yet.
+    running: Vec<Line>,
+}
+
+impl<'a> Teller<'a> {
+    fn new(shared: &'a Shared<'a>) -> Result<Teller<'a>, LinkError> {
+        let mut control = (shared.connect)(true)?;
+        let described = control.ask("machine.describe", json!({}))?;
+        let joints = described["joints"].as_array().map_or(0, Vec::len);
+        let last = control.ask("journal.since", json!({ "seq": u64::from(u32::MAX) }))?["last"].as_u64();
+        let mut teller = Teller {
+            shared,
+            control,
+            boot: SystemTime::now()
+                .duration_since(UNIX_EPOCH)
+                .map_or(0, |since| since.as_millis() as u64),
+            joints,
+            told: last.unwrap_or(0),
+            by_hand: false,
+            running: Vec::new(),
+        };
+        teller.settle_earlier()?;
+        Ok(teller)
+    }
+
+    /// Orders that an earlier control of this machine had begun: its journal may know how they ended.
+    fn settle_earlier(&mut self) -> Result<(), LinkError> {
+        // The ledger is asked once, for it is written to below.
+        let unfinished = self.shared.ledger().unfinished();
+        for line in unfinished {
+            let mut since = line.journal;
+            let mut settled = None;
+            while settled.is_none() {
+                let (entries, more) = entries(self.control.as_mut(), since)?;
+                settled = entries.iter().find_map(|entry| end_of(&line, entry));
+                match entries.last().and_then(|entry| entry["seq"].as_u64()) {
+                    Some(last) if more => since = last,
+                    _ => break,
+                }
+            }
+            let settled = settled.unwrap_or_else(|| {
+                let mut line = line.clone();
+                line.state.phase = Phase::Interrupted;
+                line.state.note = "the control ended while it ran".into();
+                line
+            });
+            self.shared.ledger().put(settled)?;
+        }
+        Ok(())
+    }
+
+    fn tell(mut self, orders: SyncSender<Query>, programs: SyncSender<Query>) -> Result<(), LinkError> {
+        let (sessions, connected) = sync_channel(1);
+        connect_in_background(self.shared, sessions);
+        let mut live: Option<Live> = None;
+        let mut last_told: Option<(State, Instant)> = None;
+        while !self.shared.stops() {
+            let status = self.control.wait(NAP)?.clone();
+            if live.is_none()
+                && let Ok(session) = connected.try_recv()
+            {
+                live = Some(self.begin(session, &orders, &programs)?);
+                last_told = None;
+            }
+            self.note_hands(&status);
+            let news = self.news(&status)?;
+            self.note_ends(&news);
+            let state = self.state(&status);
+            *self.shared.why_not.lock().unwrap_or_else(PoisonError::into_inner) = state.why_not.clone();
+            let Some(live) = &live else { continue };
+            if !news.is_empty() {
+                let since = news[0]["seq"].as_u64().unwrap_or(1) - 1;
+                let journal = Journal {
+                    since,
+                    entries: news,
+                    more: false,
+                };
+                self.put(&live.session, Topic::Journal, journal);
+            }
+            let due = last_told.as_ref().is_none_or(|(told, at)| {
+                let same = State {
+                    done_percent: state.done_percent,
+                    remaining_s: state.remaining_s,
+                    ..told.clone()
+                };
+                same != state || at.elapsed() >= HEARTBEAT
+            });
+            if due {
+                self.put(&live.session, Topic::State, &state);
+                last_told = Some((state, Instant::now()));
+            }
+        }
+        if let Some(live) = live
+            && let Err(cause) = live.session.close().wait()
+        {
+            tracing::debug!("cell: {cause}");
+        }
+        Ok(())
+    }
+
+    fn begin(
+        &self,
+        session: Session,
+        orders: &SyncSender<Query>,
+        programs: &SyncSender<Query>,
+    ) -> Result<Live, LinkError> {
+        let failed = |cause: zenoh::Error| carrier::CarrierError::Session(cause.to_string());
+        for topic in [
+            Topic::Journal,
+            Topic::Describe,
+            Topic::Order,
+            Topic::Program,
+            Topic::Run,
+        ] {
+            let queue = match topic {
+                Topic::Program | Topic::Run => programs.clone(),
+                _ => orders.clone(),
+            };
+            session
+                .declare_queryable(topic.key(&self.shared.machine))
+                .callback(move |query| {
+                    // Who waits here would hold up the whole session.
+                    if let Err(TrySendError::Full(query) | TrySendError::Disconnected(query)) = queue.try_send(query) {
+                        refuse(&query, "too many are waiting: try again");
+                    }
+                })
+                .background()
+                .wait()
+                .map_err(failed)?;
+        }
+        let token = session
+            .liveliness()
+            .declare_token(Topic::Alive.key(&self.shared.machine))
+            .wait()
+            .map_err(failed)?;
+        Ok(Live { session, _token: token })
+    }
+
+    /// Nobody waits for a supervisor that does not read: what is dropped is asked for again.
+    fn put(&self, session: &Session, topic: Topic, body: impl Serialize) {
+        let put = session
+            .put(topic.key(&self.shared.machine), self.shared.say(body))
+            .congestion_control(CongestionControl::Drop)
+            .express(true)
+            .wait();
+        if let Err(cause) = put {
+            tracing::debug!("cell: {cause}");
+        }
+    }
+
+    fn note_hands(&mut self, status: &Map<String, Value>) {
+        let is = |key: &str, word: &str| status.get(key).is_some_and(|value| value == word);
+        if is("mode", "auto") || is("activity", "homing") {
+            self.by_hand = false;
+        } else if is("activity", "jogging") || is("mode", "mdi") {
+            self.by_hand = true;
+        }
+    }
+
+    /// Entries that are new.
+    fn news(&mut self, status: &Map<String, Value>) -> Result<Vec<Value>, Refused> {
+        let newest = status
+            .get("messages")
+            .and_then(|messages| messages.as_array()?.last()?["seq"].as_u64());
+        if newest.is_none_or(|newest| newest <= self.told) {
+            return Ok(Vec::new());
+        }
+        let (mut news, _) = entries(self.control.as_mut(), self.told)?;
+        news.retain(|entry| entry["seq"].is_u64());
+        if let Some(last) = news.last().and_then(|entry| entry["seq"].as_u64()) {
+            self.told = last;
+        }
+        Ok(news)
+    }
+
+    /// Puts ends of orders into the ledger, again and again where the disk is full.
+    fn note_ends(&mut self, news: &[Value]) {
+        let unfinished = self.shared.ledger().unfinished();
+        for line in unfinished {
+            if self.running.iter().all(|known| known.state.id != line.state.id) {
+                self.running.push(line);
+            }
+        }
+        for line in &mut self.running {
+            if let Some(end) = news.iter().find_map(|entry| end_of(line, entry)) {
+                *line = end;
+            }
+        }
+        let shared = self.shared;
+        self.running.retain(|line| {
+            let mut ledger = shared.ledger();
+            let known = ledger.get(&line.state.id).map(|line| line.state.phase);
+            if known != Some(Phase::Running) {
+                return false;
+            }
+            if line.state.phase == Phase::Running {
+                return true;
+            }
+            match ledger.put(line.clone()) {
+                Ok(()) => false,
+                Err(cause) => {
+                    tracing::warn!("cell: the end of an order is not on the disk yet: {cause}");
+                    true
+                }
+            }
+        });
+    }
+
+    fn state(&self, status: &Map<String, Value>) -> State {
+        let text = |key: &str| status.get(key).and_then(Value::as_str).unwrap_or_default().to_owned();
+        let why_not = self.why_not(status);
+        State {
+            boot: self.boot,
+            state: text("state"),
+            power: text("power"),
+            activity: text("activity"),
+            mode: text("mode"),
+            is_ready: why_not.is_none(),
+            why_not,
+            remote: self.shared.settings.remote,
+            program: status
+                .get("program")
+                .and_then(|program| Some(program.get("name")?.as_str()?.to_owned())),
+            done_percent: status.get("done_percent").and_then(Value::as_f64),
+            remaining_s: status.get("remaining_s").and_then(Value::as_f64),
+            alarm: status.get("alarm").and_then(|alarm| Some(alarm.as_str()?.to_owned())),
+            parts: status
+                .get("parts")
+                .and_then(|parts| parts["count"].as_u64())
+                .unwrap_or(0),
+            journal: self.told,
+            order: self.shared.ledger().last().map(|line| line.state.clone()),
+        }
+    }
+
+    /// Why a run would be refused now. The control has the last word.
+    fn why_not(&self, status: &Map<String, Value>) -> Option<String> {
+        let text = |key: &str| status.get(key).and_then(Value::as_str);
+        if self.shared.settings.remote < Remote::Run {
+            return Some(
+                "the machine file does not let the supervisor run programs: remote = \"run\" of [cell]".into(),
+            );
+        }
+        if let Some(alarm) = text("alarm") {
+            return Some(format!("alarm: {alarm}"));
+        }
+        if text("power") != Some("on") {
+            return Some(format!(
+                "drives are not on: {}",
+                text("power").unwrap_or("nobody knows")
+            ));
+        }
+        if text("activity") != Some("idle") {
+            return Some(format!("the machine is {}", text("activity").unwrap_or("starting")));
+        }
+        let homed = status.get("homed").and_then(Value::as_array).map_or(0, Vec::len);
+        if homed < self.joints {
+            return Some(format!("{homed} of {} joints are homed", self.joints));
+        }
+        if self.by_hand {
+            return Some(
+                "the machine was moved by hand: run a program at the machine, or home it, to hand it over".into(),
+            );
+        }
+        let holder = status.get("control").filter(|control| control["taken"] == true)?;
+        Some(format!("{} has control", holder["name"].as_str().unwrap_or("somebody")))
+    }
+}
+
+/// The entries behind a number, and whether there are others behind those.
+fn entries(control: &mut dyn Control, since: u64) -> Result<(Vec<Value>, bool), Refused> {
+    let mut answer = control.ask("journal.since", json!({ "seq": since }))?;
+    let more = answer["more"] == true;
+    match answer["entries"].take() {
+        Value::Array(mut entries) => {
+            let more = more || entries.len() > ENTRIES_MAX;
+            entries.truncate(ENTRIES_MAX);
+            Ok((entries, more))
+        }
+        _ => Ok((Vec::new(), false)),
+    }
+}
+
+/// An order as this entry of the journal ends it; `None`: the entry is of something else.
+fn end_of(line: &Line, entry: &Value) -> Option<Line> {
+    let program = entry.get("program")?;
+    let result = program["result"].as_str()?;
+    if line.state.phase != Phase::Running || entry["seq"].as_u64()? <= line.journal {
+        return None;
+    }
+    let mut line = line.clone();
+    line.state.phase = match result {
+        "completed" => Phase::Completed,
+        _ => Phase::Failed,
+    };
+    line.state.note = result.to_owned();
+    line.state.took_s = program["took_s"].as_f64();
+    Some(line)
+}
+
+fn connect_in_background(shared: &Shared<'_>, sessions: SyncSender<Session>) {
+    let (settings, given_up) = (shared.settings.clone(), Arc::clone(&shared.given_up));
+    let open = move || {
+        let mut told = String::new();
+        while !given_up.load(Ordering::Relaxed) {
+            match carrier::connect(&settings.supervisor, &settings.identity) {
+                // Nobody takes it where the control has ended meanwhile.
+                Ok(session) => return drop(sessions.send(session)),
+                Err(cause) => {
+                    let cause = cause.to_string();
+                    if cause != told {
+                        tracing::warn!("cell: {} is not reached, and tried on: {cause}", settings.supervisor);
+                        told = cause;
+                    }
+                }
+            }
+            std::thread::sleep(RETRY);
+        }
+    };
+    // It may be in the middle of a try when the control ends, which does not wait for it.
+    if let Err(cause) = std::thread::Builder::new().name("cell-connect".into()).spawn(open) {
+        tracing::warn!("cell: no thread to connect with: {cause}");
+    }
+}
+
+fn refuse(query: &Query, why: &str) {
+    if let Err(cause) = query.reply_err(why.to_owned()).wait() {
+        tracing::debug!("cell: {cause}");
+    }
+}
+
+fn reply<B: Serialize>(shared: &Shared<'_>, query: &Query, body: B) {
+    if let Err(cause) = query.reply(query.key_expr().clone(), shared.say(body)).wait() {
+        tracing::debug!("cell: {cause}");
+    }
+}
+
+fn body<B: DeserializeOwned>(octets: Option<&zenoh::bytes::ZBytes>) -> Result<B, String> {
+    let octets = octets.map(|octets| octets.to_bytes()).unwrap_or_default();
+    Envelope::from_octets(&octets)
+        .map(|envelope| envelope.body)
+        .map_err(|bad| bad.to_string())
+}
+
+/// Takes queries until the end.
+fn each(
+    shared: &Shared<'_>,
+    queries: &Receiver<Query>,
+    mut answer: impl FnMut(&Query) -> Result<(), Refused>,
+) -> Result<(), Refused> {
+    while !shared.stops() {
+        match queries.recv_timeout(NAP) {
+            Ok(query) => answer(&query)?,
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => break,
+        }
+    }
+    Ok(())
+}
+
+fn topic(query: &Query) -> Option<Topic> {
+    crate::message::parse_key(query.key_expr().as_str()).map(|(_, topic)| topic)
+}
+
+fn answer_orders(shared: &Shared<'_>, queries: &Receiver<Query>) -> Result<(), Refused> {
+    let mut control = (shared.connect)(false)?;
+    each(shared, queries, |query| {
+        match topic(query) {
+            Some(Topic::Describe) => {
+                let described = control.ask("machine.describe", json!({}))?;
+                let tools = control.ask("tool.list", json!({})).unwrap_or_default();
+                let panel = &shared.settings.panel;
+                reply(
+                    shared,
+                    query,
+                    json!({ "machine": described, "tools": tools, "panel": panel }),
+                );
+            }
+            Some(Topic::Journal) => match body::<Since>(query.payload()) {
+                Ok(Since { since }) => {
+                    let (entries, more) = entries(control.as_mut(), since)?;
+                    reply(shared, query, Journal { since, entries, more });
+                }
+                Err(why) => refuse(query, &why),
+            },
+            Some(Topic::Order) => match body::<Order>(query.payload()) {
+                Ok(order) => {
+                    let state = carry_out(shared, control.as_mut(), &order)?;
+                    reply(shared, query, state);
+                }
+                Err(why) => refuse(query, &why),
+            },
+            _ => refuse(query, "nothing is answered here"),
+        }
+        Ok(())
+    })
+}
+
+fn of(id: &str, phase: Phase, note: impl Into<String>) -> OrderState {
+    OrderState {
+        id: id.to_owned(),
+        phase,
+        note: note.into(),
+        took_s: None,
+    }
+}
+
+fn carry_out(shared: &Shared<'_>, control: &mut dyn Control, order: &Order) -> Result<OrderState, Refused> {
+    let method = match order.what {
+        What::Hold => "hold",
+        What::Stop => "stop",
+        What::Status => {
+            let known = shared.ledger().get(&order.id).map(|line| line.state.clone());
+            return Ok(known.unwrap_or_else(|| of(&order.id, Phase::Unknown, "")));
+        }
+        What::Run { .. } => return Ok(of(&order.id, Phase::Refused, "runs are ordered under another key")),
+    };
+    match control.ask(method, json!({})) {
+        Ok(_) => Ok(of(&order.id, Phase::Completed, method)),
+        Err(Refused::ByControl(why)) => Ok(of(&order.id, Phase::Refused, why)),
+        Err(gone) => Err(gone),
+    }
+}
+
+fn answer_programs(shared: &Shared<'_>, queries: &Receiver<Query>) -> Result<(), Refused> {
+    // The program that was taken last: it is not checked again where it comes again.
+    let mut last: Option<(Upload, Stored)> = None;
+    each(shared, queries, |query| {
+        // What a client has sent is forgotten when it goes: the control has room for a few programs only.
+        let mut control = (shared.connect)(false)?;
+        match topic(query) {
+            Some(Topic::Program) => {
+                let content = query.payload().map(|payload| payload.to_bytes()).unwrap_or_default();
+                let stored = body::<Upload>(query.attachment()).and_then(|upload| {
+                    upload.verify(&content)?;
+                    Ok(upload)
+                });
+                match stored {
+                    Err(why) => refuse(query, &why),
+                    Ok(upload) => {
+                        let stored = match &last {
+                            Some((known, stored)) if *known == upload => stored.clone(),
+                            _ => take_program(shared, control.as_mut(), &upload, &content)?,
+                        };
+                        reply(shared, query, &stored);
+                        last = stored.outlook.is_ok().then_some((upload, stored));
+                    }
+                }
+            }
+            Some(Topic::Run) => match body::<Order>(query.payload()) {
+                Ok(order) => {
+                    let state = run_program(shared, control.as_mut(), &order)?;
+                    reply(shared, query, state);
+                }
+                Err(why) => refuse(query, &why),
+            },
+            _ => refuse(query, "nothing is answered here"),
+        }
+        Ok(())
+    })
+}
+
+/// Sends a program to the control, which then has it under a number.
+fn send(control: &mut dyn Control, name: &str, content: &[u8]) -> Result<u64, Refused> {
+    let begun = control.ask("program.upload.begin", json!({ "name": name, "octets": content.len() }))?;
+    let upload = begun["upload"].as_u64().unwrap_or_default();
+    let part = begun["part_octets"].as_u64().filter(|part| *part > 0).unwrap_or(1024) as usize;
+    for (at, octets) in content.chunks(part).enumerate() {
+        let mut value = String::with_capacity(2 * octets.len());
+        for octet in octets {
+            // Writing to a string does not fail.
+            let _ = write!(value, "{octet:02x}");
+        }
+        control.ask(
+            "program.upload.append",
+            json!({ "upload": upload, "at": at * part, "value": value }),
+        )?;
+    }
+    control.ask(
+        "program.upload.commit",
+        json!({ "upload": upload, "sha256": sum(content) }),
+    )?;
+    Ok(upload)
+}
+
+/// Checks a program and puts it into the folder, if it is right.
+fn take_program(
+    shared: &Shared<'_>,
+    control: &mut dyn Control,
+    upload: &Upload,
+    content: &[u8],
+) -> Result<Stored, Refused> {
+    let stored = |outlook| Stored {
+        sha256: upload.sha256.clone(),
+        outlook,
+    };
+    if shared.settings.remote < Remote::Upload {
+        let why = "the machine file does not let the supervisor send programs: remote = \"upload\" of [cell]";
+        return Ok(stored(Err(why.into())));
+    }
+    let checked = send(control, &upload.name, content)
+        .and_then(|number| control.ask("program.check", json!({ "upload": number })));
+    let outlook = match checked {
+        Ok(outlook) => outlook,
+        Err(Refused::ByControl(why)) => return Ok(stored(Err(why))),
+        Err(gone) => return Err(gone),
+    };
+    let written = store::write(&shared.settings.programs, &upload.name, content);
+    Ok(stored(written.map(|()| outlook).map_err(|cause| cause.to_string())))
+}
+
+/// Runs a program that is stored, once for each id.
+fn run_program(shared: &Shared<'_>, control: &mut dyn Control, order: &Order) -> Result<OrderState, Refused> {
+    let refused = |why: String| Ok(of(&order.id, Phase::Refused, why));
+    let What::Run { program, sha256 } = &order.what else {
+        return refused("only runs are ordered under this key".into());
+    };
+    if !is_id(&order.id) {
+        return refused("the id of an order is letters, digits and '-'".into());
+    }
+    if let Some(known) = shared.ledger().get(&order.id) {
+        return Ok(known.state.clone());
+    }
+    if let Some(why) = shared.why_not.lock().unwrap_or_else(PoisonError::into_inner).clone() {
+        return refused(why);
+    }
+    let content = match store::read(&shared.settings.programs, program) {
+        Ok(content) if sum(&content) == *sha256 => content,
+        Ok(_) => return refused(format!("{program} has changed since it was sent")),
+        Err(cause) => return refused(format!("{program}: {cause}")),
+    };
+    // Nobody else may load another program between these steps.
+    let begun = control
+        .ask("control.take", json!({ "name": "supervisor" }))
+        .and_then(|_| begin(shared, control, order, program, &content));
+    let released = control.ask("control.release", json!({}));
+    let state = match begun {
+        Ok(state) => state,
+        Err(Refused::ByControl(why)) => of(&order.id, Phase::Refused, why),
+        Err(gone) => return Err(gone),
+    };
+    released?;
+    Ok(state)
+}
+
+fn begin(
+    shared: &Shared<'_>,
+    control: &mut dyn Control,
+    order: &Order,
+    program: &str,
+    content: &[u8],
+) -> Result<OrderState, Refused> {
+    let number = send(control, program, content)?;
+    control.ask("program.load", json!({ "upload": number }))?;
+    let journal = control.ask("journal.since", json!({ "seq": u64::from(u32::MAX) }))?["last"].as_u64();
+    let mut line = Line {
+        state: of(&order.id, Phase::Running, ""),
+        program: program.to_owned(),
+        journal: journal.unwrap_or(0),
+    };
+    let on_disk = |line: &Line| {
+        let not = |cause: io::Error| Refused::ByControl(format!("the disk does not take the order: {cause}"));
+        shared.ledger().put(line.clone()).map_err(not)
+    };
+    on_disk(&line)?;
+    match control.ask("program.start", json!({ "request_id": order.id })) {
+        Ok(_) => Ok(line.state),
+        Err(Refused::ByControl(why)) => {
+            line.state.phase = Phase::Refused;
+            line.state.note = why;
+            on_disk(&line)?;
+            Ok(line.state)
+        }
+        Err(gone) => Err(gone),
+    }
+}

@@ -1,0 +1,514 @@
+use super::*;
+use proptest::prelude::*;
+use std::path::Path;
+use std::sync::mpsc::{Receiver, sync_channel};
+
+/// A control as the supervisor sees it: it keeps what it has begun over its own end.
+#[derive(Default)]
+struct Fake {
+    journal: Vec<Value>,
+    programs: HashMap<String, String>,
+    /// Orders in their order, and what became of them.
+    orders: Vec<OrderState>,
+    boot: u64,
+    is_down: bool,
+    refuses: bool,
+}
+
+impl Fake {
+    fn note(&mut self, kind: &str, text: &str) {
+        let seq = self.journal.len() as u64 + 1;
+        self.journal
+            .push(json!({ "seq": seq, "unix_s": 1.0, "kind": kind, "text": text }));
+    }
+
+    fn is_running(&self) -> bool {
+        self.orders.last().is_some_and(|order| order.phase == Phase::Running)
+    }
+
+    fn state(&self) -> State {
+        State {
+            boot: self.boot,
+            is_ready: !self.is_running(),
+            remote: Remote::Run,
+            state: if self.is_running() { "running" } else { "ready" }.into(),
+            journal: self.journal.len() as u64,
+            order: self.orders.last().cloned(),
+            ..State::default()
+        }
+    }
+
+    fn end(&mut self, phase: Phase) {
+        if let Some(order) = self.orders.last_mut().filter(|order| order.phase == Phase::Running) {
+            order.phase = phase;
+            self.note("note", "ended");
+        }
+    }
+
+    fn answer(&mut self, question: &Question) -> Result<Vec<u8>, String> {
+        fn body<B: serde::de::DeserializeOwned>(octets: &[u8]) -> B {
+            Envelope::from_octets(octets).unwrap().body
+        }
+        fn say(body: impl serde::Serialize) -> Result<Vec<u8>, String> {
+            Ok(Envelope::new(0, body).to_octets())
+        }
+        match question.topic {
+            Topic::Describe => say(json!({
+                "machine": { "axes": [{ "axis": "X", "travel": [0.0, 300.0] }] },
+                "tools": { "tools": [{ "tool": 4 }] },
+            })),
+            Topic::Journal => {
+                let Since { since } = body(&question.payload);
+                let entries = self.journal.iter().skip(since as usize).take(3).cloned().collect();
+                say(Journal {
+                    since,
+                    entries,
+                    more: self.journal.len() as u64 > since + 3,
+                })
+            }
+            Topic::Program => {
+                let upload: Upload = body(question.attachment.as_ref().unwrap());
+                upload.verify(&question.payload).unwrap();
+                self.programs.insert(upload.name, upload.sha256.clone());
+                say(Stored {
+                    sha256: upload.sha256,
+                    outlook: Ok(json!({})),
+                })
+            }
+            Topic::Run | Topic::Order => {
+                let order: Order = body(&question.payload);
+                let state = |phase, note: &str| OrderState {
+                    id: order.id.clone(),
+                    phase,
+                    note: note.into(),
+                    took_s: None,
+                };
+                if let Some(known) = self.orders.iter().find(|known| known.id == order.id) {
+                    return say(known);
+                }
+                match &order.what {
+                    What::Run { program, sha256 }
+                        if !self.refuses && !self.is_running() && self.programs.get(program) == Some(sha256) =>
+                    {
+                        self.orders.push(state(Phase::Running, ""));
+                        say(self.orders.last())
+                    }
+                    What::Run { .. } => say(state(Phase::Refused, "not now")),
+                    What::Status => say(state(Phase::Unknown, "")),
+                    What::Hold | What::Stop => say(state(Phase::Completed, "")),
+                }
+            }
+            Topic::Alive | Topic::State => unreachable!(),
+        }
+    }
+}
+
+/// A supervisor and its controls, on a time of their own.
+struct Shop {
+    core: Option<Core>,
+    file: std::path::PathBuf,
+    fakes: HashMap<String, Fake>,
+    now: f64,
+    /// Questions of which the answer is lost.
+    loses: bool,
+    supervisors: u64,
+    _folder: tempfile::TempDir,
+}
+
+impl Shop {
+    fn new(names: &[&str]) -> Shop {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("cell.db");
+        let mut shop = Shop {
+            core: None,
+            file,
+            fakes: names.iter().map(|name| ((*name).to_owned(), Fake::default())).collect(),
+            now: 1000.0,
+            loses: false,
+            supervisors: 0,
+            _folder: folder,
+        };
+        shop.restart();
+        shop
+    }
+
+    /// Another supervisor over the same store; whatever the earlier one had under way is gone.
+    fn restart(&mut self) {
+        self.core = None;
+        self.supervisors += 1;
+        let (supervisor, mut number) = (self.supervisors, 0);
+        let ids = Box::new(move || {
+            number += 1;
+            format!("s{supervisor}-{number}")
+        });
+        self.core = Some(Core::new(Store::open(&self.file).unwrap(), ids).unwrap());
+        for name in self.names() {
+            self.give(vec![Event::Alive(name, true)]);
+        }
+    }
+
+    fn names(&self) -> Vec<String> {
+        let mut names: Vec<String> = self.fakes.keys().cloned().collect();
+        names.sort();
+        names
+    }
+
+    fn give(&mut self, events: Vec<Event>) {
+        let mut events = events;
+        loop {
+            let core = self.core.as_mut().unwrap();
+            let questions = core.take(std::mem::take(&mut events), self.now);
+            for question in questions {
+                let fake = self.fakes.get_mut(&question.machine).unwrap();
+                if fake.is_down {
+                    events.push(Event::Answer(question.ticket, Err("no answer".into())));
+                    continue;
+                }
+                let answer = fake.answer(&question);
+                if !self.loses {
+                    events.push(Event::Answer(question.ticket, answer));
+                } else {
+                    events.push(Event::Answer(question.ticket, Err("lost".into())));
+                }
+            }
+            if events.is_empty() {
+                return;
+            }
+        }
+    }
+
+    /// A second goes by: controls tell how they are.
+    fn second(&mut self) {
+        self.now += 1.0;
+        let states = self.names().into_iter().filter(|name| !self.fakes[name].is_down);
+        let states = states.map(|name| {
+            let state = self.fakes[&name].state();
+            Event::State(name, Box::new(state))
+        });
+        let states = states.collect();
+        self.give(states);
+    }
+
+    fn ask(&mut self, ask: Ask) -> Result<Value, String> {
+        let answer = self.begin(ask);
+        answer.try_recv().unwrap()
+    }
+
+    fn begin(&mut self, ask: Ask) -> Receiver<Result<Value, String>> {
+        let (sender, answer) = sync_channel(1);
+        self.give(vec![Event::Ask(
+            ask,
+            Box::new(move |answer| sender.send(answer).unwrap()),
+        )]);
+        answer
+    }
+
+    fn order(&mut self, count: u32, wish: Wish) -> i64 {
+        let wish = Wish {
+            program: "p.ngc".into(),
+            count,
+            ..wish
+        };
+        let ask = Ask::Add {
+            wish,
+            content: b"G0\n".to_vec(),
+        };
+        self.ask(ask).unwrap()["order"].as_i64().unwrap()
+    }
+
+    fn of_order(&mut self, id: i64) -> Value {
+        let queue = self.ask(Ask::Queue).unwrap();
+        let orders = queue["orders"].as_array().unwrap();
+        orders.iter().find(|order| order["id"] == id).unwrap().clone()
+    }
+
+    fn end_all(&mut self, phase: Phase) {
+        for fake in self.fakes.values_mut() {
+            fake.end(phase);
+        }
+    }
+}
+
+#[test]
+fn parts_are_made_on_all_machines_that_fit_and_no_more_than_were_ordered() {
+    let mut shop = Shop::new(&["a", "b", "c"]);
+    shop.second();
+    shop.ask(Ask::SetClass {
+        machine: "c".into(),
+        class: "lathe".into(),
+    })
+    .unwrap();
+    let id = shop.order(
+        5,
+        Wish {
+            axes: "X".into(),
+            travel: vec![('X', 300.0)],
+            tools: vec![4],
+            ..Wish::default()
+        },
+    );
+    let other = shop.order(
+        1,
+        Wish {
+            class: "lathe".into(),
+            tools: vec![9],
+            ..Wish::default()
+        },
+    );
+    for _ in 0..5 {
+        shop.second();
+        shop.end_all(Phase::Completed);
+    }
+    shop.second();
+    let order = shop.of_order(id);
+    assert_eq!((&order["state"], &order["completed"]), (&json!("done"), &json!(5)));
+    let runs: usize = shop.fakes.values().map(|fake| fake.orders.len()).sum();
+    assert_eq!(runs, 5);
+    assert!(
+        shop.fakes.values().all(|fake| !fake.orders.is_empty()),
+        "all three have worked"
+    );
+    let order = shop.of_order(other);
+    assert_eq!(order["state"], "open");
+    let why = |machine: &str| {
+        let unfit = order["unfit"].as_array().unwrap();
+        unfit.iter().find(|one| one["machine"] == machine).unwrap()["why"].clone()
+    };
+    assert_eq!(
+        (why("a"), why("c")),
+        (json!("is of class \"\""), json!("has no tool 9"))
+    );
+}
+
+#[test]
+fn an_order_that_is_not_answered_is_asked_for_with_the_same_id() {
+    let mut shop = Shop::new(&["a"]);
+    shop.second();
+    let id = shop.order(1, Wish::default());
+    // The program is there; the answer to the run gets lost, and so does the supervisor.
+    assert_eq!(shop.fakes["a"].orders.len(), 1);
+    shop.fakes.get_mut("a").unwrap().orders.clear();
+    shop.restart();
+    shop.loses = true;
+    for _ in 0..20 {
+        shop.second();
+    }
+    assert_eq!(shop.fakes["a"].orders.len(), 1);
+    assert_eq!(shop.fakes["a"].orders[0].id, "s1-1");
+    shop.loses = false;
+    shop.end_all(Phase::Completed);
+    shop.second();
+    assert_eq!(shop.of_order(id)["state"], "done");
+    assert_eq!(shop.fakes["a"].orders.len(), 1);
+}
+
+#[test]
+fn failures_hold_an_order_until_somebody_has_looked() {
+    let mut shop = Shop::new(&["a"]);
+    shop.second();
+    let id = shop.order(1, Wish::default());
+    for _ in 0..5 {
+        shop.end_all(Phase::Failed);
+        shop.second();
+    }
+    let order = shop.of_order(id);
+    assert_eq!((&order["state"], &order["failed"]), (&json!("held"), &json!(3)));
+    assert_eq!(shop.fakes["a"].orders.len(), 3);
+    shop.ask(Ask::Resume { order: id }).unwrap();
+    assert_eq!(shop.fakes["a"].orders.len(), 4);
+    assert!(shop.ask(Ask::Resume { order: id }).is_err());
+    shop.ask(Ask::Cancel { order: id }).unwrap();
+    shop.end_all(Phase::Failed);
+    shop.second();
+    assert_eq!(shop.fakes["a"].orders.len(), 4);
+    assert!(shop.ask(Ask::Cancel { order: 99 }).unwrap_err().contains("no order 99"));
+}
+
+#[test]
+fn a_machine_that_refuses_is_left_alone_for_a_while() {
+    let mut shop = Shop::new(&["a"]);
+    shop.fakes.get_mut("a").unwrap().refuses = true;
+    shop.second();
+    let id = shop.order(1, Wish::default());
+    for _ in 0..35 {
+        shop.second();
+    }
+    let attempts = shop.ask(Ask::Queue).unwrap()["attempts"].as_array().unwrap().len();
+    assert!((2..=5).contains(&attempts), "{attempts}");
+    shop.fakes.get_mut("a").unwrap().refuses = false;
+    for _ in 0..25 {
+        shop.second();
+        shop.end_all(Phase::Completed);
+    }
+    assert_eq!(shop.of_order(id)["state"], "done");
+}
+
+#[test]
+fn a_journal_comes_whole_whatever_is_lost_on_the_way() {
+    let mut shop = Shop::new(&["a"]);
+    for number in 0..10 {
+        shop.fakes.get_mut("a").unwrap().note("note", &number.to_string());
+    }
+    shop.second();
+    // Entry 11 is lost, 12 is published, and once more.
+    for kind in ["alarm", "note"] {
+        shop.fakes.get_mut("a").unwrap().note(kind, "x");
+    }
+    let last = shop.fakes["a"].journal[11].clone();
+    for _ in 0..2 {
+        let published = Journal {
+            since: 11,
+            entries: vec![last.clone()],
+            more: false,
+        };
+        shop.give(vec![Event::Journal("a".into(), published)]);
+    }
+    let told = shop.ask(Ask::Journal {
+        machine: "a".into(),
+        since: 0,
+    });
+    assert_eq!(told.unwrap()["entries"], json!(shop.fakes["a"].journal));
+    let overview = shop.ask(Ask::Overview).unwrap();
+    assert_eq!(overview["alarms"].as_array().unwrap().len(), 1);
+}
+
+#[test]
+fn a_full_disk_refuses_and_loses_nothing() {
+    let mut shop = Shop::new(&["a"]);
+    shop.second();
+    let store = &shop.core.as_ref().unwrap().store;
+    store.limit(store.pages());
+    let wish = Wish {
+        program: "p.ngc".into(),
+        count: 1,
+        ..Wish::default()
+    };
+    let ask = Ask::Add {
+        wish,
+        content: vec![b'x'; 100_000],
+    };
+    let error = shop.ask(ask.clone()).unwrap_err();
+    assert!(error.contains("full"), "{error}");
+    for number in 0..200 {
+        shop.fakes
+            .get_mut("a")
+            .unwrap()
+            .note("note", &format!("{number} {}", "x".repeat(200)));
+    }
+    for _ in 0..3 {
+        shop.second();
+    }
+    assert_eq!(shop.fakes["a"].orders.len(), 0);
+    // Room again: all of it comes.
+    shop.core.as_ref().unwrap().store.limit(100_000);
+    shop.ask(ask).unwrap();
+    for _ in 0..3 {
+        shop.second();
+    }
+    assert_eq!(shop.fakes["a"].orders.len(), 1);
+    assert_eq!(shop.core.as_ref().unwrap().machines["a"].journal, 200);
+}
+
+#[test]
+fn time_is_counted_by_what_it_is_spent_on() {
+    let mut shop = Shop::new(&["a"]);
+    shop.second();
+    for _ in 0..30 {
+        shop.second();
+    }
+    shop.order(1, Wish::default());
+    for _ in 0..30 {
+        shop.second();
+    }
+    shop.fakes.get_mut("a").unwrap().is_down = true;
+    for _ in 0..40 {
+        shop.second();
+    }
+    let overview = shop.ask(Ask::Overview).unwrap();
+    let seconds = |what: &str| {
+        let times = overview["times"].as_array().unwrap();
+        times
+            .iter()
+            .find(|time| time["what"] == what)
+            .map_or(0.0, |time| time["seconds"].as_f64().unwrap())
+    };
+    assert!((29.0..=32.0).contains(&seconds("idle")), "{overview}");
+    assert!((29.0..=32.0).contains(&seconds("running")), "{overview}");
+    assert!((30.0..=41.0).contains(&seconds("unknown")), "{overview}");
+    assert_eq!(overview["machines"][0]["alive"], false);
+    let refused = shop.ask(Ask::Hold { machine: "a".into() }).unwrap_err();
+    assert_eq!(refused, "a is not reached; it works on alone");
+}
+
+#[derive(Clone, Debug)]
+enum Mishap {
+    Second,
+    Complete,
+    Fail,
+    KillSupervisor,
+    KillControl(usize),
+    Lose(bool),
+}
+
+fn mishap() -> impl Strategy<Value = Mishap> {
+    prop_oneof![
+        6 => Just(Mishap::Second),
+        3 => Just(Mishap::Complete),
+        1 => Just(Mishap::Fail),
+        2 => Just(Mishap::KillSupervisor),
+        2 => (0usize..3).prop_map(Mishap::KillControl),
+        1 => any::<bool>().prop_map(Mishap::Lose),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    /// Whatever is killed or lost in whatever order, in the end as many parts were completed as were ordered, and no id ran twice.
+    #[test]
+    fn no_order_is_lost_or_doubled(mishaps in proptest::collection::vec(mishap(), 0..60), count in 1u32..8) {
+        let mut shop = Shop::new(&["a", "b", "c"]);
+        shop.second();
+        let id = shop.order(count, Wish::default());
+        for mishap in mishaps {
+            match mishap {
+                Mishap::Second => shop.second(),
+                Mishap::Complete => shop.end_all(Phase::Completed),
+                Mishap::Fail => shop.end_all(Phase::Failed),
+                Mishap::KillSupervisor => shop.restart(),
+                Mishap::KillControl(at) => {
+                    let name = shop.names()[at].clone();
+                    let fake = shop.fakes.get_mut(&name).unwrap();
+                    fake.end(Phase::Interrupted);
+                    fake.boot += 1;
+                    shop.give(vec![Event::Alive(name.clone(), false), Event::Alive(name, true)]);
+                }
+                Mishap::Lose(loses) => shop.loses = loses,
+            }
+        }
+        shop.loses = false;
+        for _ in 0..60 {
+            shop.second();
+            shop.end_all(Phase::Completed);
+            if shop.of_order(id)["state"] == "held" {
+                shop.ask(Ask::Resume { order: id }).unwrap();
+            }
+        }
+        let order = shop.of_order(id);
+        prop_assert_eq!(&order["state"], &json!("done"), "{}", order);
+        let all = shop.fakes.values().flat_map(|fake| &fake.orders);
+        let mut ids: Vec<&String> = all.clone().map(|order| &order.id).collect();
+        let runs = ids.len();
+        ids.sort();
+        ids.dedup();
+        prop_assert_eq!(ids.len(), runs);
+        let completed = all.filter(|order| order.phase == Phase::Completed).count();
+        prop_assert_eq!(completed as u32, count);
+    }
+}
+
+#[test]
+fn a_store_of_memory_is_enough_to_begin_with() {
+    let core = Core::new(Store::open(Path::new(":memory:")).unwrap(), Box::new(|| "x".into())).unwrap();
+    assert!(core.machines.is_empty());
+}

@@ -1,0 +1,487 @@
+//! `isocnc-cell`: the supervisor of a cell of machines, and what people ask it.
+
+use anyhow::Context;
+use cell::ca::Ca;
+use cell::core::Ask;
+use cell::plan::{self, Model};
+use cell::serve::{self, Settings};
+use cell::store::Wish;
+use cell_link::message::PROGRAM_MAX;
+use clap::{Args, Parser, Subcommand};
+use serde_json::Value;
+use std::fmt::Write as _;
+use std::io::{self, Write};
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::util::SubscriberInitExt;
+
+/// The supervisor of a cell of machines.
+#[derive(Parser)]
+#[command(name = "isocnc-cell", version)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Args)]
+struct Dir {
+    /// State folder of the supervisor.
+    #[arg(long, value_name = "STATE")]
+    dir: PathBuf,
+    /// For programs.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Certificates of a cell.
+    #[command(subcommand)]
+    Ca(CaCommand),
+    /// Runs the supervisor, until Ctrl-C.
+    Run {
+        /// State folder; made where it is not there.
+        #[arg(long, value_name = "STATE")]
+        dir: PathBuf,
+        /// Folder of the authority.
+        #[arg(long)]
+        ca: PathBuf,
+        /// Where controls connect.
+        #[arg(long, value_name = "ADDR:PORT")]
+        listen: SocketAddr,
+        /// Another name or address by which controls reach this PC.
+        #[arg(long, value_name = "NAME")]
+        name: Vec<String>,
+        /// Where the page is.
+        #[arg(long, value_name = "ADDR:PORT")]
+        page: Option<SocketAddr>,
+    },
+    /// All machines, and how they are.
+    Machines {
+        #[command(flatten)]
+        dir: Dir,
+        /// Says which class a machine is of.
+        #[arg(long, value_name = "NAME=CLASS")]
+        class: Option<String>,
+    },
+    /// Sends a program to a machine, which checks it. Nothing runs by that.
+    Upload {
+        name: String,
+        file: PathBuf,
+        #[command(flatten)]
+        dir: Dir,
+    },
+    /// Runs a program that was sent, where the machine is free and allows it.
+    RunProgram {
+        name: String,
+        program: String,
+        #[command(flatten)]
+        dir: Dir,
+    },
+    /// Holds what runs on a machine.
+    Hold {
+        name: String,
+        #[command(flatten)]
+        dir: Dir,
+    },
+    /// Brings a machine to rest and gives up what runs.
+    Stop {
+        name: String,
+        #[command(flatten)]
+        dir: Dir,
+    },
+    /// What has happened at a machine.
+    Journal {
+        name: String,
+        /// Entries behind this number.
+        #[arg(long, default_value_t = 0)]
+        since: u64,
+        #[command(flatten)]
+        dir: Dir,
+    },
+    /// Orders of parts.
+    Queue {
+        #[command(subcommand)]
+        change: Option<Change>,
+        #[command(flatten)]
+        dir: Dir,
+    },
+    /// Cost and feasibility of cells, as configs/cell-cost.toml says.
+    Plan {
+        file: PathBuf,
+        /// The cheapest cell for so many axes.
+        #[arg(long, value_parser = clap::value_parser!(u32).range(1..=i64::from(plan::AXES_MAX)))]
+        axes: Option<u32>,
+        #[arg(long)]
+        json: bool,
+    },
+}
+
+#[derive(Subcommand)]
+enum CaCommand {
+    /// Makes an authority.
+    Init {
+        #[arg(long, value_name = "CA")]
+        dir: PathBuf,
+    },
+    /// Makes NAME.crt and NAME.key for a machine.
+    Issue {
+        name: String,
+        #[arg(long, value_name = "CA")]
+        dir: PathBuf,
+    },
+    /// A certificate counts no more: NAME, or NAME.N for one of several.
+    Revoke {
+        name: String,
+        #[arg(long, value_name = "CA")]
+        dir: PathBuf,
+    },
+    /// What was issued.
+    List {
+        #[arg(long, value_name = "CA")]
+        dir: PathBuf,
+        #[arg(long)]
+        json: bool,
+    },
+}
+
+#[derive(Subcommand)]
+enum Change {
+    /// Orders parts: machines that are free and fit make them, one after the other.
+    Add {
+        file: PathBuf,
+        /// Parts.
+        #[arg(long)]
+        count: u32,
+        /// Only machines of this class.
+        #[arg(long, default_value = "")]
+        class: String,
+        /// Axes that a machine must have, like XYZA.
+        #[arg(long, default_value = "")]
+        axes: String,
+        /// Travel that an axis must have, mm or degrees, like X=300.
+        #[arg(long, value_name = "AXIS=LENGTH", value_parser = travel)]
+        travel: Vec<(char, f64)>,
+        /// Tools that must be in the table, like 1,4.
+        #[arg(long, value_delimiter = ',')]
+        tools: Vec<u32>,
+    },
+    /// No further part of an order is begun.
+    Cancel { order: i64 },
+    /// A held order goes on.
+    Resume { order: i64 },
+}
+
+fn travel(text: &str) -> Result<(char, f64), String> {
+    let parse = || {
+        let (axis, length) = text.split_once('=')?;
+        let mut letters = axis.chars();
+        match (letters.next(), letters.next()) {
+            (Some(letter), None) => Some((letter.to_ascii_uppercase(), length.parse().ok()?)),
+            _ => None,
+        }
+    };
+    parse().ok_or_else(|| "expected an axis and a length, like X=300".into())
+}
+
+fn main() -> ExitCode {
+    match carry_out(Cli::parse().command) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            // Nobody else can be told.
+            let _ = writeln!(io::stderr(), "error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn say(text: &str) -> anyhow::Result<()> {
+    let mut out = io::stdout().lock();
+    let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+    match written {
+        // Whoever reads has seen enough.
+        Err(cause) if cause.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        written => Ok(written?),
+    }
+}
+
+fn content(file: &Path) -> anyhow::Result<(String, Vec<u8>)> {
+    let place = || format!("{}", file.display());
+    let content = files::read::read(file, PROGRAM_MAX as u64).with_context(place)?;
+    let name = file.file_name().and_then(|name| name.to_str());
+    Ok((name.with_context(place)?.to_owned(), content))
+}
+
+fn carry_out(command: Command) -> anyhow::Result<()> {
+    match command {
+        Command::Ca(command) => authority(command),
+        Command::Run {
+            dir,
+            ca,
+            listen,
+            name,
+            page,
+        } => run(Settings {
+            state: dir,
+            ca,
+            listen,
+            names: name,
+            page,
+        }),
+        Command::Machines { dir, class: None } => answer(&dir, &Ask::Machines, machines),
+        Command::Machines {
+            dir,
+            class: Some(class),
+        } => {
+            let (machine, class) = class.split_once('=').context("--class: expected NAME=CLASS")?;
+            let ask = Ask::SetClass {
+                machine: machine.into(),
+                class: class.into(),
+            };
+            answer(&dir, &ask, |_| String::new())
+        }
+        Command::Upload {
+            name: machine,
+            file,
+            dir,
+        } => {
+            let (name, content) = content(&file)?;
+            let ask = Ask::Upload { machine, name, content };
+            answer(&dir, &ask, |stored| {
+                let time = stored["outlook"]["planned_time_s"].as_f64().unwrap_or_default();
+                let warning = stored["outlook"]["warning"]
+                    .as_str()
+                    .map(|text| format!("warning: {text}\n"));
+                let (program, machine) = (word(&stored["program"]), word(&stored["machine"]));
+                format!(
+                    "{program} is on {machine}, and right; it takes {time:.0} s\n{}",
+                    warning.unwrap_or_default()
+                )
+            })
+        }
+        Command::RunProgram {
+            name: machine,
+            program,
+            dir,
+        } => {
+            let ask = Ask::RunProgram { machine, program };
+            answer(&dir, &ask, |order| {
+                format!("order {}: {}\n", word(&order["id"]), word(&order["phase"]))
+            })
+        }
+        Command::Hold { name: machine, dir } => answer(&dir, &Ask::Hold { machine }, |_| String::new()),
+        Command::Stop { name: machine, dir } => answer(&dir, &Ask::Stop { machine }, |_| String::new()),
+        Command::Journal {
+            name: machine,
+            since,
+            dir,
+        } => answer(&dir, &Ask::Journal { machine, since }, journal),
+        Command::Queue { change: None, dir } => answer(&dir, &Ask::Queue, queue),
+        Command::Queue {
+            change: Some(change),
+            dir,
+        } => {
+            let ask = match change {
+                Change::Add {
+                    file,
+                    count,
+                    class,
+                    axes,
+                    travel,
+                    tools,
+                } => {
+                    let (program, content) = content(&file)?;
+                    let wish = Wish {
+                        program,
+                        count,
+                        class,
+                        axes,
+                        travel,
+                        tools,
+                    };
+                    Ask::Add { wish, content }
+                }
+                Change::Cancel { order } => Ask::Cancel { order },
+                Change::Resume { order } => Ask::Resume { order },
+            };
+            answer(&dir, &ask, |order| format!("order {}\n", order["order"]))
+        }
+        Command::Plan { file, axes, json } => plan(&file, axes, json),
+    }
+}
+
+fn authority(command: CaCommand) -> anyhow::Result<()> {
+    match command {
+        CaCommand::Init { dir } => {
+            let ca = Ca::init(&dir)?;
+            say(&format!(
+                "{}: of every control and of the supervisor; ca.key beside it is the secret of the cell\n",
+                ca.certificate().display()
+            ))
+        }
+        CaCommand::Issue { name, dir } => {
+            let one = Ca::of(&dir).issue(&name)?;
+            let dir = dir.display();
+            say(&format!(
+                "{dir}/{name}.crt, {dir}/{name}.key: certificate {} of {name}\n",
+                one.name()
+            ))
+        }
+        CaCommand::Revoke { name, dir } => {
+            let count = Ca::of(&dir).revoke(&name)?;
+            say(&format!(
+                "{count} revoked; a supervisor that runs knows within seconds\n"
+            ))
+        }
+        CaCommand::List { dir, json } => {
+            let issued = Ca::of(&dir).issued()?;
+            if json {
+                return say(&(serde_json::to_string_pretty(&issued)? + "\n"));
+            }
+            let lines = issued.iter().map(|one| {
+                let state = if one.revoked_unix_s.is_some() {
+                    "revoked"
+                } else {
+                    "valid"
+                };
+                format!("{:36} {state}\n", one.name())
+            });
+            say(&lines.collect::<String>())
+        }
+    }
+}
+
+fn run(settings: Settings) -> anyhow::Result<()> {
+    // Zenoh tells of clients that the encryption refuses as warnings, and much else at lower levels.
+    let filter = tracing_subscriber::filter::Targets::new()
+        .with_target("cell", tracing::Level::INFO)
+        .with_target("zenoh_link_tls", tracing::Level::WARN)
+        .with_default(tracing::Level::ERROR);
+    tracing_subscriber::registry()
+        .with(filter)
+        .with(&serve::REFUSALS)
+        .with(
+            tracing_subscriber::fmt::layer()
+                .with_writer(io::stderr)
+                .with_target(true),
+        )
+        .init();
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+        signal_hook::flag::register_conditional_default(signal, Arc::clone(&stop))?;
+        signal_hook::flag::register(signal, Arc::clone(&stop))?;
+    }
+    let page = settings
+        .page
+        .map(|page| format!(", page: http://{page}/"))
+        .unwrap_or_default();
+    serve::run(&settings, &stop, || {
+        say(&format!("listening at {}{page}\n", settings.listen))
+    })
+}
+
+/// Asks the supervisor of a folder and prints what it says.
+fn answer(dir: &Dir, ask: &Ask, text: impl Fn(&Value) -> String) -> anyhow::Result<()> {
+    let answer = serve::ask(&dir.dir, ask)?;
+    match dir.json {
+        true => say(&(serde_json::to_string_pretty(&answer)? + "\n")),
+        false => say(&text(&answer)),
+    }
+}
+
+fn word(value: &Value) -> &str {
+    value.as_str().unwrap_or_default()
+}
+
+fn all<'v>(value: &'v Value, key: &str) -> impl Iterator<Item = &'v Value> {
+    value[key].as_array().into_iter().flatten()
+}
+
+fn machines(answer: &Value) -> String {
+    let mut text = String::new();
+    for machine in all(answer, "machines") {
+        let state = &machine["state"];
+        let how = match machine["alive"] == true {
+            true => state["alarm"].as_str().or(state["why_not"].as_str()).unwrap_or("ready"),
+            false => "not reached; it works on alone",
+        };
+        // Writing to a string does not fail.
+        let _ = writeln!(
+            text,
+            "{:32} {:10} {:8} {how}",
+            word(&machine["name"]),
+            word(&machine["class"]),
+            word(&machine["use"])
+        );
+    }
+    text
+}
+
+fn journal(answer: &Value) -> String {
+    all(answer, "entries")
+        .map(|entry| {
+            format!(
+                "{:6} {:8} {}\n",
+                entry["seq"],
+                word(&entry["kind"]),
+                word(&entry["text"])
+            )
+        })
+        .collect()
+}
+
+fn queue(answer: &Value) -> String {
+    let mut text = String::new();
+    for order in all(answer, "orders") {
+        let (done, count, under_way) = (&order["completed"], &order["count"], &order["under_way"]);
+        let _ = writeln!(
+            text,
+            "order {:4} {:24} {done} of {count} parts, {under_way} under way, {} failed: {} {}",
+            order["id"],
+            word(&order["program"]),
+            order["failed"],
+            word(&order["state"]),
+            word(&order["note"]),
+        );
+        for unfit in all(order, "unfit").filter(|_| order["state"] == "open") {
+            let _ = writeln!(
+                text,
+                "           not on {}: {}",
+                word(&unfit["machine"]),
+                word(&unfit["why"])
+            );
+        }
+    }
+    for attempt in all(answer, "attempts") {
+        let (phase, note) = (word(&attempt["phase"]), word(&attempt["note"]));
+        let _ = writeln!(
+            text,
+            "{:32} {:24} {phase} {note}",
+            word(&attempt["machine"]),
+            word(&attempt["program"])
+        );
+    }
+    text
+}
+
+fn plan(file: &Path, axes: Option<u32>, json: bool) -> anyhow::Result<()> {
+    let place = || format!("{}", file.display());
+    let text = files::read_text(file, 1 << 20).with_context(place)?;
+    let model = Model::read(&text).map_err(anyhow::Error::msg).with_context(place)?;
+    let judged = match axes {
+        Some(axes) => vec![
+            model
+                .cheapest(axes)
+                .with_context(|| format!("no cell of {axes} axes can be built within these limits"))?,
+        ],
+        None => model.configurations.iter().map(|one| model.judge(one)).collect(),
+    };
+    match json {
+        true => say(&(serde_json::to_string_pretty(&judged)? + "\n")),
+        false => say(&plan::table(&judged)),
+    }
+}

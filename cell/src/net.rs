@@ -1,0 +1,347 @@
+//! The network: what comes from controls as events, questions to them.
+//!
+//! In:  a session. Out: events into a bounded queue, which drops and counts what does not fit: states come again, journals are asked
+//! for by number, and a question without an answer is asked again.
+
+use crate::ca::{Ca, CaError};
+use crate::core::{Event, Question};
+use cell_link::carrier::{self, CarrierError, Identity};
+use cell_link::message::{Envelope, Journal, State, Topic, parse_key};
+use cell_link::zenoh::sample::{Sample, SampleKind};
+use cell_link::zenoh::{self, Session, Wait};
+use std::collections::HashSet;
+use std::fmt;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{SyncSender, TrySendError};
+use std::sync::{Arc, OnceLock};
+use std::time::SystemTime;
+use tracing::field::{Field, Visit};
+use tracing::{Level, Subscriber};
+use tracing_subscriber::Layer;
+use tracing_subscriber::layer::Context;
+
+/// Events that wait.
+pub const EVENTS: usize = 65_536;
+
+/// Why there is no network.
+#[derive(Debug, thiserror::Error)]
+pub enum NetError {
+    #[error(transparent)]
+    /// The authority.
+    Ca(#[from] CaError),
+    #[error(transparent)]
+    /// Certificates or the session.
+    Carrier(#[from] CarrierError),
+    #[error("{0}")]
+    /// Zenoh refused something.
+    Session(String),
+}
+
+/// Where events go.
+#[derive(Clone)]
+pub struct Events {
+    queue: SyncSender<Event>,
+    dropped: Arc<AtomicU64>,
+}
+
+impl Events {
+    /// Into this queue.
+    pub fn new(queue: SyncSender<Event>) -> Events {
+        Events {
+            queue,
+            dropped: Arc::default(),
+        }
+    }
+
+    /// Gives an event, or drops it: nobody waits here.
+    pub fn give(&self, event: Event) {
+        if let Err(TrySendError::Full(_)) = self.queue.try_send(event) {
+            self.dropped.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    /// Events that were dropped.
+    pub fn dropped(&self) -> u64 {
+        self.dropped.load(Ordering::Relaxed)
+    }
+}
+
+/// What the encryption says of clients that it refuses, for the store: a layer of the log.
+pub struct Refusals(OnceLock<Events>);
+
+impl Refusals {
+    /// They go nowhere yet.
+    #[allow(clippy::new_without_default)]
+    pub const fn new() -> Refusals {
+        Refusals(OnceLock::new())
+    }
+
+    /// Where they go from now on.
+    pub fn to(&self, events: Events) {
+        // A second supervisor of a process has them in its log.
+        let _ = self.0.set(events);
+    }
+}
+
+impl<S: Subscriber> Layer<S> for &'static Refusals {
+    fn on_event(&self, event: &tracing::Event<'_>, _: Context<'_, S>) {
+        struct Message(String);
+        impl Visit for Message {
+            fn record_debug(&mut self, field: &Field, value: &dyn fmt::Debug) {
+                if field.name() == "message" {
+                    self.0 = format!("{value:?}");
+                }
+            }
+        }
+        let is_refusal =
+            event.metadata().target().starts_with("zenoh_link_tls") && *event.metadata().level() == Level::WARN;
+        if let Some(events) = self.0.get().filter(|_| is_refusal) {
+            let mut message = Message(String::new());
+            event.record(&mut message);
+            // What Zenoh advises is of too many open files.
+            let what = message.0.split(". Hint").next().unwrap_or_default();
+            events.give(Event::Refused(format!("encryption: {what}")));
+        }
+    }
+}
+
+/// The listening side of a cell.
+pub struct Net {
+    ca: Ca,
+    address: SocketAddr,
+    identity: Identity,
+    events: Events,
+    session: Session,
+    /// When the list of certificates that this session knows was written.
+    listed: Option<SystemTime>,
+}
+
+/// What this PC is called.
+pub(crate) fn host_name() -> Option<String> {
+    let name = std::fs::read_to_string("/proc/sys/kernel/hostname").ok()?;
+    let name = name.trim_end();
+    (!name.is_empty() && name.is_ascii()).then(|| name.to_owned())
+}
+
+/// Addresses and names under which this PC may be reached at `address`.
+fn names(address: SocketAddr, more: &[String]) -> Vec<String> {
+    let mut names = vec!["localhost".to_owned(), "127.0.0.1".to_owned(), "::1".to_owned()];
+    names.extend(host_name());
+    if address.ip().is_unspecified() {
+        for interface in nix::ifaddrs::getifaddrs().into_iter().flatten() {
+            let address = interface.address;
+            let v4 = address
+                .as_ref()
+                .and_then(|address| address.as_sockaddr_in())
+                .map(|address| address.ip().to_string());
+            let v6 = address
+                .as_ref()
+                .and_then(|address| address.as_sockaddr_in6())
+                .map(|address| address.ip().to_string());
+            names.extend(v4.or(v6));
+        }
+    } else {
+        names.push(address.ip().to_string());
+    }
+    names.extend(more.iter().cloned());
+    names.sort();
+    names.dedup();
+    names
+}
+
+impl Net {
+    /// Listens at `address` with a certificate that is made for it, for the machines that the authority knows.
+    ///
+    /// # Errors
+    /// The authority cannot be read, the folder not be written, the address not be had.
+    pub fn listen(
+        ca: &Path,
+        state: &Path,
+        address: SocketAddr,
+        more_names: &[String],
+        events: Events,
+    ) -> Result<Net, NetError> {
+        let ca = Ca::of(ca);
+        let (certificate, key): (PathBuf, PathBuf) = ca.issue_server(state, &names(address, more_names))?;
+        let identity = Identity {
+            certificate,
+            key,
+            ca: ca.certificate(),
+        };
+        let listed = written(&ca);
+        let session = open(&ca, address, &identity, &events)?;
+        Ok(Net {
+            ca,
+            address,
+            identity,
+            events,
+            session,
+            listed,
+        })
+    }
+
+    /// Opens the session anew where certificates were issued or revoked: who may come is fixed when it is opened. All controls come
+    /// back within seconds.
+    ///
+    /// # Errors
+    /// As [`Net::listen`]; then the old session is closed.
+    pub fn refresh(&mut self) -> Result<bool, NetError> {
+        let written = written(&self.ca);
+        if written == self.listed {
+            return Ok(false);
+        }
+        // A list that cannot be read lets nobody new in, and nobody out.
+        self.ca.valid()?;
+        self.listed = written;
+        if let Err(cause) = self.session.close().wait() {
+            tracing::debug!("{cause}");
+        }
+        self.session = open(&self.ca, self.address, &self.identity, &self.events)?;
+        Ok(true)
+    }
+
+    /// Asks a control.
+    pub fn ask(&self, question: Question) {
+        let answer = Answer {
+            events: self.events.clone(),
+            ticket: Some(question.ticket),
+        };
+        let answer = std::sync::Mutex::new(answer);
+        let mut get = self
+            .session
+            .get(question.topic.key(&question.machine))
+            .payload(question.payload)
+            .timeout(question.wait);
+        if let Some(attachment) = question.attachment {
+            get = get.attachment(attachment);
+        }
+        // Where it fails, the end of `answer` says so.
+        let asked = get
+            .callback(move |reply| {
+                let result = match reply.result() {
+                    Ok(sample) => Ok(sample.payload().to_bytes().into_owned()),
+                    Err(error) => Err(String::from_utf8_lossy(&error.payload().to_bytes()).into_owned()),
+                };
+                answer
+                    .lock()
+                    .unwrap_or_else(std::sync::PoisonError::into_inner)
+                    .give(result);
+            })
+            .wait();
+        if let Err(cause) = asked {
+            tracing::debug!("{cause}");
+        }
+    }
+
+    /// Events that came faster than they were taken.
+    pub fn dropped(&self) -> u64 {
+        self.events.dropped()
+    }
+
+    /// Ends it.
+    pub fn close(self) {
+        if let Err(cause) = self.session.close().wait() {
+            tracing::debug!("{cause}");
+        }
+    }
+}
+
+fn written(ca: &Ca) -> Option<SystemTime> {
+    std::fs::metadata(ca.list()).and_then(|list| list.modified()).ok()
+}
+
+/// The one answer to a question; that there is none where it ends without one.
+struct Answer {
+    events: Events,
+    ticket: Option<u64>,
+}
+
+impl Answer {
+    fn give(&mut self, result: Result<Vec<u8>, String>) {
+        if let Some(ticket) = self.ticket.take() {
+            self.events.give(Event::Answer(ticket, result));
+        }
+    }
+}
+
+impl Drop for Answer {
+    fn drop(&mut self) {
+        self.give(Err("no answer".into()));
+    }
+}
+
+fn open(ca: &Ca, address: SocketAddr, identity: &Identity, events: &Events) -> Result<Session, NetError> {
+    let (valid, revoked) = ca.valid()?;
+    let failed = |cause: zenoh::Error| NetError::Session(cause.to_string());
+    let session = carrier::listen(address, identity, &valid)?;
+    let (valid, revoked): (HashSet<String>, HashSet<String>) =
+        (valid.into_iter().collect(), revoked.into_iter().collect());
+    let linked = events.clone();
+    session
+        .info()
+        .link_events_listener()
+        .history(true)
+        .callback(move |event| {
+            if event.kind() != SampleKind::Put {
+                return;
+            }
+            let name = event.link().auth_identifier().unwrap_or("without a name");
+            if !valid.contains(name) {
+                let why = if revoked.contains(name) {
+                    "is revoked"
+                } else {
+                    "was not issued here"
+                };
+                let text = format!(
+                    "{}: its certificate {name} {why}: nothing of it is heard",
+                    event.link().dst()
+                );
+                tracing::warn!("refused: {text}");
+                linked.give(Event::Refused(text));
+            }
+        })
+        .background()
+        .wait()
+        .map_err(failed)?;
+    let alive = events.clone();
+    session
+        .liveliness()
+        .declare_subscriber(Topic::Alive.key("*"))
+        .history(true)
+        .callback(move |sample| {
+            if let Some((machine, Topic::Alive)) = parse_key(sample.key_expr().as_str()) {
+                alive.give(Event::Alive(machine.to_owned(), sample.kind() == SampleKind::Put));
+            }
+        })
+        .background()
+        .wait()
+        .map_err(failed)?;
+    for topic in [Topic::State, Topic::Journal] {
+        let events = events.clone();
+        session
+            .declare_subscriber(topic.key("*"))
+            .callback(move |sample| {
+                if let Some(event) = event(topic, &sample) {
+                    events.give(event);
+                }
+            })
+            .background()
+            .wait()
+            .map_err(failed)?;
+    }
+    Ok(session)
+}
+
+fn event(topic: Topic, sample: &Sample) -> Option<Event> {
+    let (machine, _) = parse_key(sample.key_expr().as_str())?;
+    let octets = sample.payload().to_bytes();
+    let read = match topic {
+        Topic::State => {
+            Envelope::<State>::from_octets(&octets).map(|said| Event::State(machine.to_owned(), Box::new(said.body)))
+        }
+        _ => Envelope::<Journal>::from_octets(&octets).map(|said| Event::Journal(machine.to_owned(), said.body)),
+    };
+    read.inspect_err(|bad| tracing::warn!("{machine}: {bad}")).ok()
+}

@@ -1,0 +1,131 @@
+//! The page: all machines at a glance, in a browser. It shows and orders nothing.
+//!
+//! In:  an address; what the supervisor answers. Out: `/` and its files, `/overview` as JSON, `/journal/MACHINE`.
+
+use crate::core::Ask;
+use crate::net::host_name;
+use crate::serve::Desk;
+use axum::Router;
+use axum::extract::{Path, Request, State};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::middleware::{self, Next};
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+use serde_json::{Value, json};
+use std::io;
+use std::net::{IpAddr, SocketAddr, TcpListener};
+
+const POLICY: &str = "default-src 'self'; object-src 'none'; base-uri 'none'; frame-ancestors 'none'; form-action 'none'; img-src 'self' data:";
+const FILES: [(&str, &str, &str); 3] = [
+    ("/", "text/html; charset=utf-8", include_str!("../web/index.html")),
+    (
+        "/cell.js",
+        "text/javascript; charset=utf-8",
+        include_str!("../web/cell.js"),
+    ),
+    ("/cell.css", "text/css; charset=utf-8", include_str!("../web/cell.css")),
+];
+
+/// Serves the page from a thread of its own, until the process ends.
+///
+/// # Errors
+/// The address cannot be had.
+pub(crate) fn begin(address: SocketAddr, desk: Desk) -> io::Result<()> {
+    let listener = TcpListener::bind(address)?;
+    listener.set_nonblocking(true)?;
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .max_blocking_threads(4)
+        .build()?;
+    let serve = move || {
+        let served = runtime.block_on(async {
+            let listener = tokio::net::TcpListener::from_std(listener)?;
+            axum::serve(listener, router(desk)).await
+        });
+        if let Err(cause) = served {
+            tracing::error!("the page has ended: {cause}");
+        }
+    };
+    std::thread::Builder::new().name("page".into()).spawn(serve).map(drop)
+}
+
+fn router(desk: Desk) -> Router {
+    let mut router = Router::new()
+        .route("/overview", get(overview))
+        .route("/journal/{machine}", get(journal));
+    for (path, kind, text) in FILES {
+        router = router.route(path, get(move || async move { ([(header::CONTENT_TYPE, kind)], text) }));
+    }
+    router.layer(middleware::from_fn(guard)).with_state(desk)
+}
+
+/// Whether a page of somebody else's name could not be behind this one: addresses, this PC's name, localhost.
+fn is_own_name(headers: &HeaderMap) -> bool {
+    let Some(host) = headers.get(header::HOST).and_then(|host| host.to_str().ok()) else {
+        return false;
+    };
+    let name = match host.rsplit_once(':') {
+        Some((name, port)) if port.bytes().all(|octet| octet.is_ascii_digit()) => name,
+        _ => host,
+    };
+    let name = name.trim_start_matches('[').trim_end_matches(']');
+    name == "localhost"
+        || name.parse::<IpAddr>().is_ok()
+        || host_name().is_some_and(|own| own.eq_ignore_ascii_case(name))
+}
+
+async fn guard(request: Request, next: Next) -> Response {
+    let mut response = match is_own_name(request.headers()) {
+        true => next.run(request).await,
+        false => (StatusCode::MISDIRECTED_REQUEST, "not a name of this PC").into_response(),
+    };
+    let headers = response.headers_mut();
+    for (name, value) in [
+        (header::CONTENT_SECURITY_POLICY, POLICY),
+        (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+        (header::REFERRER_POLICY, "no-referrer"),
+        (header::CACHE_CONTROL, "no-cache"),
+    ] {
+        headers.insert(name, HeaderValue::from_static(value));
+    }
+    response
+}
+
+async fn ask(desk: Desk, ask: Ask) -> Response {
+    let asked = tokio::task::spawn_blocking(move || desk.ask(ask)).await;
+    let answer = asked.unwrap_or_else(|_| Err("the supervisor has ended".into()));
+    let json = |value: Value| ([(header::CONTENT_TYPE, "application/json")], value.to_string());
+    match answer {
+        Ok(value) => json(value).into_response(),
+        Err(why) => (StatusCode::NOT_FOUND, json(json!({ "error": why }))).into_response(),
+    }
+}
+
+async fn overview(State(desk): State<Desk>) -> Response {
+    ask(desk, Ask::Overview).await
+}
+
+async fn journal(State(desk): State<Desk>, Path(machine): Path<String>) -> Response {
+    ask(desk, Ask::Journal { machine, since: 0 }).await
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pages_of_other_names_are_not_ours() {
+        let of = |host: &str| {
+            let mut headers = HeaderMap::new();
+            headers.insert(header::HOST, HeaderValue::from_str(host).unwrap());
+            is_own_name(&headers)
+        };
+        for host in ["localhost:8403", "127.0.0.1", "[::1]:80", "10.0.0.7:1"] {
+            assert!(of(host), "{host}");
+        }
+        for host in ["evil.example", "localhost.evil.example:80", ""] {
+            assert!(!of(host), "{host}");
+        }
+        assert!(!is_own_name(&HeaderMap::new()));
+    }
+}

@@ -1,0 +1,434 @@
+//! A supervisor and controls without machines, over the real link: certificates, TLS, journals, programs, orders.
+
+use cell::ca::Ca;
+use cell::core::Ask;
+use cell::serve::{Desk, Settings, Supervisor};
+use cell::store::Wish;
+use cell_link::carrier::Identity;
+use cell_link::message::Remote;
+use cell_link::simulated::{Simulated, runs};
+use serde_json::{Value, json};
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// Longest wait for something that comes at once on a PC with nothing else to do.
+const LONG: Duration = Duration::from_secs(60);
+
+/// A port that nobody has.
+fn free() -> SocketAddr {
+    std::net::TcpListener::bind("127.0.0.1:0")
+        .unwrap()
+        .local_addr()
+        .unwrap()
+}
+
+struct Running<T> {
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+    of: T,
+}
+
+impl<T> Drop for Running<T> {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            thread.join().unwrap();
+        }
+    }
+}
+
+struct Shop {
+    folder: tempfile::TempDir,
+    ca: Ca,
+    address: SocketAddr,
+}
+
+impl Shop {
+    fn new() -> Shop {
+        let folder = tempfile::tempdir().unwrap();
+        Shop {
+            ca: Ca::init(&folder.path().join("ca")).unwrap(),
+            address: free(),
+            folder,
+        }
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn supervisor(&self) -> Running<Desk> {
+        let settings = Settings {
+            state: self.path("state"),
+            ca: self.path("ca"),
+            listen: self.address,
+            names: Vec::new(),
+            page: None,
+        };
+        let (supervisor, desk) = Supervisor::begin(&settings).unwrap();
+        let stop = Arc::new(AtomicBool::new(false));
+        let stopped = Arc::clone(&stop);
+        Running {
+            stop,
+            thread: Some(std::thread::spawn(move || supervisor.run(&stopped))),
+            of: desk,
+        }
+    }
+
+    fn identity(&self, name: &str) -> Identity {
+        Identity {
+            certificate: self.path(&format!("ca/{name}.crt")),
+            key: self.path(&format!("ca/{name}.key")),
+            ca: self.path("ca/ca.crt"),
+        }
+    }
+
+    fn control(&self, name: &str, remote: Remote) -> Running<Simulated> {
+        self.ca.issue(name).unwrap();
+        self.control_as(name, self.identity(name), remote)
+    }
+
+    fn control_as(&self, name: &str, identity: Identity, remote: Remote) -> Running<Simulated> {
+        let folder = self.path(name);
+        std::fs::create_dir_all(&folder).unwrap();
+        let simulated = Simulated::new(name, &folder).unwrap();
+        let settings = cell_link::Settings {
+            supervisor: self.address.to_string(),
+            identity,
+            remote,
+            programs: folder.join("programs"),
+            state: folder,
+            panel: None,
+        };
+        let stop = Arc::new(AtomicBool::new(false));
+        let (stopped, of) = (Arc::clone(&stop), simulated.clone());
+        let run = move || cell_link::run(&settings, &|_| Ok(of.connect()), &stopped).unwrap();
+        Running {
+            stop,
+            thread: Some(std::thread::spawn(run)),
+            of: simulated,
+        }
+    }
+}
+
+fn until<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
+    let begun = Instant::now();
+    loop {
+        if let Some(found) = look() {
+            return found;
+        }
+        assert!(begun.elapsed() < LONG, "{what} does not come");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+fn machine(desk: &Desk, name: &str) -> Option<Value> {
+    let answer = desk.ask(Ask::Machines).unwrap();
+    let mut machines = answer["machines"].as_array().unwrap().iter();
+    machines
+        .find(|machine| machine["name"] == name && machine["alive"] == true)
+        .cloned()
+}
+
+fn journal(desk: &Desk, name: &str) -> Vec<Value> {
+    let ask = Ask::Journal {
+        machine: name.into(),
+        since: 0,
+    };
+    desk.ask(ask)
+        .map(|answer| answer["entries"].as_array().unwrap().clone())
+        .unwrap_or_default()
+}
+
+fn upload(desk: &Desk, machine: &str, content: &str) -> Result<Value, String> {
+    desk.ask(Ask::Upload {
+        machine: machine.into(),
+        name: "p.ngc".into(),
+        content: content.into(),
+    })
+}
+
+fn run_program(desk: &Desk, machine: &str) -> Result<Value, String> {
+    desk.ask(Ask::RunProgram {
+        machine: machine.into(),
+        program: "p.ngc".into(),
+    })
+}
+
+#[test]
+fn programs_go_down_ends_and_alarms_come_up_and_nothing_runs_by_itself() {
+    let shop = Shop::new();
+    let mill = shop.control("mill", Remote::Run);
+    let looked_at = shop.control("lathe", Remote::Off);
+    let given = shop.control("saw", Remote::Upload);
+    // The controls were there first: they try on until there is a supervisor.
+    let supervisor = shop.supervisor();
+    let desk = &supervisor.of;
+    for name in ["mill", "lathe", "saw"] {
+        until(name, || machine(desk, name));
+    }
+
+    let error = upload(desk, "mill", "G0 X1\n(wrong)\n").unwrap_err();
+    assert_eq!(error, "p.ngc:2: this is wrong");
+    assert!(run_program(desk, "mill").unwrap_err().contains("has no p.ngc"));
+    upload(desk, "mill", "(takes 0.1)\n").unwrap();
+    upload(desk, "saw", "G0\n").unwrap();
+    assert!(
+        upload(desk, "lathe", "G0\n")
+            .unwrap_err()
+            .contains("remote = \"upload\"")
+    );
+    assert!(run_program(desk, "saw").unwrap_err().contains("remote = \"run\""));
+    assert_eq!(runs(&shop.path("mill")).unwrap(), Vec::<String>::new());
+
+    until("readiness", || {
+        (machine(desk, "mill")?["state"]["is_ready"] == true).then_some(())
+    });
+    let order = run_program(desk, "mill").unwrap();
+    let ended = until("the end", || {
+        let queue = desk.ask(Ask::Queue).unwrap();
+        let attempt = queue["attempts"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .find(|one| one["id"] == order["id"])
+            .cloned()?;
+        (attempt["phase"] != "running" && attempt["phase"] != "unknown").then_some(attempt)
+    });
+    assert_eq!(
+        (&ended["phase"], &ended["machine"]),
+        (&json!("completed"), &json!("mill"))
+    );
+    assert!(ended["took_s"].as_f64().unwrap() >= 0.1);
+    assert_eq!(runs(&shop.path("mill")).unwrap().len(), 1);
+
+    mill.of.set_mode("mdi");
+    until("hands", || {
+        machine(desk, "mill")?["state"]["why_not"]
+            .as_str()?
+            .contains("by hand")
+            .then_some(())
+    });
+    assert!(run_program(desk, "mill").unwrap_err().contains("by hand"));
+
+    let alarm = mill.of.alarm("coolant is low");
+    let alarms = until("the alarm", || {
+        let overview = desk.ask(Ask::Overview).unwrap();
+        let alarms = overview["alarms"].as_array().unwrap().clone();
+        (!alarms.is_empty()).then_some(alarms)
+    });
+    assert_eq!(
+        (&alarms[0]["machine"], &alarms[0]["seq"]),
+        (&json!("mill"), &json!(alarm))
+    );
+    mill.of.acknowledge();
+    until("the acknowledge", || {
+        let overview = desk.ask(Ask::Overview).unwrap();
+        overview["alarms"].as_array().unwrap().is_empty().then_some(())
+    });
+
+    // Held and stopped whatever the machine file says.
+    assert_eq!(
+        desk.ask(Ask::Stop {
+            machine: "lathe".into()
+        }),
+        Ok(json!({}))
+    );
+    assert!(
+        desk.ask(Ask::Hold {
+            machine: "lathe".into()
+        })
+        .is_err(),
+        "nothing runs there"
+    );
+    drop((looked_at, given));
+}
+
+#[test]
+fn what_happened_without_a_supervisor_is_told_to_the_next_one() {
+    let shop = Shop::new();
+    let mill = shop.control("mill", Remote::Run);
+    {
+        let supervisor = shop.supervisor();
+        until("the link", || machine(&supervisor.of, "mill"));
+        mill.of.notes(3);
+        until("notes", || (journal(&supervisor.of, "mill").len() == 4).then_some(()));
+    }
+    mill.of.notes(1200);
+    let supervisor = shop.supervisor();
+    let told = until("all of it", || {
+        let ask = Ask::Journal {
+            machine: "mill".into(),
+            since: 900,
+        };
+        let told = supervisor.of.ask(ask).ok()?["entries"].as_array()?.clone();
+        (told.len() == 304).then_some(told)
+    });
+    for (at, entry) in told.iter().enumerate() {
+        assert_eq!(entry["seq"], 901 + at);
+    }
+}
+
+#[test]
+fn an_order_of_parts_is_made_by_several_machines() {
+    let shop = Shop::new();
+    let supervisor = shop.supervisor();
+    let controls: Vec<Running<Simulated>> = ["a", "b", "c"].map(|name| shop.control(name, Remote::Run)).into();
+    let wish = Wish {
+        program: "part.ngc".into(),
+        count: 7,
+        ..Wish::default()
+    };
+    let ask = Ask::Add {
+        wish,
+        content: b"(takes 0.3)\n".to_vec(),
+    };
+    supervisor.of.ask(ask).unwrap();
+    let order = until("the parts", || {
+        let order = supervisor.of.ask(Ask::Queue).unwrap()["orders"][0].clone();
+        (order["state"] == "done").then_some(order)
+    });
+    assert_eq!((&order["completed"], &order["failed"]), (&json!(7), &json!(0)));
+    let mut all: Vec<String> = ["a", "b", "c"]
+        .iter()
+        .flat_map(|name| runs(&shop.path(name)).unwrap())
+        .collect();
+    all.sort();
+    all.dedup();
+    assert_eq!(all.len(), 7);
+    drop(controls);
+}
+
+/// Nothing of this machine is heard, and it is told why.
+fn is_refused(desk: &Desk, name: &str, why: &str) {
+    let told = until(why, || {
+        let overview = desk.ask(Ask::Overview).unwrap();
+        let refusals = overview["refusals"].as_array().unwrap();
+        refusals
+            .iter()
+            .find(|one| one["text"].as_str().unwrap().contains(why))
+            .cloned()
+    });
+    assert!(told["text"].as_str().unwrap().contains("127.0.0.1"), "{told}");
+    until("silence", || machine(desk, name).is_none().then_some(()));
+}
+
+#[test]
+fn who_has_no_certificate_of_this_cell_or_a_revoked_one_is_refused() {
+    let shop = Shop::new();
+    let good = shop.control("good", Remote::Run);
+    let lost = shop.control("lost", Remote::Run);
+    let supervisor = shop.supervisor();
+    let desk = &supervisor.of;
+    for name in ["good", "lost"] {
+        until(name, || machine(desk, name));
+    }
+    shop.ca.revoke("lost").unwrap();
+    is_refused(desk, "lost", "lost.2 is revoked");
+    // The others are back.
+    until("good", || machine(desk, "good"));
+    drop(lost);
+
+    // Another authority's, with a name that is known here.
+    let other = Ca::init(&shop.path("other")).unwrap();
+    other.issue("good").unwrap();
+    let foreign = Identity {
+        certificate: shop.path("other/good.crt"),
+        key: shop.path("other/good.key"),
+        ca: shop.path("ca/ca.crt"),
+    };
+    let error = cell_link::carrier::connect(&shop.address.to_string(), &foreign);
+    assert!(error.is_err() || !speaks(&error.unwrap(), desk));
+    // Nobody serves in the supervisor's place with a machine's certificate.
+    let address = free();
+    assert!(serves_as_machine(&shop, address).is_err());
+    drop(good);
+}
+
+/// Whether a session can speak for the machine "stranger".
+fn speaks(session: &cell_link::zenoh::Session, desk: &Desk) -> bool {
+    use cell_link::message::{Envelope, State, Topic};
+    use cell_link::zenoh::Wait;
+    let said = Envelope::new(1, State::default()).to_octets();
+    for _ in 0..20 {
+        let _ = session.put(Topic::State.key("stranger"), said.clone()).wait();
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    machine(desk, "stranger").is_some()
+}
+
+#[test]
+fn a_machine_speaks_for_itself_alone() {
+    let shop = Shop::new();
+    let good = shop.control("good", Remote::Run);
+    let supervisor = shop.supervisor();
+    until("good", || machine(&supervisor.of, "good"));
+    shop.ca.issue("liar").unwrap();
+    // The list has changed: all connect anew.
+    std::thread::sleep(Duration::from_secs(2));
+    until("good", || machine(&supervisor.of, "good"));
+    let liar = cell_link::carrier::connect(&shop.address.to_string(), &shop.identity("liar")).unwrap();
+    assert!(!speaks(&liar, &supervisor.of));
+    drop(good);
+}
+
+/// A client that trusts only a supervisor's certificate, against a machine that serves.
+fn serves_as_machine(shop: &Shop, address: SocketAddr) -> Result<(), String> {
+    let identity = shop.identity("good");
+    let _liar =
+        cell_link::carrier::listen(address, &identity, &["good.1".into()]).map_err(|error| error.to_string())?;
+    let session = cell_link::carrier::connect(&address.to_string(), &identity);
+    session.map(drop).map_err(|error| error.to_string())
+}
+
+#[test]
+fn a_control_that_was_killed_says_what_became_of_its_order() {
+    let shop = Shop::new();
+    let supervisor = shop.supervisor();
+    let desk = &supervisor.of;
+    let order = {
+        let mill = shop.control("mill", Remote::Run);
+        until("the link", || {
+            (machine(desk, "mill")?["state"]["is_ready"] == true).then_some(())
+        });
+        upload(desk, "mill", "(takes 3600)\n").unwrap();
+        let order = run_program(desk, "mill").unwrap();
+        let again = run_program(desk, "mill").unwrap_err();
+        assert!(again.contains("has an order already"), "{again}");
+        drop(mill);
+        order
+    };
+    let mill = shop.control_as("mill", shop.identity("mill"), Remote::Run);
+    let ended = until("the end", || {
+        let queue = desk.ask(Ask::Queue).unwrap();
+        queue["attempts"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .find(|one| one["phase"] == "interrupted")
+            .cloned()
+    });
+    assert_eq!(ended["id"], order["id"]);
+    assert_eq!(runs(&shop.path("mill")).unwrap().len(), 1);
+    drop(mill);
+}
+
+#[test]
+fn two_supervisors_do_not_share_a_folder() {
+    let shop = Shop::new();
+    let _first = shop.supervisor();
+    let settings = Settings {
+        state: shop.path("state"),
+        ca: shop.path("ca"),
+        listen: free(),
+        names: Vec::new(),
+        page: None,
+    };
+    let error = Supervisor::begin(&settings).err().unwrap().to_string();
+    assert!(error.contains("another supervisor runs here"), "{error}");
+    assert!(Path::new(&shop.path("state/cell.db")).exists());
+}
