@@ -10,6 +10,7 @@
 
 mod analog;
 mod bus;
+mod cell;
 mod channels;
 mod compensation;
 mod components;
@@ -63,6 +64,7 @@ mod types;
 
 pub use analog::AnalogOutput;
 pub use bus::{is_name, wire_time_ns};
+pub use cell::{Cell, Remote};
 pub use document::{Bound, Question};
 #[cfg(feature = "testing")]
 pub use drive_profile::questions as drive_profile_questions;
@@ -399,6 +401,10 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
         None => Some(None),
         Some(section) => panel::panel(section, base, folder).map(Some),
     };
+    let cell = match root.optional_section("cell") {
+        None => Some(None),
+        Some(section) => cell::cell(section, base, folder).map(Some),
+    };
     root.not_yet(&["hmi", "service"]);
     root.done();
 
@@ -431,6 +437,7 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
         external,
         sim: sim?,
         panel: panel?,
+        cell: cell?,
     })
 }
 

@@ -4,6 +4,7 @@
 //! Out: to every part of the process. Nothing here is ever invalid: ranges, references and names are checked.
 
 use super::analog::AnalogOutput;
+use super::cell::Cell;
 pub use super::channels::{Channel, ChannelKind, Follow, ObjectKind};
 pub use super::drive::{DriveMode, Reactions, targets, touch_probe_objects};
 pub use super::drive_profile::{DriveProfile, InputBits, MappingLimits};
@@ -77,6 +78,8 @@ pub struct Config {
     pub sim: Sim,
     /// The operator panel in the browser; `None`: only where the command line asks for it.
     pub panel: Option<Panel>,
+    /// The link to the supervisor of a cell.
+    pub cell: Option<Cell>,
 }
 
 /// `[rt]`. What is `None` is found out by a short measurement when the machine starts; the default holds where that is

@@ -1,5 +1,10 @@
 //! The running control as its operator sees it: a session from start to end, programs, manual mode, stand-by, reports.
 
+#[cfg(feature = "cell")]
+mod cell;
+#[cfg(not(feature = "cell"))]
+#[path = "no_cell.rs"]
+mod cell;
 pub mod circularity;
 pub mod console;
 pub mod journal_keeper;

@@ -26,6 +26,7 @@ use crate::host::wait::{Grid, monotonic_ns};
 use crate::machine::journal::{Entry, Journal};
 use crate::machine::state_file::{self, Opened, Remembered};
 use crate::machine::tables::{Tables, lock};
+use crate::operator::cell::Cell;
 use crate::operator::console::{LOOK_AT_TOOL, Operator};
 use crate::operator::journal_keeper;
 use crate::operator::memory::{self, Memory};
@@ -242,7 +243,13 @@ fn run_on(
         time_of_day,
         hal.path(),
     );
-    let methods = methods.with_programs(session.panel.as_ref().and_then(Panel::programs).map(Path::to_owned));
+    let cell = match session.task {
+        Task::StandBy => Cell::of(config)?,
+        Task::Once(..) | Task::Repeat(_) => None,
+    };
+    let programs = session.panel.as_ref().and_then(Panel::programs);
+    let programs = programs.or(cell.as_ref().map(Cell::programs)).map(Path::to_owned);
+    let methods = methods.with_programs(programs);
     let methods = methods.with_logic(desk.clone());
     let socket = control_socket(hal.path(), &config.name)?;
     let (door, guests) = door(methods.wake());
@@ -346,7 +353,7 @@ fn run_on(
                 .name("retain".into())
                 .spawn_scoped(scope, move || retain_keeper::run(folder, &config.name, &desk, stop))?;
         }
-        if socket.is_some() || session.panel.is_some() {
+        if socket.is_some() || session.panel.is_some() || cell.is_some() {
             let (socket, stop) = (socket.as_ref(), &stop);
             std::thread::Builder::new()
                 .name("service".into())
@@ -356,6 +363,13 @@ fn run_on(
                     capabilities::give_up_or_warn(Work::Ordinary);
                     server::serve(socket, &guests, &mut methods, stop);
                 })?;
+        }
+        if let Some(cell) = cell {
+            let (door, stop) = (door.clone(), &stop);
+            std::thread::Builder::new()
+                .name("cell".into())
+                .stack_size(STACK_SIZE)
+                .spawn_scoped(scope, move || cell.serve(&door, stop))?;
         }
         // Closed at its other end by the end of this session, however that comes about.
         let (panel_stays, until) = UnixStream::pair()?;
