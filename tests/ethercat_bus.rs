@@ -37,6 +37,7 @@ id = 1
 name = \"x-drive\"
 profile = \"cia402\"
 vendor_id = 0x0A1B
+device_type = 0x00020192
 outputs = [\"0x6040/16\", \"0x6060/8\", \"0x607A/32\"]
 inputs = [\"0x6041/16\", \"0x6061/8\", \"0x6064/32\"]
 [[bus.node]]
@@ -333,7 +334,7 @@ fn another_device_or_another_value_is_told_as_on_any_bus() {
             (BusState::Booting, NodeState::Faulted)
         );
     });
-    let other = MACHINE.replace("vendor_id = 0x0A1B", "device_type = 0x00030192");
+    let other = MACHINE.replace("device_type = 0x00020192", "device_type = 0x00030192");
     with(&other, |mut rig, _| {
         rig.run(300);
         let is_told = |event: &BusEvent| {
@@ -370,6 +371,7 @@ fn objects_are_read_and_written_while_the_cycle_runs() {
             Err(MailboxError::Failed(_))
         ));
         let node = service.node(0, 0).expect("known");
+        assert_eq!(node.identity.expect("known").device_type, 0x0002_0192);
         assert_eq!((node.operational, node.nmt_state.as_str()), (true, "OP"));
         assert!(node.stage.contains("at position 1"), "{}", node.stage);
         assert_eq!(service.network(0).expect("known").nmt_state, "OP");

@@ -150,6 +150,7 @@ fn node_live((diagnosis, counted, punctuality): &Known) -> NodeLive {
         why: diagnosis.why.map(text),
         last_fault: counted.last_fault.map(fault_text),
         identity: diagnosis.identity.map(|identity| IdentityView {
+            device_type: diagnosis.device_type.unwrap_or(0),
             vendor_id: identity.vendor,
             product_code: identity.product,
             revision: identity.revision,

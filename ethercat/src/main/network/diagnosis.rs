@@ -6,6 +6,9 @@ use crate::main::event::SetupError;
 use crate::wire::register::AlState;
 use crate::wire::sii::Identity;
 
+/// The object that has the type of a device.
+const DEVICE_TYPE: u16 = 0x1000;
+
 /// What is known of a device of the configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Diagnosis {
@@ -21,6 +24,8 @@ pub struct Diagnosis {
     pub position: Option<u16>,
     /// What its EEPROM says it is.
     pub identity: Option<Identity>,
+    /// Its type (1000h): as it has told it, else as it has to be; `None`: nobody asks for it.
+    pub device_type: Option<u32>,
     /// How it has answered in the last cycle.
     pub answered: Answered,
 }
@@ -28,7 +33,8 @@ pub struct Diagnosis {
 impl<const N: usize, const F: usize> MainDevice<'_, N, F> {
     /// What is known of a device, by its number in the configuration; `None`: there is no such number.
     pub fn diagnosis(&self, device: usize) -> Option<Diagnosis> {
-        self.config.devices.get(device)?;
+        let mut checks = self.config.devices.get(device)?.checks.iter();
+        let device_type = checks.find(|check| check.index == DEVICE_TYPE).map(|check| check.value);
         let answered = self.cyclic.answered(device);
         let state = self.device_state(device);
         let Some(at) = self.places[device] else {
@@ -39,10 +45,15 @@ impl<const N: usize, const F: usize> MainDevice<'_, N, F> {
                 why: None,
                 position: None,
                 identity: None,
+                device_type,
                 answered,
             });
         };
         let device = &self.devices[at];
+        let device_type = match device.told {
+            Some(SetupError::Differs { object, found, .. }) if object.index == DEVICE_TYPE => Some(found),
+            _ => device_type,
+        };
         let al_state = match (device.step, device.told) {
             (Step::Away, Some(SetupError::Refused { at, .. } | SetupError::Late { at, .. })) => at,
             (step, _) => led_to(step),
@@ -54,6 +65,7 @@ impl<const N: usize, const F: usize> MainDevice<'_, N, F> {
             why: device.told,
             position: Some(device.position),
             identity: (device.step >= Step::Identified).then_some(device.found.identity),
+            device_type,
             answered,
         })
     }
