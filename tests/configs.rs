@@ -54,7 +54,7 @@ fn the_tables_that_ship_are_those_of_the_example_mills() {
             .is_some_and(|name| name.to_string_lossy().starts_with("mill3"))
     };
     let mills: Vec<PathBuf> = shipped("toml").into_iter().filter(is_mill).collect();
-    assert_eq!(mills.len(), 2, "{mills:?}");
+    assert_eq!(mills.len(), 3, "{mills:?}");
     for file in mills {
         let text = std::fs::read_to_string(&file).unwrap();
         let text = switched_on(&text, &["[tools]", "table =", "changer =", "parameter_file ="]);
