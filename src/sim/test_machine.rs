@@ -173,5 +173,6 @@ pub(super) fn test_config() -> Config {
             signals: Vec::new(),
         },
         panel: None,
+        cell: None,
     }
 }
