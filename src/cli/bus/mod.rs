@@ -42,7 +42,7 @@ pub struct BusArgs {
 enum BusCommand {
     /// Who is on an interface: asks every node id or position; only listens where another master is at work
     #[command(
-        after_help = "Examples: isocnc bus scan --interface eth1\n          isocnc bus scan --bus ethercat --interface eth1 --write machine.toml"
+        after_help = "Example: isocnc bus scan --interface eth1\nExample: isocnc bus scan --bus ethercat --interface eth1 --write machine.toml"
     )]
     Scan(scan::ScanArgs),
     /// Who is on the network of a machine: identity, and whether it is the expected one
