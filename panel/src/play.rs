@@ -72,9 +72,23 @@ impl Control for Ears {
 
 /// Plays a connection; `is_owner`: of the user of the control at this PC.
 ///
+/// He goes where nothing is answered for a moment. For whoever wants a whole answer: [`play_to_end`].
+///
 /// # Panics
 /// The connection does not end although its other end has gone.
 pub fn play(settings: Settings, is_owner: bool, octets: &[u8]) -> Played {
+    play_until(settings, is_owner, octets, QUIET)
+}
+
+/// As [`play`], of a request after which the panel ends the connection.
+///
+/// # Panics
+/// As [`play`].
+pub fn play_to_end(settings: Settings, is_owner: bool, octets: &[u8]) -> Played {
+    play_until(settings, is_owner, octets, END)
+}
+
+fn play_until(settings: Settings, is_owner: bool, octets: &[u8], quiet: Duration) -> Played {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let ear = Arc::new(Ear::default());
     let answer = runtime.expect("a runtime").block_on(async {
@@ -97,7 +111,7 @@ pub fn play(settings: Settings, is_owner: bool, octets: &[u8]) -> Played {
             std::future::pending::<()>().await;
         };
         let reading = async {
-            while timeout(QUIET, from_panel.read_buf(&mut answer))
+            while timeout(quiet, from_panel.read_buf(&mut answer))
                 .await
                 .is_ok_and(|read| read.is_ok_and(|count| count > 0))
             {}

@@ -1,7 +1,7 @@
 //! Measurements over HTTP: their list, a picture, and no other file.
 
 use panel::Settings;
-use panel::play::{HOST, play};
+use panel::play::{HOST, play_to_end};
 use std::path::Path;
 
 fn get(folder: Option<&Path>, is_owner: bool, path: &str) -> String {
@@ -10,7 +10,7 @@ fn get(folder: Option<&Path>, is_owner: bool, path: &str) -> String {
         ..Settings::default()
     };
     let request = format!("GET {path} HTTP/1.1\r\nHost: {HOST}\r\nConnection: close\r\n\r\n");
-    String::from_utf8(play(settings, is_owner, request.as_bytes()).answer).unwrap()
+    String::from_utf8(play_to_end(settings, is_owner, request.as_bytes()).answer).unwrap()
 }
 
 #[test]
