@@ -266,7 +266,7 @@ fn a_drive_without_its_supply_runs_out_and_comes_back_with_a_new_encoder_zero() 
     let run_out_mm = rig.x_mm() - start_mm;
     assert!(run_out_mm > 1.0 && run_out_mm < 5.0, "{run_out_mm}");
     assert_eq!(rig.axes[X].status(), Status::Faulted(AxisFault::Lost));
-    rig.until(15_000, "back", |rig| rig.main.is_operational());
+    rig.until(5000, "back", |rig| rig.main.is_operational());
     rig.cycles(50);
     assert_eq!(rig.axes[X].actual_position(), 0);
 }

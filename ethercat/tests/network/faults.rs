@@ -211,6 +211,23 @@ fn a_drive_without_power_for_a_while_gets_address_clock_and_objects_anew() {
     assert!(times.iter().all(|time| time.abs_diff(times[0]) < 1000), "{times:?}");
 }
 
+/// Those behind it still have the time of before: they are told the new one, and do not wait for their clocks to drift there.
+#[test]
+fn a_leading_clock_that_was_off_for_long_is_followed_at_once() {
+    for (drives, off_ms) in [(3, 20), (3, 600), (8, 300)] {
+        let mut world = moving(drives, 3);
+        world.enable = false;
+        world.segment.power_off(0);
+        world.run(off_ms);
+        world.take_events();
+        world.segment.power_on(0, world.now_ns);
+        world.run_to_op(300 + 150 * (drives as u64 + 1));
+        let events = world.take_events();
+        let failed = events.iter().find(|event| matches!(event, Event::Failed { .. }));
+        assert_eq!(failed, None, "{events:?}");
+    }
+}
+
 #[test]
 fn the_device_whose_clock_leads_may_go_and_come_back() {
     let mut world = moving(3, 3);

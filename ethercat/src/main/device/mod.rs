@@ -347,6 +347,13 @@ impl<'a> Device<'a> {
         Ok(())
     }
 
+    /// The time of the bus has begun anew without it: its clock does not drift there, it is set.
+    pub(super) fn time_has_restarted(&mut self) {
+        if self.has_clock() && self.step != Step::Clock {
+            (self.was_up, self.clock_is_right) = (false, false);
+        }
+    }
+
     /// Its clock was measured.
     pub(super) fn clock_is_set(&mut self, now: &Now<'_>) {
         self.clock_is_right = true;

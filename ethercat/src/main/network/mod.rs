@@ -761,6 +761,10 @@ impl<'a, const N: usize, const F: usize> MainDevice<'a, N, F> {
         if set {
             if core::mem::take(&mut self.clocks.restarted) {
                 (self.bus_ns, self.grid_ns) = (None, None);
+                // Who still has the time before is told this one, and when SYNC0 comes by it.
+                for device in &mut self.devices[..self.count] {
+                    device.time_has_restarted();
+                }
             }
             for device in &mut self.devices[..self.count] {
                 if device.step == Step::Clock {
