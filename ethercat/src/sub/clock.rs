@@ -26,6 +26,9 @@ impl Default for ClockConfig {
 const PROPORTIONAL: i64 = 4;
 const INTEGRAL: i64 = 64;
 
+/// From here a clock is as far off as it can be, ns (2 years): the filtered sum of 16 such differences stays within 64 bits.
+const FAR_NS: i64 = i64::MAX / 128;
+
 /// The clock.
 #[derive(Clone, Debug)]
 pub(super) struct Clock {
@@ -95,6 +98,7 @@ impl Clock {
         } else {
             difference.cast_signed()
         };
+        let difference = difference.clamp(-FAR_NS, FAR_NS);
         self.filtered += difference - self.filtered / 16;
         let limit = i64::from(limit_ns);
         self.rate = (self.rate - difference).clamp(-limit * INTEGRAL, limit * INTEGRAL);

@@ -193,6 +193,30 @@ fn op_with_sync0_waits_for_pulses() {
     }
 }
 
+#[test]
+fn a_clock_that_is_centuries_off_says_that_it_is_far_off() {
+    for (offset, speed_limit) in [
+        (u64::MAX / 2, u16::MAX),
+        (u64::MAX / 2 + 1, 0x1000),
+        (u64::MAX / 2 + 2, 1),
+    ] {
+        let mut bench = Bench::new(vec![with_clock(0, 0), with_clock(0, 0)]);
+        bench.write(0x1002, register::DC_OFFSET, &offset.to_le_bytes());
+        bench.write(0x1002, register::DC_SPEED_START, &speed_limit.to_le_bytes());
+        for _ in 0..100 {
+            bench.now_ns += 1_000_000;
+            bench.send(
+                Command::Frmw,
+                register::station(0x1001, register::DC_SYSTEM_TIME),
+                &[0; 8],
+            );
+        }
+        let data = bench.read(0x1002, register::DC_DIFFERENCE, 4);
+        let difference = difference_ns(u32::from_le_bytes(data.try_into().unwrap()));
+        assert_eq!(difference.unsigned_abs(), i32::MAX as u32, "offset {offset}");
+    }
+}
+
 /// A device that nobody has looked at for a while makes up for some pulses, and keeps the phase; one whose time is set past its next
 /// pulse makes none any more.
 #[test]
