@@ -7,7 +7,7 @@
 //! ```sh
 //! export RTSAN_ENABLE=1
 //! export RTSAN_LIB_PATH="$(rustc --print sysroot)/lib/rustlib/x86_64-unknown-linux-gnu/lib/librustc-stable_rt.rtsan.a"
-//! cargo test --target-dir target/rtsan --features rtsan --test realtime_sanitizer
+//! cargo test --target-dir target/rtsan --no-default-features --features rtsan --test realtime_sanitizer
 //! ```
 //!
 //! Without these variables the marks compile to nothing, and this program says so and passes.
