@@ -123,6 +123,8 @@ pub(super) fn above(profile: &[Segment], radius_mm: f64) -> Option<Vec<Segment>>
             .filter_map(|(index, q)| Some((index, q?)))
             .max_by(|a, b| a.1.total_cmp(&b.1))?;
         let part = parts[highest];
+        // Between two arcs that all but touch, each is as high as its end, and none is there.
+        let narrow = ends[0] - ends[1] <= 2.0 * SAME_MM;
         let [from, to] = [ends[0], ends[1]].map(|p| [p, height(&part, p).unwrap_or(at[1])]);
         if of == Some(highest)
             && let Some(before) = path.last_mut()
@@ -137,10 +139,10 @@ pub(super) fn above(profile: &[Segment], radius_mm: f64) -> Option<Vec<Segment>>
             path.push(Segment {
                 start: from,
                 end: to,
-                ..part
+                arc: part.arc.filter(|_| !narrow),
             });
         }
-        (at, of) = (to, Some(highest));
+        (at, of) = (to, (!narrow).then_some(highest));
     }
     if end[1] > at[1] + SAME_MM {
         path.push(Segment::line(at, end));

@@ -41,14 +41,17 @@ impl Turning {
         }
         let beside = |path: &[Segment], mm: f64| {
             let allowance = mm / unit_mm;
-            let (first, rest) = path.split_first().ok_or(TurningError::TooShort { moves: 0 })?;
-            let mut path = allowance::beside(rest, mm).ok_or(TurningError::Allowance { allowance })?;
-            let first = Segment {
-                end: path[0].start,
-                ..*first
+            // Moves without length are left out by now.
+            let [first, rest @ ..] = path else {
+                return Err(TurningError::TooShort { moves: 0 });
             };
-            path.insert(0, first);
-            Ok(path)
+            if rest.is_empty() {
+                return Err(TurningError::TooShort { moves: 1 });
+            }
+            let beside = allowance::beside(rest, mm).unwrap_or_default();
+            let begin = beside.first().ok_or(TurningError::Allowance { allowance })?.start;
+            let to_begin = Segment { end: begin, ..*first };
+            Ok([vec![to_begin], beside].concat())
         };
         match self.work {
             Work::Finish {

@@ -229,6 +229,8 @@ fn every_rule_has_its_error() {
         "{}",
         printed(narrow)
     );
+    let short = "o1 sub\nG0 X5 Z0.0000001\nG0 X5 Z0\no1 endsub\nG18 F10\nG0 X12 Z2\nG70 Q1\nM2\n";
+    assert!(printed(short).contains("the profile has 1 moves"), "{}", printed(short));
 }
 
 /// A random profile from its start on, in its frame: ways down, up and along.
