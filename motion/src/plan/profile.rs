@@ -110,7 +110,8 @@ pub(super) fn reachable(from: f64, cap: f64, length: f64, limits: &PathLimits) -
         let square = (from - 0.5 * build_up) * (from - 0.5 * build_up) + 2.0 * a * length;
         square.sqrt() - 0.5 * build_up
     };
-    speed.clamp(from, cap)
+    // Where the change is but some last digits of the speed, rounding up the sum is more than what is kept back.
+    (speed * (1.0 - f64::EPSILON)).clamp(from, cap)
 }
 
 /// Greatest speed of at most `cap` before a run after which any speed of at most `after` will do.
