@@ -4,6 +4,9 @@
 //!
 //! A mail whose answer did not come back is sent once more with the same number, so that a device that has it drops the second. A
 //! mail of the device that was lost behind its mailbox is asked for by the repeat bit of the SyncManager.
+//!
+//! An SDO that was given up may still be answered, and its answer has nothing but object and direction to tell it from that to the next
+//! one. So the next one waits until a question of another object is answered: a device answers one behind the other.
 
 use super::event::SetupError;
 use crate::wire::coe::{
@@ -21,6 +24,9 @@ const MAIL_IN: u8 = 1;
 const STATUS_AT: u16 = 5;
 /// How long a device may take to put its last mail into the mailbox again, ns; after that it had none.
 const REPEAT_NS: u64 = 20_000_000;
+
+/// What every device has: its identity. Whether it has the sub-index is of no interest.
+const KNOWN_OBJECT: u16 = 0x1018;
 
 /// Where the mailboxes are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -76,8 +82,11 @@ pub(super) struct Mailbox {
     /// Numbers of the last mail that was sent and of the last that came.
     sent: u8,
     came: u8,
-    /// Repeat bit.
+    /// Repeat bit, and whether the device may have another one.
     repeat: bool,
+    repeat_unknown: bool,
+    /// Sub-index of the [`KNOWN_OBJECT`] whose answer all of what was given up comes before.
+    behind: Option<u8>,
     not_before_ns: u64,
     pause_ns: u64,
 }
@@ -92,6 +101,8 @@ impl Mailbox {
             sent: 0,
             came: 0,
             repeat: false,
+            repeat_unknown: false,
+            behind: None,
             not_before_ns: 0,
             pause_ns,
         }
@@ -120,7 +131,7 @@ impl Mailbox {
     fn send_next(&mut self) {
         self.sent = next_counter(self.sent);
         self.not_before_ns = 0;
-        self.phase = Phase::Send { again: false };
+        self.go_to(Phase::Send { again: false });
     }
 
     /// Looks whether a mail is there that nobody asked for.
@@ -139,10 +150,37 @@ impl Mailbox {
         })
     }
 
-    /// The SDO that is under way is not waited for any more.
+    /// The SDO that is under way is not waited for any more; it may still be answered.
     pub(super) fn give_up(&mut self) {
+        if let Some(Transfer { object, .. }) = self.transfer {
+            // Never the one that was asked for last.
+            self.behind = Some(match self.behind {
+                Some(sub) => sub.wrapping_add(1),
+                None if object.index == KNOWN_OBJECT => object.sub.wrapping_add(1),
+                None => 0,
+            });
+        }
+        self.end();
+    }
+
+    fn end(&mut self) {
         self.transfer = None;
-        self.phase = Phase::Idle;
+        self.go_to(Phase::Idle);
+    }
+
+    /// Leaves what is under way.
+    fn go_to(&mut self, phase: Phase) {
+        // The repeat bit may have been written, and the answer that would tell it is nobody's now.
+        self.repeat_unknown |= self.phase == Phase::Repeat;
+        self.phase = phase;
+    }
+
+    fn question(&self) -> Option<Object> {
+        self.behind.map(|sub| Object {
+            index: KNOWN_OBJECT,
+            sub,
+            complete: false,
+        })
     }
 
     /// Adds a datagram, if there is one to be sent. `source`: the value that is written.
@@ -179,12 +217,12 @@ impl Mailbox {
                 let address = register::station(station, area.start);
                 writer.push(Command::Fprd, index, address, area.length.into())?;
             }
-            Phase::Repeat => {
+            Phase::Repeat if !self.repeat_unknown => {
                 let address = register::station(station, manager + 6);
                 let activate = 1 | u8::from(!self.repeat) << 1;
                 writer.push_data(Command::Fpwr, index, address, &[activate])?;
             }
-            Phase::Repeated { .. } => {
+            Phase::Repeat | Phase::Repeated { .. } => {
                 let address = register::station(station, manager + STATUS_AT);
                 writer.push(Command::Fprd, index, address, SyncManager::LEN - usize::from(STATUS_AT))?;
             }
@@ -194,6 +232,9 @@ impl Mailbox {
 
     /// Writes the mail that is to be sent.
     fn write(&mut self, source: &[u8], mailbox: &mut [u8]) -> Result<(), WireError> {
+        if let Some(object) = self.question() {
+            return Message::Request(SdoRequest::Upload(object)).emit(self.sent, mailbox);
+        }
         let Some(transfer) = &mut self.transfer else {
             return Ok(());
         };
@@ -264,6 +305,12 @@ impl Mailbox {
                 self.not_before_ns = now_ns + self.pause_ns;
             }
             Phase::Fetch => return self.mail(data, sink),
+            Phase::Repeat if self.repeat_unknown => {
+                if let (1.., Some(activate)) = (working_counter, data.get(1)) {
+                    self.repeat = activate & 2 != 0;
+                    self.repeat_unknown = false;
+                }
+            }
             Phase::Repeat => {
                 if working_counter > 0 {
                     self.repeat = !self.repeat;
@@ -299,10 +346,10 @@ impl Mailbox {
         self.came = mail.counter;
         if mail.protocol == Protocol::Error {
             let error = MailError::parse(mail.data).unwrap_or(MailError(0));
-            if self.transfer.is_none() {
+            if self.transfer.is_none() || self.behind.is_some() {
                 return Outcome::Nothing;
             }
-            self.give_up();
+            self.end();
             return Outcome::Failed(SetupError::Mail(error));
         }
         match Message::parse(mail.data) {
@@ -321,6 +368,16 @@ impl Mailbox {
         let Some(mut transfer) = self.transfer else {
             return Outcome::Nothing;
         };
+        if let Some(question) = self.question() {
+            if response
+                .object()
+                .is_some_and(|of| (of.index, of.sub) == (question.index, question.sub))
+            {
+                self.behind = None;
+                self.send_next();
+            }
+            return Outcome::Nothing;
+        }
         let Transfer {
             object,
             is_write,
@@ -332,7 +389,7 @@ impl Mailbox {
         let is_own = |other: Object| (other.index, other.sub) == (object.index, object.sub);
         let taken = match response {
             SdoResponse::Abort { object: other, code } if is_own(other) || other.index == 0 => {
-                self.give_up();
+                self.end();
                 return Outcome::Failed(SetupError::Sdo { object, code });
             }
             SdoResponse::DownloadDone(other) if is_write && is_first && is_own(other) => {
@@ -363,7 +420,7 @@ impl Mailbox {
         };
         match taken {
             Ok(true) => {
-                self.give_up();
+                self.end();
                 Outcome::Done(transfer.done)
             }
             Ok(false) => {
@@ -372,7 +429,7 @@ impl Mailbox {
                 Outcome::Nothing
             }
             Err(code) => {
-                self.give_up();
+                self.end();
                 Outcome::Failed(SetupError::Sdo { object, code })
             }
         }

@@ -90,6 +90,8 @@ pub struct Faults {
     pub emergency: Option<Emergency>,
     /// It takes mails and answers none.
     pub mute: bool,
+    /// It takes mails and keeps its answers to itself for now.
+    pub withholds: bool,
     /// Its firmware does nothing any more.
     pub hung: bool,
     /// What its closed ports show in place of a receive time.
@@ -736,7 +738,8 @@ impl SubDevice {
             self.mail_due_ns = None;
             self.take_mail();
         }
-        if !self.esc.is_full(MAILBOX_IN)
+        if !self.faults.withholds
+            && !self.esc.is_full(MAILBOX_IN)
             && self.esc.sync_manager(MAILBOX_IN).is_active()
             && let Some(mut mail) = self.queue.pop_front()
         {

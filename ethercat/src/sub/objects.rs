@@ -12,7 +12,7 @@ pub const ENTRIES: usize = 1408;
 pub const OCTETS: usize = 10 * 1024;
 /// Most entries of a PDO, and most PDOs of an assignment.
 pub const PDO_ENTRIES: u8 = 12;
-const ASSIGNED: u8 = 4;
+const ASSIGNED: u8 = 8;
 /// Assignment of the outputs; that of the inputs behind it.
 pub(super) const RX_ASSIGN: u16 = 0x1C12;
 pub(super) const TX_ASSIGN: u16 = 0x1C13;

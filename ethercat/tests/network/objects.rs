@@ -156,6 +156,84 @@ fn a_mute_mailbox_costs_its_order_and_nothing_else() {
     assert_eq!(read(&mut world, 0x1018, 2), Ok(0x0402_0001_u32.to_le_bytes().to_vec()));
 }
 
+/// An answer that comes when its order was given up is not that to the next order, though it is of the same object.
+#[test]
+fn an_answer_to_an_order_that_was_given_up_is_not_taken_for_the_next_one() {
+    let mut world = operational(3);
+    let timeout = |index, sub| {
+        Err(SetupError::SdoTimeout {
+            object: object(index, sub),
+        })
+    };
+    let number = |value: u32| Ok(value.to_le_bytes().to_vec());
+    assert_eq!(write(&mut world, 0x6081, 0, &77_u32.to_le_bytes()), Ok(vec![]));
+    // One order after the other is not answered in time: the device has them all in its hands.
+    for given_up in 1..4_u32 {
+        world.segment.device_mut(0).faults.withholds = true;
+        for _ in 0..given_up {
+            assert_eq!(read(&mut world, 0x6081, 0), timeout(0x6081, 0));
+        }
+        let objects = world.segment.device_mut(0).objects_mut();
+        objects
+            .preset(0x6081, 0, &(80_u32 + given_up).to_le_bytes())
+            .expect("an object");
+        world.segment.device_mut(0).faults.withholds = false;
+        assert_eq!(
+            read(&mut world, 0x6081, 0),
+            number(80 + given_up),
+            "{given_up} given up"
+        );
+        assert_eq!(read(&mut world, 0x1018, 2), number(0x0402_0001));
+    }
+    // A value that was taken too late; the next one is refused, and that is told.
+    world.segment.device_mut(0).faults.withholds = true;
+    assert_eq!(write(&mut world, 0x6060, 0, &[8]), timeout(0x6060, 0));
+    world.segment.device_mut(0).faults.withholds = false;
+    let refused = write(&mut world, 0x6060, 0, &[100]);
+    assert!(matches!(refused, Err(SetupError::Sdo { .. })), "{refused:?}");
+    // Objects of the identity, of which one is asked in between, are no exception.
+    for sub in 0..=4 {
+        world.segment.device_mut(0).faults.withholds = true;
+        assert_eq!(read(&mut world, 0x1018, sub), timeout(0x1018, sub));
+        world.segment.device_mut(0).faults.withholds = false;
+        assert_eq!(read(&mut world, 0x1018, 1), number(0x0A1B));
+        assert_eq!(read(&mut world, 0x1018, 2), number(0x0402_0001));
+    }
+    assert!(world.main.is_operational());
+}
+
+/// A value, a refusal: whatever comes late is nobody's, though frames are lost. An order may fail then, and is given again.
+#[test]
+fn whatever_comes_late_is_of_nobody_while_frames_are_lost() {
+    const TRIES: u32 = 5;
+    for seed in 0..20 {
+        let mut world = operational(seed);
+        world.fate = Box::new(|random, cyclic| {
+            let fates = [Fate::Lost, Fate::Twice, Fate::Passes, Fate::Passes];
+            if cyclic {
+                Fate::Passes
+            } else {
+                fates[random.below(4) as usize]
+            }
+        });
+        for number in 0..6_u32 {
+            world.segment.device_mut(0).faults.withholds = true;
+            let late = [(0x1008, 0), (0x2345, 0), (0x6081, 0)][world.random.below(3) as usize];
+            let given_up = read(&mut world, late.0, late.1);
+            assert!(
+                matches!(given_up, Err(SetupError::SdoTimeout { .. })),
+                "seed {seed}: {given_up:?}"
+            );
+            world.segment.device_mut(0).faults.withholds = false;
+            let value = number.to_le_bytes().to_vec();
+            let written = (0..TRIES).any(|_| write(&mut world, 0x6081, 0, &value).is_ok());
+            assert!(written, "seed {seed}");
+            let mut reads = (0..TRIES).map(|_| read(&mut world, 0x6081, 0));
+            assert_eq!(reads.find(Result::is_ok), Some(Ok(value)), "seed {seed}");
+        }
+    }
+}
+
 #[test]
 fn no_value_is_lost_or_doubled_where_every_third_frame_is_lost() {
     for seed in 0..30 {

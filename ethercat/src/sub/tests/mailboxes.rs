@@ -198,7 +198,7 @@ fn process_data_are_mapped_and_assigned() {
         write(&mut bench, 0x1C12, 0, &[1]),
         Err(AbortCode::PARAMETER_INCOMPATIBLE)
     );
-    assert_eq!(write(&mut bench, 0x1C12, 0, &[5]), Err(AbortCode::VALUE_TOO_HIGH));
+    assert_eq!(write(&mut bench, 0x1C12, 0, &[9]), Err(AbortCode::VALUE_TOO_HIGH));
     // Only in PRE-OP.
     let mut bench = super::Bench::new(vec![drive()]);
     bench.op(0x1001, 0);

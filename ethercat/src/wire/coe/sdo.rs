@@ -276,6 +276,17 @@ pub enum SdoResponse<'a> {
 }
 
 impl<'a> SdoResponse<'a> {
+    /// Of which object it is; segments do not say.
+    pub const fn object(&self) -> Option<Object> {
+        match self {
+            SdoResponse::DownloadDone(object)
+            | SdoResponse::UploadExpedited { object, .. }
+            | SdoResponse::Upload { object, .. }
+            | SdoResponse::Abort { object, .. } => Some(*object),
+            SdoResponse::DownloadSegmentDone { .. } | SdoResponse::UploadSegment(_) => None,
+        }
+    }
+
     pub(super) fn parse(body: &'a [u8]) -> Result<SdoResponse<'a>, WireError> {
         slice(body, 0, SDO_LEN)?;
         let first = body[0];
