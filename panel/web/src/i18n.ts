@@ -1,4 +1,4 @@
-/** Words of the panel, in the language of the operator. What the control says, it says in English. */
+/** Words of the panel, in the language of the operator. What the control says in English: control-words.ts. */
 import de from "./messages/de.json";
 import en from "./messages/en.json";
 

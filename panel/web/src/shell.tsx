@@ -52,7 +52,7 @@ export function StateBar() {
       </div>
       <NextStep />
       <div class="waiting" data-testid="waiting" aria-live="polite">
-        {waiting ? `${t("waits")}: ${word("wait", waiting.for) === waiting.for ? waiting.text : word("wait", waiting.for)}` : inWords(obstruction ?? "")}
+        {waiting ? `${t("waits")}: ${waitingFor(waiting, state)}` : inWords(obstruction ?? "")}
       </div>
       <ForcedChip />
       <ControlChip />
@@ -61,6 +61,12 @@ export function StateBar() {
       <Display />
     </header>
   );
+}
+
+/** In a word of the panel where there is one; beside its path the machine waits for the operator, but for no M0. */
+function waitingFor({ for: what, text }: { for: string; text: string }, state: string): string {
+  const short = word("wait", what);
+  return short === what || state === "away" ? inWords(text) : short;
 }
 
 /** Variables that do not have what pins and programs make of them: told on every page. */
@@ -255,7 +261,7 @@ function Alarm() {
           <Icon name="warning" />
           <div>
             <b>
-              {entry?.alarm?.code && <code>{entry.alarm.code}</code>} {alarm ?? t("state-estop")}
+              {entry?.alarm?.code && <code>{entry.alarm.code}</code>} {alarm ? inWords(alarm) : t("state-estop")}
             </b>
             {entry?.alarm && <small>{about(entry)}</small>}
           </div>
@@ -273,7 +279,7 @@ export function about(entry: Entry): string {
   if (!alarm) return "";
   const parts = [dateOrTime(entry.unix_s)];
   if (alarm.line !== null && alarm.program !== null) parts.push(t("alarm-at", { line: alarm.line, program: alarm.program }));
-  parts.push(t("alarm-reaction", { reaction: alarm.reaction }));
+  parts.push(t("alarm-reaction", { reaction: inWords(alarm.reaction) }));
   if (alarm.acknowledged) parts.push(t("acknowledged-by", { by: alarm.acknowledged.by, time: timeOfDay(alarm.acknowledged.unix_s) }));
   return parts.join(" · ");
 }
@@ -315,7 +321,7 @@ export async function startProgram(from_line?: number, yes?: boolean): Promise<v
 
 async function resume(): Promise<void> {
   const answer = await order<{ returns?: string[] }>("resume");
-  if (answer?.returns?.length) say("note", answer.returns.join(" · "));
+  if (answer?.returns?.length) say("note", answer.returns.map(inWords).join(" · "));
 }
 
 // ------------------------------------------------------------------------------------------------ tools

@@ -2,7 +2,7 @@
 import { useEffect, useState } from "preact/hooks";
 import { Connection, Refused } from "./rpc";
 import { t } from "./i18n";
-import type { Control, Status } from "./types";
+import type { Status } from "./types";
 import { inWords } from "./words";
 
 /** What the connection may do: who looks, who runs the machine, who changes it. */
@@ -215,9 +215,8 @@ export async function order<T = unknown>(method: string, params: Record<string, 
 }
 
 export function tellRefused(error: unknown): void {
-  const { code, message, data } = error as Refused;
+  const { code, message } = error as Refused;
   if (code === 0) say("refused", t("not-sent"));
-  else if (code === -32004) say("refused", t("other-has-control", { name: (data as { control?: Control } | undefined)?.control?.name ?? "" }) + " " + inWords(message));
   else say("refused", inWords(message));
 }
 

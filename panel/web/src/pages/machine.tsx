@@ -7,6 +7,7 @@ import { about } from "../shell";
 import { ask, authorised, say, tellRefused, useStatus, useStore } from "../store";
 import type { Entry } from "../types";
 import { Button, Card, Choice, Icon } from "../ui";
+import { inWords } from "../words";
 import { FileEditor } from "./machine-file";
 
 type Kind = "all" | "alarm" | "warning";
@@ -51,7 +52,7 @@ function Journal() {
           <li key={entry.seq} class={entry.kind}>
             <time>{dateAndTime(entry.unix_s)}</time>
             <span>
-              {entry.alarm && <code>{entry.alarm.code}</code>} {entry.text}
+              {entry.alarm && <code>{entry.alarm.code}</code>} {inWords(entry.text)}
               {entry.alarm && <small>{about(entry)}</small>}
             </span>
           </li>

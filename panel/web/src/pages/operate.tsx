@@ -10,6 +10,7 @@ import { LETTERS, type Status } from "../types";
 import { Button, Card, Choice, Icon } from "../ui";
 import { useSmall } from "../hooks";
 import { goTo } from "../route";
+import { inWords } from "../words";
 
 type Shown = "work" | "machine" | "to-go";
 
@@ -277,7 +278,7 @@ function Messages() {
           <li key={entry.seq} class={entry.kind}>
             <time>{timeOfDay(entry.unix_s)}</time>
             <span title={about(entry)}>
-              {entry.alarm && <code>{entry.alarm.code}</code>} {entry.text}
+              {entry.alarm && <code>{entry.alarm.code}</code>} {inWords(entry.text)}
             </span>
           </li>
         ))}

@@ -1,6 +1,6 @@
 /** Programs: sent, looked at, started with settings; parts, and what was run. */
 import { useEffect, useRef, useState } from "preact/hooks";
-import { dateAndTime, duration, fixed, parseNumber, t } from "../i18n";
+import { dateAndTime, duration, fixed, parseNumber, t, word } from "../i18n";
 import { machine } from "../machine";
 import { keepText } from "../own-text";
 import { PathView } from "../path/path-view";
@@ -213,7 +213,7 @@ function Reports() {
             >
               <b>{entry.program!.name}</b>
               <small>
-                {dateAndTime(entry.unix_s)} · {entry.program!.result} · {duration(entry.program!.took_s ?? 0)}
+                {dateAndTime(entry.unix_s)} · {word("result", entry.program!.result ?? "")} · {duration(entry.program!.took_s ?? 0)}
               </small>
             </button>
           </li>
