@@ -225,8 +225,11 @@ fn fifty_clients_at_20_hz_hear_everything_in_order_and_in_flat_memory() {
             messages / 20
         );
         assert!(grown < 4 << 20, "{grown} octets more");
-        assert_eq!(counts.silent_dropped(), if messages > 20 * 30 { 2 - slow } else { 0 });
+        // After 15 s of nothing, which a few seconds are only on a busy PC.
+        let dropped = slow + counts.silent_dropped();
+        assert!(dropped <= 2, "{dropped} were dropped, of which two did not read");
         if messages > 20 * 30 {
+            assert_eq!(dropped, 2);
             assert_eq!(
                 counts.clients(),
                 CLIENTS as u64,

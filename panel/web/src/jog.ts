@@ -22,10 +22,13 @@ function drawn(): void {
   if (held.length) requestAnimationFrame(drawn);
 }
 
+/** Nobody is moved by what shows an old place. */
+const isBlind = () => getStore().age > 0 || !getStore().connected;
+
 /** Moves until `release`; velocities in mm/s or degrees/s, signed. */
 export function press(moves: { what: What; velocity_mm_s: number }[]): void {
   release();
-  if (getStore().age > 0 || !getStore().connected) return tellRefused({ code: 0, message: "" });
+  if (isBlind()) return tellRefused({ code: 0, message: "" });
   held = moves.map(({ what }) => what);
   drawn();
   for (const { what, velocity_mm_s } of moves) {
@@ -54,6 +57,7 @@ export function release(): void {
 
 /** One step. */
 export function step(what: What, distance_mm: number, velocity_mm_s: number): void {
+  if (isBlind()) return tellRefused({ code: 0, message: "" });
   ask("jog", { ...what, velocity_mm_s, distance_mm }).catch(tellRefused);
   // A step is short, or is renewed for as long as it takes: until it is done, or a button is released elsewhere.
   const until = performance.now() + (1000 * Math.abs(distance_mm)) / Math.max(0.01, velocity_mm_s) + 1500;

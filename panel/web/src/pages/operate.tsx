@@ -14,15 +14,19 @@ import { inWords } from "../words";
 
 type Shown = "work" | "machine" | "to-go";
 
+/** Where the machine stands, in the work system. */
+export function inWork(status: Status): number[] {
+  const off = status.position_mm.map((value, i) => value - (status.work_offset_mm[i] ?? 0));
+  const [s, c] = [Math.sin((-status.work_rotation_degrees * Math.PI) / 180), Math.cos((-status.work_rotation_degrees * Math.PI) / 180)];
+  return [c * off[0]! - s * off[1]!, s * off[0]! + c * off[1]!, ...off.slice(2)];
+}
+
 /** Position of each axis as the operator wants it, by axis. */
 function readings(status: Status, shown: Shown): { axis: string; unit: string; joints: number[]; value: number | null }[] {
   const machine = status.position_mm;
   let values: (number | null)[] = machine;
-  if (shown === "work") {
-    const off = machine.map((value, i) => value - (status.work_offset_mm[i] ?? 0));
-    const [s, c] = [Math.sin((-status.work_rotation_degrees * Math.PI) / 180), Math.cos((-status.work_rotation_degrees * Math.PI) / 180)];
-    values = [c * off[0]! - s * off[1]!, s * off[0]! + c * off[1]!, ...off.slice(2)];
-  } else if (shown === "to-go") {
+  if (shown === "work") values = inWork(status);
+  else if (shown === "to-go") {
     values = status.to_go_mm ?? machine.map(() => null);
   }
   return status.axes.map((axis) => ({ ...axis, value: values[LETTERS.indexOf(axis.axis)] ?? null }));

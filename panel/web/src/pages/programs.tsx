@@ -127,7 +127,10 @@ function StartSettings({ picked }: { picked: number | null }) {
     try {
       await ask("program.start", { from_line: picked });
     } catch (error) {
-      setMeans((error as Error).message);
+      // What it means is asked; whatever else is in the way is a refusal.
+      const [, means] = /^(.*)\nif that is right: .*$/s.exec((error as Error).message) ?? [];
+      if (means === undefined) tellRefused(error);
+      else setMeans(means);
     }
   };
   if (!program) return null;

@@ -8,7 +8,7 @@ import { useSmall } from "../hooks";
 import { ask, order, say, tellRefused, useStatus } from "../store";
 import { LETTERS, type Status } from "../types";
 import { Button, Card, Choice, Dialog, Field } from "../ui";
-import { Dro } from "./operate";
+import { Dro, inWork } from "./operate";
 
 // ------------------------------------------------------------------------------------------------ jog
 
@@ -109,8 +109,7 @@ function Jog() {
 }
 
 function workOf(s: Status, letter: string): number {
-  const i = LETTERS.indexOf(letter);
-  return (s.position_mm[i] ?? 0) - (s.work_offset_mm[i] ?? 0);
+  return inWork(s)[LETTERS.indexOf(letter)] ?? 0;
 }
 
 // ------------------------------------------------------------------------------------------------ parts
