@@ -44,6 +44,10 @@ const TOKEN_LOOK: Duration = Duration::from_secs(2);
 /// Requests a second of one client, and how many at once.
 const RATE: f64 = 50.0;
 const BURST: f64 = 200.0;
+/// Brings a part of a program: such requests are many by themselves, and slowed down where others are refused.
+const PART: &str = "program.upload.append";
+/// What one of them counts, requests.
+const PART_COUNTS: f64 = 0.1;
 /// Orders that are never too many.
 const ALWAYS: [&str; 4] = ["stop", "hold", "estop", "jog.stop"];
 
@@ -226,16 +230,27 @@ impl Allowance {
         Allowance { left: BURST, at: now }
     }
 
-    pub(crate) fn take(&mut self, now: Instant) -> bool {
+    /// Whether there is one left, of which this much is taken then.
+    pub(crate) fn take(&mut self, now: Instant, counts: f64) -> bool {
         let since_s = now.saturating_duration_since(self.at).as_secs_f64();
         self.left = (self.left + since_s * RATE).min(BURST);
         self.at = now;
         let is_one = self.left >= 1.0;
         if is_one {
-            self.left -= 1.0;
+            self.left -= counts;
         }
         is_one
     }
+}
+
+/// Whether a request brings a part of a program.
+fn is_part(text: &str) -> bool {
+    #[derive(serde::Deserialize)]
+    struct Called<'a> {
+        #[serde(borrow)]
+        method: std::borrow::Cow<'a, str>,
+    }
+    text.contains(PART) && serde_json::from_str::<Called<'_>>(text).is_ok_and(|called| called.method == PART)
 }
 
 /// The answer to a request that is one too many, or to none; `None`: to be passed on all the same.
@@ -272,7 +287,13 @@ async fn read(
             Ok(Some(Ok(message))) => message,
         };
         let answer = match &message {
-            Message::Text(text) if !allowance.take(Instant::now()) => too_many(text),
+            Message::Text(text) if is_part(text) => {
+                while !allowance.take(Instant::now(), PART_COUNTS) {
+                    tokio::time::sleep(Duration::from_millis(2)).await;
+                }
+                None
+            }
+            Message::Text(text) if !allowance.take(Instant::now(), 1.0) => too_many(text),
             Message::Text(_) => None,
             Message::Binary(_) => Some(error(&Value::Null, -32600, "a message is a text frame")),
             Message::Ping(_) | Message::Pong(_) | Message::Close(_) => continue,
@@ -384,9 +405,14 @@ mod tests {
     fn so_many_at_once_and_a_second_and_a_stop_always() {
         let begin = Instant::now();
         let mut allowance = Allowance::new(begin);
-        assert_eq!((0..1000).filter(|_| allowance.take(begin)).count(), BURST as usize);
+        assert_eq!((0..1000).filter(|_| allowance.take(begin, 1.0)).count(), BURST as usize);
         let later = begin + Duration::from_secs(2);
-        assert_eq!((0..1000).filter(|_| allowance.take(later)).count(), 100);
+        assert_eq!((0..1000).filter(|_| allowance.take(later, 1.0)).count(), 100);
+        let parts = later + Duration::from_secs(1);
+        let taken = (0..1000).filter(|_| allowance.take(parts, PART_COUNTS)).count();
+        assert!((490..=492).contains(&taken), "{taken}");
+        assert!(is_part(r#"{"id":7,"params":{"value":"00"},"method":"program.upload.append"}"#));
+        assert!(!is_part(r#"{"id":7,"method":"home","params":{"x":"program.upload.append"}}"#));
         assert_eq!(too_many(r#"{"id":7,"method":"stop"}"#), None);
         let refused: Value = serde_json::from_str(&too_many(r#"{"id":7,"method":"home"}"#).unwrap()).unwrap();
         assert_eq!(refused["id"], 7);

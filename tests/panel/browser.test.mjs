@@ -471,6 +471,11 @@ test("from elsewhere, the token of the address lets somebody in, and no other do
       if (way === "in") {
         await page.waitForFunction(() => ["booting", "disabled"].includes(document.querySelector("[data-testid=state]")?.dataset.state));
         assert.ok(!page.url().includes(token), "the token is not kept in the address");
+        // Longer than a message may be, in more parts than there may be requests at once.
+        writeFileSync(join(own, "large.ngc"), `${`(${"x".repeat(200)})\n`.repeat(40_000)}M2\n`);
+        await page.evaluate(() => (location.hash = "#/programs"));
+        await (await page.waitForSelector(id("upload"))).uploadFile(join(own, "large.ngc"));
+        await page.waitForFunction(() => document.querySelector("[data-testid=program] h2")?.textContent.includes("large.ngc"), { timeout: 60_000 });
       } else {
         await page.waitForSelector(id("token-dialogue"), { timeout: 30_000 });
         assert.ok(!["booting", "disabled"].includes(await page.$eval(id("state"), ({ dataset }) => dataset.state)));

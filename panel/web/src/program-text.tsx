@@ -1,7 +1,6 @@
 /** The text of the program around the line that runs. Of long programs only what is shown is fetched. */
 import { useEffect, useRef, useState } from "preact/hooks";
 import { t } from "./i18n";
-import { ownText } from "./own-text";
 import { ask, getStore, useStatus, useStore } from "./store";
 import { Button } from "./ui";
 
@@ -44,12 +43,9 @@ export function ProgramText({ follow, onPick, picked }: { follow?: boolean; onPi
   const [first, setFirst] = useState<number | null>(null);
   const [, setTold] = useState(0);
   const asks = useStore((s) => s.methods.has("program.text"));
-  const name = useStatus((s) => s.program?.name ?? "") ?? "";
   const key = useStatus((s) => (s.program ? JSON.stringify([s.program.name, s.program.lines, s.program.revision]) : "")) ?? "";
   const total = useStatus((s) => s.program?.lines ?? 0) ?? 0;
   const current = useStatus((s) => (s.program && s.mode === "auto" && s.activity !== "idle" ? s.line : 0)) ?? 0;
-  const own = asks ? null : ownText(name, total);
-  const known = asks || own !== null;
   useEffect(() => {
     const observer = new ResizeObserver(([entry]) => setRows(Math.max(3, Math.floor(entry!.contentRect.height / ROW_PX))));
     observer.observe(element.current!);
@@ -63,7 +59,7 @@ export function ProgramText({ follow, onPick, picked }: { follow?: boolean; onPi
   }, [asks, key, top, rows]);
   const scroll = (lines: number) => setFirst(limit(top + lines));
   const drag = useRef<number | null>(null);
-  const shown = key && known && getStore().status ? Array.from({ length: Math.min(rows, total - top + 1) }, (_, i) => top + i) : [];
+  const shown = key && asks && getStore().status ? Array.from({ length: Math.min(rows, total - top + 1) }, (_, i) => top + i) : [];
   return (
     <div class="program-text">
       <ol
@@ -101,15 +97,9 @@ export function ProgramText({ follow, onPick, picked }: { follow?: boolean; onPi
             onClick={onPick && (() => onPick(line))}
           >
             <span>{line}</span>
-            <code>{own ? own[line - 1] : text.key === key ? text.lines.get(line) : ""}</code>
+            <code>{text.key === key ? text.lines.get(line) : ""}</code>
           </li>
         ))}
-        {key && !known && (
-          <li class={current ? "current" : "past"} data-testid={current ? "current-line" : undefined} data-line={current}>
-            <span>{current || ""}</span>
-            <code>{t("text-unknown")}</code>
-          </li>
-        )}
       </ol>
       {first !== null && follow && <Button kind="small follow" label={t("follow")} onClick={() => setFirst(null)} />}
     </div>

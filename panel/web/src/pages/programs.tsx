@@ -2,9 +2,9 @@
 import { useEffect, useRef, useState } from "preact/hooks";
 import { dateAndTime, duration, fixed, parseNumber, t, word } from "../i18n";
 import { machine } from "../machine";
-import { keepText } from "../own-text";
 import { PathView } from "../path/path-view";
 import { ProgramText } from "../program-text";
+import { Sha256 } from "../sha256";
 import { startProgram, startWith } from "../shell";
 import { ask, authorised, order, say, tellRefused, useStatus } from "../store";
 import type { Entry } from "../types";
@@ -17,29 +17,28 @@ interface Outlook {
   warning: string | null;
 }
 
-/** Sends a program in parts, and has it checked. */
+/** Sends a program in parts, and has it checked. What is too large is refused before it is read. */
 async function send(file: File, told: (share: number) => void): Promise<void> {
-  const octets = new Uint8Array(await file.arrayBuffer());
-  const text = new TextDecoder().decode(octets);
-  let outlook: Outlook;
-  if (crypto.subtle) {
-    const { upload, part_octets } = await ask<{ upload: number; part_octets: number }>("program.upload.begin", { name: file.name, octets: octets.length });
-    for (let at = 0; at < octets.length; at += part_octets) {
-      const part = octets.subarray(at, at + part_octets);
-      await ask("program.upload.append", { upload, at, value: hex(part) });
-      told((at + part.length) / octets.length);
-    }
-    await ask("program.upload.commit", { upload, sha256: hex(new Uint8Array(await crypto.subtle.digest("SHA-256", octets))) });
-    outlook = await ask<Outlook>("program.load", { upload });
-  } else {
-    // Outside of a secure context (http in a network) a browser computes no checksum.
-    outlook = await ask<Outlook>("program.load", { name: file.name, text });
+  const { upload, part_octets } = await ask<{ upload: number; part_octets: number }>("program.upload.begin", { name: file.name, octets: file.size });
+  const sha = new Sha256();
+  for (let at = 0; at < file.size; at += part_octets) {
+    const part = new Uint8Array(await file.slice(at, at + part_octets).arrayBuffer());
+    sha.add(part);
+    await ask("program.upload.append", { upload, at, value: hex(part) });
+    told((at + part.length) / file.size);
   }
-  keepText(outlook.program, text);
+  await ask("program.upload.commit", { upload, sha256: hex(sha.sum()) });
+  const outlook = await ask<Outlook>("program.load", { upload });
   say("note", t("loaded", { name: outlook.program, time: duration(outlook.planned_time_s) }) + (outlook.warning ? ` ${outlook.warning}` : ""));
 }
 
-const hex = (octets: Uint8Array) => Array.from(octets, (octet) => octet.toString(16).padStart(2, "0")).join("");
+const HEX = Array.from({ length: 256 }, (_, octet) => octet.toString(16).padStart(2, "0"));
+
+function hex(octets: Uint8Array): string {
+  let text = "";
+  for (const octet of octets) text += HEX[octet];
+  return text;
+}
 
 function Upload() {
   const input = useRef<HTMLInputElement>(null);
@@ -243,7 +242,7 @@ function Reports() {
 export function Programs() {
   const program = useStatus((s) => s.program);
   const [picked, setPicked] = useState<number | null>(null);
-  useEffect(() => setPicked(null), [program?.name]);
+  useEffect(() => setPicked(null), [program?.name, program?.revision]);
   return (
     <div class="page programs">
       <div class="column">
