@@ -75,8 +75,7 @@ pub(crate) async fn open(
         Err(_) => return crate::guard::refuse(StatusCode::UPGRADE_REQUIRED, "/rpc is a WebSocket"),
     };
     if panel.counts.clients() >= CLIENTS_MAX {
-        let why = format!("{CLIENTS_MAX} panels are open already");
-        return crate::guard::refuse(StatusCode::SERVICE_UNAVAILABLE, why);
+        return crate::guard::refuse(StatusCode::SERVICE_UNAVAILABLE, full());
     }
     upgrade
         .max_message_size(MESSAGE_MAX)
@@ -84,6 +83,10 @@ pub(crate) async fn open(
         .write_buffer_size(0)
         .max_write_buffer_size(2 * MESSAGE_MAX)
         .on_upgrade(move |socket| serve(panel, visitor, socket))
+}
+
+fn full() -> String {
+    format!("{CLIENTS_MAX} panels are open already")
 }
 
 /// A client that is counted as long as this lives.
@@ -103,7 +106,6 @@ impl Drop for Counted {
 }
 
 async fn serve(panel: Arc<Panel>, mut visitor: Visitor, mut socket: WebSocket) {
-    let _counted = Counted::new(&panel.counts);
     let first = match visitor.role() {
         Some(_) => None,
         None => match timeout(LOG_IN_WAIT, log_in(&panel, &mut visitor, &mut socket)).await {
@@ -116,6 +118,11 @@ async fn serve(panel: Arc<Panel>, mut visitor: Visitor, mut socket: WebSocket) {
         },
     };
     let Some(role) = visitor.role() else { return };
+    // Whoever has not said yet who he is takes nobody's place.
+    if panel.counts.clients() >= CLIENTS_MAX {
+        return say_end(&mut socket, End(close::TRY_LATER, full())).await;
+    }
+    let _counted = Counted::new(&panel.counts);
     let guest = Guest {
         role,
         name: visitor.name(),

@@ -28,10 +28,12 @@ use tokio::time::timeout;
 use tokio_rustls::TlsAcceptor;
 use tower::ServiceExt;
 
-/// Connections at the same time; one more waits until the system takes it for dead.
-const CONNECTIONS_MAX: usize = 256;
-/// The same of one address.
-const OF_ONE_MAX: usize = 128;
+/// Connections at the same time of all but the user of the control at this PC; one more is ended at once.
+const OF_OTHERS_MAX: usize = 128;
+/// The same of one address, other users of this PC among them.
+const OF_ONE_MAX: usize = 64;
+/// The same of the user of the control: nobody else takes his.
+const OF_OWNER_MAX: usize = 128;
 /// A client has this long for the head of a request, also for the next one of its connection.
 const HEAD_WAIT: Duration = Duration::from_secs(10);
 /// Longest head of a request, octets.
@@ -190,37 +192,44 @@ pub(crate) fn router(panel: &Arc<Panel>) -> Router {
         .with_state(Arc::clone(panel))
 }
 
-/// Connections of each address.
+/// Connections of each address; `None`: of the user of the control.
 #[derive(Debug, Default)]
-struct Connected(Mutex<HashMap<IpAddr, usize>>);
+struct Connected(Mutex<HashMap<Option<IpAddr>, usize>>);
 
 /// A connection that is counted as long as this lives.
 struct Counted {
     of: Arc<Connected>,
-    address: IpAddr,
+    who: Option<IpAddr>,
 }
 
 impl Connected {
-    fn count(self: &Arc<Connected>, address: IpAddr) -> Option<Counted> {
+    fn count(self: &Arc<Connected>, who: Option<IpAddr>) -> Option<Counted> {
         let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let total: usize = all.values().sum();
-        let of_one = all.get(&address).copied().unwrap_or(0);
-        if total >= CONNECTIONS_MAX || of_one >= OF_ONE_MAX {
+        let of_one = all.get(&who).copied().unwrap_or(0);
+        let of_others: usize = (all.iter())
+            .filter(|(who, _)| who.is_some())
+            .map(|(_, count)| count)
+            .sum();
+        let is_one_too_many = match who {
+            None => of_one >= OF_OWNER_MAX,
+            Some(_) => of_one >= OF_ONE_MAX || of_others >= OF_OTHERS_MAX,
+        };
+        if is_one_too_many {
             return None;
         }
-        all.insert(address, of_one + 1);
+        all.insert(who, of_one + 1);
         let of = Arc::clone(self);
-        Some(Counted { of, address })
+        Some(Counted { of, who })
     }
 }
 
 impl Drop for Counted {
     fn drop(&mut self) {
         let mut all = self.of.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(count) = all.get_mut(&self.address) {
+        if let Some(count) = all.get_mut(&self.who) {
             *count -= 1;
             if *count == 0 {
-                all.remove(&self.address);
+                all.remove(&self.who);
             }
         }
     }
@@ -244,15 +253,12 @@ async fn take(listener: Listener, panel: Arc<Panel>) -> io::Result<()> {
             }
         };
         let Ok(near) = stream.local_addr() else { continue };
-        let Some(counted) = connected.count(far.ip()) else {
+        let is_owner = is_loopback && peers.is_own(near, far);
+        let Some(counted) = connected.count((!is_owner).then(|| far.ip())) else {
             tracing::warn!(%far, "disconnected: too many connections");
             continue;
         };
-        let connection = Connection {
-            near,
-            far,
-            is_owner: is_loopback && peers.is_own(near, far),
-        };
+        let connection = Connection { near, far, is_owner };
         let (router, tls) = (router.clone(), tls.clone());
         tokio::spawn(async move {
             let _counted = counted;
@@ -316,5 +322,28 @@ where
         .with_upgrades();
     if let Err(cause) = served.await {
         tracing::debug!(far = %connection.far, %cause, "disconnected");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nobody_takes_the_connections_of_the_user_of_the_control() {
+        let connected = Arc::new(Connected::default());
+        let take = |who: Option<[u8; 4]>, wanted: usize| -> Vec<Counted> {
+            let who = who.map(IpAddr::from);
+            (0..wanted).map_while(|_| connected.count(who)).collect()
+        };
+        // Another user of this PC has all addresses of the loopback.
+        let all: Vec<Vec<Counted>> = (1..=5).map(|last| take(Some([127, 0, 0, last]), 1000)).collect();
+        assert_eq!(all.iter().map(Vec::len).collect::<Vec<_>>(), [64, 64, 0, 0, 0]);
+        let own = take(None, 1000);
+        assert_eq!(own.len(), OF_OWNER_MAX);
+        drop(all);
+        assert_eq!(take(Some([192, 0, 2, 7]), 1000).len(), OF_ONE_MAX);
+        drop(own);
+        assert!(connected.0.lock().unwrap().is_empty());
     }
 }

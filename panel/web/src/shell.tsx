@@ -296,7 +296,7 @@ export function Actions() {
   const on = power === "on" || power === "switching";
   return (
     <footer class="actions" role="group">
-      <Button id="power" icon="power" kind={on ? "tall lit" : "tall"} pressed={on} label={t(on ? "power-off" : "power-on")} onClick={() => void order(on ? "off" : "on")} />
+      <Button id="power" icon="power" kind={on ? "tall lit" : "tall"} pressed={on} label={t(on ? "power-off" : "power-on")} onClick={() => switchDrives(on)} />
       <Button id="reset" icon="reset" kind={dim["reset"] ? "tall" : "tall warn"} dim={dim["reset"]} label={t("reset")} onClick={() => getStore().status && void reset(getStore().status!)} />
       <Button id="start" icon="start" kind="tall go" dim={dim["program start"]} label={t("start")} onClick={() => void startProgram()} />
       <Button id="resume" icon="resume" kind="tall go" dim={dim["resume"]} label={t("resume")} onClick={() => void resume()} />
@@ -305,6 +305,19 @@ export function Actions() {
     </footer>
   );
 }
+
+let switched = -Infinity;
+
+/** Who taps twice wants them on, not on and off. */
+function switchDrives(on: boolean): void {
+  const now = performance.now();
+  if (now - switched < DOUBLE_MS) return;
+  switched = now;
+  void order(on ? "off" : "on");
+}
+
+/** Two taps in this time are one. */
+const DOUBLE_MS = 600;
 
 /** Settings of the next start, as the page of programs has them. */
 export const startWith: { repeat: number; dry_run_feed_mm_min: number | null } = { repeat: 1, dry_run_feed_mm_min: null };
