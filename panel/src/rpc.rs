@@ -418,8 +418,12 @@ mod tests {
         let parts = later + Duration::from_secs(1);
         let taken = (0..1000).filter(|_| allowance.take(parts, PART_COUNTS)).count();
         assert!((490..=492).contains(&taken), "{taken}");
-        assert!(is_part(r#"{"id":7,"params":{"value":"00"},"method":"program.upload.append"}"#));
-        assert!(!is_part(r#"{"id":7,"method":"home","params":{"x":"program.upload.append"}}"#));
+        assert!(is_part(
+            r#"{"id":7,"params":{"value":"00"},"method":"program.upload.append"}"#
+        ));
+        assert!(!is_part(
+            r#"{"id":7,"method":"home","params":{"x":"program.upload.append"}}"#
+        ));
         assert_eq!(too_many(r#"{"id":7,"method":"stop"}"#), None);
         let refused: Value = serde_json::from_str(&too_many(r#"{"id":7,"method":"home"}"#).unwrap()).unwrap();
         assert_eq!(refused["id"], 7);
