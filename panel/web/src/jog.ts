@@ -4,7 +4,7 @@
  * The control stops by itself 0.2 s after the last word of the hand. Each way in which a hand can leave sends a stop as well, and a
  * page that draws no more (hidden, frozen, busy) says nothing any more.
  */
-import { ask, connection, getStore, subscribe, tellRefused } from "./store";
+import { ask, connection, getStore, isBlind, subscribe, tellRefused } from "./store";
 
 /** An axis by its letter, or a joint by its number. */
 export type What = { axis: string } | { joint: number };
@@ -21,9 +21,6 @@ function drawn(): void {
   frame = performance.now();
   if (held.length) requestAnimationFrame(drawn);
 }
-
-/** Nobody is moved by what shows an old place. */
-const isBlind = () => getStore().age > 0 || !getStore().connected;
 
 /** Moves until `release`; velocities in mm/s or degrees/s, signed. */
 export function press(moves: { what: What; velocity_mm_s: number }[]): void {

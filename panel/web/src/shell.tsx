@@ -52,7 +52,7 @@ export function StateBar() {
       </div>
       <NextStep />
       <div class="waiting" data-testid="waiting" aria-live="polite">
-        {waiting ? `${t("waits")}: ${waitingFor(waiting, state)}` : inWords(obstruction ?? "")}
+        {waiting ? waitingFor(waiting, state) : inWords(obstruction ?? "")}
       </div>
       <ForcedChip />
       <ControlChip />
@@ -63,10 +63,12 @@ export function StateBar() {
   );
 }
 
-/** In a word of the panel where there is one; beside its path the machine waits for the operator, but for no M0. */
+/** In a word of the panel where there is one. */
 function waitingFor({ for: what, text }: { for: string; text: string }, state: string): string {
+  // It waits for the operator then, but for no M0.
+  if (state === "away") return inWords(text);
   const short = word("wait", what);
-  return short === what || state === "away" ? inWords(text) : short;
+  return `${t("waits")}: ${short === what ? inWords(text) : short}`;
 }
 
 /** Variables that do not have what pins and programs make of them: told on every page. */
@@ -334,7 +336,7 @@ export async function startProgram(from_line?: number, yes?: boolean): Promise<v
 
 async function resume(): Promise<void> {
   const answer = await order<{ returns?: string[] }>("resume");
-  if (answer?.returns?.length) say("note", answer.returns.map(inWords).join(" · "));
+  if (answer?.returns?.length) say("note", t("returns", { way: answer.returns.map(inWords).join(" · ") }));
 }
 
 // ------------------------------------------------------------------------------------------------ tools

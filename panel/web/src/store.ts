@@ -204,8 +204,18 @@ export function ask<T>(method: string, params: Record<string, unknown> = {}): Pr
   return connection.call<T>(method, { ...params, ...id });
 }
 
+/** Nothing has come for a second: what is shown may be old, and an order may be carried out much later than it is given. */
+export const isBlind = (): boolean => store.age > 0 || !store.connected;
+
+/** What is given also to a machine that nobody sees. */
+const ALWAYS = new Set(["stop", "hold", "estop", "off"]);
+
 /** Orders; what is refused is told. The answer, or undefined. */
 export async function order<T = unknown>(method: string, params: Record<string, unknown> = {}): Promise<T | undefined> {
+  if (isBlind() && !ALWAYS.has(method)) {
+    say("refused", t("not-sent"));
+    return undefined;
+  }
   try {
     return await ask<T>(method, params);
   } catch (error) {
