@@ -210,8 +210,8 @@ try {
     }
     ["compute", "lateness"].forEach((what, i) => {
       const [none, ...others] = kinds.map((count) => quantile(sums[count].map((all) => all[i]), 0.5));
-      const ratios = others.map((us, at) => `${kinds[at + 1]} clients at 20 Hz ${us.toFixed(1)} us, ratio ${(us / none).toFixed(3)}`);
-      told(`${what} of a cycle, medians of ${windows} windows each, in turn`, `without clients ${none.toFixed(1)} us; ${ratios.join("; ")}`);
+      const ratios = others.map((us, at) => `${kinds[at + 1]} clients at 20 Hz ${us.toFixed(2)} us, ratio ${(us / none).toFixed(3)}`);
+      told(`${what} of a cycle, medians of ${windows} windows each, in turn`, `without clients ${none.toFixed(2)} us; ${ratios.join("; ")}`);
     });
     await ask("stop");
   }
