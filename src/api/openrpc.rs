@@ -394,6 +394,7 @@ fn result(gives: Gives) -> Value {
                 "axis": text(),
                 "unit": text(),
                 "joints": list(whole()),
+                "joint": or_null(whole()),
                 "travel": or_null(list(number())),
                 "velocity_per_s": or_null(number()),
                 "acceleration_per_s2": or_null(number()),
@@ -562,7 +563,9 @@ fn result(gives: Gives) -> Value {
         Gives::LogicForced => object(json!({ "forced": text() })),
         Gives::LogicReleased => object(json!({ "released": whole() })),
         Gives::LogicReloaded => object(json!({ "carried": whole() })),
-        Gives::Journal => object(json!({ "entries": list(refer("Entry")), "more": flag(), "last": whole() })),
+        Gives::Journal => {
+            object(json!({ "entries": list(refer("Entry")), "more": flag(), "last": whole(), "on_disk": whole() }))
+        }
     }
 }
 

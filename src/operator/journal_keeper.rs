@@ -30,9 +30,14 @@ impl Kept {
         self.treated.store(last, Ordering::Release);
     }
 
+    /// Number of the last entry that is there, or cannot be.
+    pub fn last(&self) -> u64 {
+        self.treated.load(Ordering::Acquire)
+    }
+
     /// Whether the entries up to this number are there, or cannot be.
     pub fn has(&self, seq: u64) -> bool {
-        self.treated.load(Ordering::Acquire) >= seq
+        self.last() >= seq
     }
 
     /// Whether the last attempt failed.

@@ -3,8 +3,8 @@
 //! Lengths are in the unit of the machine, angles in degrees.
 
 use crate::config::Config;
-use crate::machine::journal::Entry;
 use crate::machine::tables::Tables;
+use crate::operator::console::Operator;
 use crate::program::settings_with;
 use motion::canon::{Axis, LengthUnit, Position};
 use serde_json::{Map, Value, json};
@@ -71,14 +71,16 @@ pub(super) fn tools(tables: &Tables, unit: LengthUnit) -> Value {
 }
 
 /// Entries of the journal behind a number, the oldest first, as many as one answer holds.
-pub(super) fn journal(entries: &[Entry], since: u64) -> Value {
+pub(super) fn journal(operator: &Operator, since: u64) -> Value {
+    let entries = operator.journal();
     let behind = entries.partition_point(|entry| entry.seq <= since);
     let rest = &entries[behind..];
     let told = &rest[..rest.len().min(ENTRIES_MAX)];
     json!({
         "entries": told,
         "more": told.len() < rest.len(),
-        "last": entries.last().map_or(0, |entry| entry.seq),
+        "last": operator.last_entry(),
+        "on_disk": operator.last_entry_on_disk(),
     })
 }
 

@@ -31,7 +31,7 @@ use crate::api::network_view::NetworkView;
 use crate::api::orders::{Jog, Order, OrderClient, Shown, Source};
 use crate::bus::SDO_VALUE_MAX;
 use crate::bus::service::{BusService, MailboxError, MailboxRequest};
-use crate::config::{Config, JOINTS_MAX, OnLostControl};
+use crate::config::{AxisMap, Config, JOINTS_MAX, OnLostControl};
 use crate::machine::faults::SILENCED;
 use crate::machine::state::State;
 use crate::program::outline::Left;
@@ -196,14 +196,7 @@ impl Methods {
                 .iter()
                 .map(|map| (map.axis.letter(), map.axis.is_rotary()))
                 .collect(),
-            joint_of: (config.axes.iter())
-                .map(|map| {
-                    map.joints
-                        .first()
-                        .copied()
-                        .filter(|_| map.joints.len() == 1 && config.transform == Transform::Trivial)
-                })
-                .collect(),
+            joint_of: config.axes.iter().map(|map| joint_of(config, map)).collect(),
             joints: config.joints.len(),
             holds_on_lost_control: (config.panel.as_ref())
                 .is_some_and(|panel| panel.on_lost_control == OnLostControl::Hold),
@@ -828,6 +821,14 @@ impl Serve for Methods {
     }
 }
 
+/// The joint that is this axis alone.
+fn joint_of(config: &Config, map: &AxisMap) -> Option<usize> {
+    match map.joints[..] {
+        [joint] if config.transform == Transform::Trivial => Some(joint),
+        _ => None,
+    }
+}
+
 /// What of a machine does not change.
 fn describe(config: &Config) -> Value {
     let axes: Vec<Value> = (config.axes.iter())
@@ -837,6 +838,7 @@ fn describe(config: &Config) -> Value {
                 "axis": map.axis.letter().to_string(),
                 "unit": if map.axis.is_rotary() { "degrees" } else { "mm" },
                 "joints": map.joints,
+                "joint": joint_of(config, map),
                 "travel": map.travel_mm.or(joint.map(|joint| joint.travel_mm)),
                 "velocity_per_s": joint.map(|joint| joint.limits.velocity_mm_s),
                 "acceleration_per_s2": joint.map(|joint| joint.limits.acceleration_mm_s2),

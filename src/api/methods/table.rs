@@ -21,7 +21,7 @@ use hal_pins::scope::CHANNELS_MAX;
 
 /// Version of what is served here: the first number changes when something is gone or means something else, the second when
 /// something is new.
-pub const API_VERSION: &str = "2.4";
+pub const API_VERSION: &str = "2.5";
 
 /// What can be asked for.
 pub struct Method {
@@ -802,7 +802,8 @@ pub const METHODS: &[Method] = &[
         name: "journal.since",
         params: &[optional("seq", Kind::Whole(0, u64::MAX))],
         does: "entries of the journal behind number \"seq\" (0: all that are known), the oldest first, up to 500; \"more\": there are \
-               others behind them",
+               others behind them; \"last\": the number of the last one of all, \"on_disk\": of the last one that outlasts this \
+               control, or that a full disk does not take",
         gives: Gives::Journal,
         call: |methods, call| {
             let since = match call.params.has("seq") {

@@ -722,6 +722,11 @@ impl Operator {
         self.keeper.as_ref().is_none_or(|(_, kept)| kept.has(seq))
     }
 
+    /// Number of the last entry that is on the disk, or cannot be.
+    pub fn last_entry_on_disk(&self) -> u64 {
+        self.keeper.as_ref().map_or(self.seq, |(_, kept)| kept.last())
+    }
+
     /// Whether the disk does not take the journal.
     pub fn journal_fails(&self) -> bool {
         self.keeper.as_ref().is_some_and(|(_, kept)| kept.fails())

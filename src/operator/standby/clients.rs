@@ -439,7 +439,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                     return Some(found.map(|report| json!(report)));
                 }
                 Order::MdiHistory => json!({ "lines": keeper.memory.now().mdi }),
-                Order::Journal(since) => remembered::journal(operator.journal(), since),
+                Order::Journal(since) => remembered::journal(operator, since),
                 _ => remembered::offsets(&tables, self.config),
             }));
         };
