@@ -78,7 +78,7 @@ fn memory_mb(pid: u32) -> f64 {
 fn entries(state: &Path, machine: &str, since: u64) -> Vec<Value> {
     let ask = Ask::Journal {
         machine: machine.into(),
-        since,
+        since: Some(since),
     };
     serve::ask(state, &ask)
         .map(|answer| answer["entries"].as_array().cloned().unwrap_or_default())

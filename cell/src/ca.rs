@@ -5,6 +5,7 @@
 //! A machine's certificate is called `NAME.N`, N being its number: where one is lost, it alone is revoked. Machines' certificates may
 //! not serve, and the supervisor's may do nothing else.
 
+use crate::trust;
 use cell_link::message::{MACHINE_MAX, is_machine};
 use rcgen::{
     BasicConstraints, CertificateParams, DistinguishedName, DnType, ExtendedKeyUsagePurpose, IsCa, Issuer, KeyPair,
@@ -39,6 +40,9 @@ pub enum CaError {
     #[error("{0:?} has no certificate that could be revoked: isocnc-cell ca list")]
     /// There is no such certificate.
     NotIssued(String),
+    #[error("{0}: there is no authority: isocnc-cell ca init --dir {0}")]
+    /// There is no authority.
+    None(String),
     #[error("{0}: there is an authority already, and all its certificates would be worth nothing")]
     /// There is an authority already.
     Exists(String),
@@ -121,8 +125,9 @@ impl Ca {
     pub fn init(folder: &Path) -> Result<Ca, CaError> {
         let ca = Ca::of(folder);
         files::make_folder(folder).map_err(at(folder))?;
+        trust::folder(folder).map_err(at(folder))?;
         for file in [ca.certificate(), ca.key()] {
-            if file.exists() {
+            if file.symlink_metadata().is_ok() {
                 return Err(CaError::Exists(file.display().to_string()));
             }
         }
@@ -156,6 +161,7 @@ impl Ca {
     /// # Errors
     /// The list cannot be read.
     pub fn issued(&self) -> Result<Vec<Issued>, CaError> {
+        self.is_there()?;
         let file = self.list();
         serde_json::from_str(&read(&file)?).map_err(|error| CaError::File {
             what: error.to_string(),
@@ -180,8 +186,19 @@ impl Ca {
         Ok((names(valid), names(revoked)))
     }
 
+    /// That there is one.
+    fn is_there(&self) -> Result<(), CaError> {
+        match self.certificate().try_exists() {
+            Ok(false) => Err(CaError::None(self.folder.display().to_string())),
+            _ => Ok(()),
+        }
+    }
+
     fn issuer(&self) -> Result<Issuer<'static, KeyPair>, CaError> {
         let key = self.key();
+        self.is_there()?;
+        trust::folder(&self.folder).map_err(at(&self.folder))?;
+        trust::secret(&key).map_err(at(&key))?;
         let pair = KeyPair::from_pem(&read(&key)?).map_err(|error| CaError::File {
             file: key,
             what: error.to_string(),

@@ -6,8 +6,9 @@
 //! | to learn | file |
 //! |---|---|
 //! | certificates of a cell | `ca.rs` |
-//! | what is decided, without network and clock | `core.rs` |
+//! | what is decided, without network and clock | `core/` |
 //! | what is kept | `store.rs` |
+//! | what others could have changed | `trust.rs` |
 //! | the network: Zenoh to events and back | `net.rs` |
 //! | the loop, and who asks it from this PC | `serve.rs` |
 //! | the page | `page.rs`, `web/` |
@@ -20,3 +21,4 @@ mod page;
 pub mod plan;
 pub mod serve;
 pub mod store;
+mod trust;

@@ -97,9 +97,9 @@ enum Command {
     /// What has happened at a machine.
     Journal {
         name: String,
-        /// Entries behind this number.
-        #[arg(long, default_value_t = 0)]
-        since: u64,
+        /// Entries behind this number, up to 500; without it, the last hundred.
+        #[arg(long, value_name = "NUMBER")]
+        since: Option<u64>,
         #[command(flatten)]
         dir: Dir,
     },

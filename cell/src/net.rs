@@ -275,7 +275,10 @@ impl Drop for Answer {
 fn open(ca: &Ca, address: SocketAddr, identity: &Identity, events: &Events) -> Result<Session, NetError> {
     let (valid, revoked) = ca.valid()?;
     let failed = |cause: zenoh::Error| NetError::Session(cause.to_string());
-    let session = carrier::listen(address, identity, &valid)?;
+    let session = carrier::listen(address, identity, &valid).map_err(|cause| match cause {
+        CarrierError::Session(why) => NetError::Session(format!("{address} cannot be listened at: {why}")),
+        file => NetError::Carrier(file),
+    })?;
     let (valid, revoked): (HashSet<String>, HashSet<String>) =
         (valid.into_iter().collect(), revoked.into_iter().collect());
     let linked = events.clone();

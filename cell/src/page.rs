@@ -16,14 +16,25 @@ use std::io;
 use std::net::{IpAddr, SocketAddr, TcpListener};
 
 const POLICY: &str = "default-src 'self'; object-src 'none'; base-uri 'none'; frame-ancestors 'none'; form-action 'none'; img-src 'self' data:";
-const FILES: [(&str, &str, &str); 3] = [
-    ("/", "text/html; charset=utf-8", include_str!("../web/index.html")),
+/// What `web/build.mjs` has made: path, kind, text.
+const FILES: [(&str, &str, &str); 5] = [
+    ("/", "text/html; charset=utf-8", include_str!("../dist/index.html")),
     (
         "/cell.js",
         "text/javascript; charset=utf-8",
-        include_str!("../web/cell.js"),
+        include_str!("../dist/cell.js"),
     ),
-    ("/cell.css", "text/css; charset=utf-8", include_str!("../web/cell.css")),
+    (
+        "/style.css",
+        "text/css; charset=utf-8",
+        include_str!("../dist/style.css"),
+    ),
+    ("/icon.svg", "image/svg+xml", include_str!("../dist/icon.svg")),
+    (
+        "/licences.txt",
+        "text/plain; charset=utf-8",
+        include_str!("../dist/licences.txt"),
+    ),
 ];
 
 /// Serves the page from a thread of its own, until the process ends.
@@ -106,7 +117,7 @@ async fn overview(State(desk): State<Desk>) -> Response {
 }
 
 async fn journal(State(desk): State<Desk>, Path(machine): Path<String>) -> Response {
-    ask(desk, Ask::Journal { machine, since: 0 }).await
+    ask(desk, Ask::Journal { machine, since: None }).await
 }
 
 #[cfg(test)]

@@ -257,6 +257,28 @@ mod tests {
         assert_eq!(judged.last().unwrap().cost, 384.0);
     }
 
+    /// What the file says of the rows that differ: no weights of controllers and boards give all that is printed.
+    #[test]
+    fn no_weights_give_the_printed_cost_of_one_board() {
+        let model = Model::read(PAPER).unwrap();
+        let printed = |boards: u32| {
+            let of_one = |one: &&Configuration| one.controllers == 1 && one.boards_per_controller == boards;
+            let mut costs = model
+                .configurations
+                .iter()
+                .filter(of_one)
+                .map(|one| one.printed_cost.unwrap());
+            let cost = costs.next().unwrap();
+            assert!(costs.all(|other| other == cost), "{boards} boards");
+            cost
+        };
+        // Of one controller, each board would add the same.
+        let (second, third_and_fourth) = (printed(2) - printed(1), printed(4) - printed(2));
+        assert_eq!((second, third_and_fourth), (2.0, 2.0));
+        let mut single_boards = model.configurations.iter().filter(|one| one.boards_per_controller == 1);
+        assert!(single_boards.all(|one| one.controllers == 1), "nothing else could tell");
+    }
+
     #[test]
     fn the_cheapest_has_as_few_controllers_as_will_do() {
         let model = Model::read(PAPER).unwrap();

@@ -9,13 +9,14 @@ use crate::core::{Ask, Core, Event, Reply};
 use crate::net::{EVENTS, Events, Net, Refusals};
 use crate::page;
 use crate::store::Store;
+use crate::trust;
 use anyhow::{Context, bail};
 use cell_link::message::PROGRAM_MAX;
 use nix::fcntl::{Flock, FlockArg};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::fs::File;
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::net::SocketAddr;
 use std::os::unix::fs::PermissionsExt;
 use std::os::unix::net::{UnixListener, UnixStream};
@@ -35,6 +36,8 @@ const BATCH: usize = 1024;
 const TICK: Duration = Duration::from_millis(200);
 /// The list of certificates is looked at so often.
 const REFRESH: Duration = Duration::from_secs(1);
+/// What a supervisor needs at the most for an answer, and more.
+const LONGEST_ANSWER: Duration = Duration::from_secs(120);
 /// Somebody who says nothing for so long is not served.
 const PATIENCE: Duration = Duration::from_secs(10);
 
@@ -120,10 +123,15 @@ impl Supervisor {
     /// Another one runs in this folder; a file or an address cannot be had.
     pub fn begin(settings: &Settings) -> anyhow::Result<(Supervisor, Desk)> {
         let state = &settings.state;
-        files::make_folder(state).with_context(|| format!("{}", state.display()))?;
+        let place = || format!("{}", state.display());
+        files::make_folder(state).with_context(place)?;
+        trust::folder(state).with_context(place)?;
         // Programs and the journal of a shop are nobody else's.
-        std::fs::set_permissions(state, std::fs::Permissions::from_mode(0o700))
-            .with_context(|| format!("{}", state.display()))?;
+        std::fs::set_permissions(state, std::fs::Permissions::from_mode(0o700)).with_context(place)?;
+        for name in ["lock", "cell.db", "cell.db-wal", "cell.db-shm"] {
+            let file = state.join(name);
+            trust::file(&file).with_context(|| format!("{}", file.display()))?;
+        }
         let lock = state.join("lock");
         let file = File::options()
             .create(true)
@@ -138,8 +146,7 @@ impl Supervisor {
         let (sender, events) = sync_channel(EVENTS);
         let sender = Events::new(sender);
         REFUSALS.to(sender.clone());
-        let net = Net::listen(&settings.ca, state, settings.listen, &settings.names, sender.clone())
-            .with_context(|| format!("{} cannot be listened at", settings.listen))?;
+        let net = Net::listen(&settings.ca, state, settings.listen, &settings.names, sender.clone())?;
         let supervisor = Supervisor {
             core,
             net,
@@ -198,7 +205,7 @@ pub fn run(
     let path = socket(&settings.state);
     // The lock says that nobody else has it.
     match std::fs::remove_file(&path) {
-        Err(cause) if cause.kind() != std::io::ErrorKind::NotFound => {
+        Err(cause) if cause.kind() != ErrorKind::NotFound => {
             Err(cause).with_context(|| format!("{}", path.display()))?
         }
         _ => {}
@@ -228,6 +235,10 @@ fn serve_people(listener: &UnixListener, desk: &Desk) {
     let served = Arc::new(AtomicUsize::new(0));
     for stream in listener.incoming().flatten() {
         if served.load(Ordering::Relaxed) >= PEOPLE_MAX {
+            // Whoever does not take so little is not waited for.
+            let _ = stream.set_nonblocking(true);
+            let why = format!("{PEOPLE_MAX} are served already: try again");
+            let _ = answer(&stream, &Err(why));
             continue;
         }
         served.fetch_add(1, Ordering::Relaxed);
@@ -272,11 +283,15 @@ pub fn read_request(from: &mut impl BufRead) -> Result<Ask, String> {
     Ok(ask)
 }
 
-fn serve_one(mut stream: &UnixStream, desk: &Desk) -> std::io::Result<()> {
+fn serve_one(stream: &UnixStream, desk: &Desk) -> std::io::Result<()> {
     stream.set_read_timeout(Some(PATIENCE))?;
     stream.set_write_timeout(Some(PATIENCE))?;
-    let answer = read_request(&mut BufReader::new(stream)).and_then(|ask| desk.ask(ask));
-    let answer = match answer {
+    let result = read_request(&mut BufReader::new(stream)).and_then(|ask| desk.ask(ask));
+    answer(stream, &result)
+}
+
+fn answer(mut stream: &UnixStream, result: &Result<Value, String>) -> std::io::Result<()> {
+    let answer = match result {
         Ok(result) => json!({ "result": result }),
         Err(why) => json!({ "error": why }),
     };
@@ -289,9 +304,14 @@ fn serve_one(mut stream: &UnixStream, desk: &Desk) -> std::io::Result<()> {
 /// None runs there; or in its words.
 pub fn ask(state: &Path, ask: &Ask) -> anyhow::Result<Value> {
     let path = socket(state);
-    let mut stream = UnixStream::connect(&path).with_context(|| {
+    let mut stream = UnixStream::connect(&path).map_err(|cause| {
         let dir = state.display();
-        format!("no supervisor runs in {dir}: isocnc-cell run --dir {dir} --ca CA --listen ADDRESS:PORT")
+        match cause.kind() {
+            ErrorKind::NotFound | ErrorKind::ConnectionRefused => anyhow::anyhow!(
+                "no supervisor runs in {dir}: isocnc-cell run --dir {dir} --ca CA --listen ADDRESS:PORT"
+            ),
+            _ => anyhow::Error::new(cause).context(format!("{}", path.display())),
+        }
     })?;
     let content = match ask {
         Ask::Upload { content, .. } | Ask::Add { content, .. } => &content[..],
@@ -301,10 +321,17 @@ pub fn ask(state: &Path, ask: &Ask) -> anyhow::Result<Value> {
         ask: ask.clone(),
         octets: content.len(),
     };
-    stream.write_all((serde_json::to_string(&request)? + "\n").as_bytes())?;
-    stream.write_all(content)?;
+    stream.set_read_timeout(Some(LONGEST_ANSWER))?;
+    stream.set_write_timeout(Some(LONGEST_ANSWER))?;
+    // One that refuses does not read all of it, and says why.
+    let sent = stream
+        .write_all((serde_json::to_string(&request)? + "\n").as_bytes())
+        .and_then(|()| stream.write_all(content));
     let mut answer = Vec::new();
-    stream.read_to_end(&mut answer)?;
+    let read = stream.read_to_end(&mut answer);
+    if answer.is_empty() {
+        sent.and(read.map(drop)).context("the supervisor does not answer")?;
+    }
     let mut answer: Value = serde_json::from_slice(&answer).context("the supervisor has ended meanwhile")?;
     match answer["error"].as_str() {
         Some(why) => bail!("{why}"),

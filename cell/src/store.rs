@@ -16,9 +16,9 @@ const VERSION: i64 = 1;
 
 const TABLES: &str = "
 CREATE TABLE machine (name TEXT PRIMARY KEY, class TEXT NOT NULL DEFAULT '', described TEXT NOT NULL DEFAULT 'null',
-    journal INTEGER NOT NULL DEFAULT 0) STRICT;
-CREATE TABLE journal (machine TEXT NOT NULL, seq INTEGER NOT NULL, unix_s REAL NOT NULL, kind TEXT NOT NULL, text TEXT NOT NULL,
-    entry TEXT NOT NULL, acknowledged INTEGER NOT NULL DEFAULT 0, PRIMARY KEY (machine, seq)) STRICT, WITHOUT ROWID;
+    journal INTEGER NOT NULL DEFAULT 0, book INTEGER NOT NULL DEFAULT 0) STRICT;
+CREATE TABLE journal (machine TEXT NOT NULL, book INTEGER NOT NULL, seq INTEGER NOT NULL, unix_s REAL NOT NULL, kind TEXT NOT NULL,
+    text TEXT NOT NULL, entry TEXT NOT NULL, acknowledged INTEGER NOT NULL DEFAULT 0, PRIMARY KEY (machine, book, seq)) STRICT, WITHOUT ROWID;
 CREATE INDEX alarm ON journal (kind, acknowledged) WHERE kind = 'alarm';
 CREATE TABLE program (sha256 TEXT PRIMARY KEY, content BLOB NOT NULL) STRICT;
 CREATE TABLE stored (machine TEXT NOT NULL, program TEXT NOT NULL, sha256 TEXT NOT NULL, PRIMARY KEY (machine, program)) STRICT;
@@ -260,7 +260,8 @@ impl Store {
     /// An entry of a journal; once for all, however often it comes.
     pub fn add_entry(&self, machine: &str, seq: u64, entry: &Value) -> Outcome<()> {
         let text = |key: &str| entry[key].as_str().unwrap_or_default();
-        let sql = "INSERT OR IGNORE INTO journal (machine, seq, unix_s, kind, text, entry, acknowledged) VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)";
+        let sql = "INSERT OR IGNORE INTO journal (machine, book, seq, unix_s, kind, text, entry, acknowledged)
+            SELECT name, book, ?2, ?3, ?4, ?5, ?6, ?7 FROM machine WHERE name = ?1";
         let acknowledged = entry["alarm"]["acknowledged"].is_object();
         self.db.prepare(sql)?.execute(params![
             machine,
@@ -277,21 +278,44 @@ impl Store {
             .flatten()
             .filter_map(Value::as_u64)
         {
-            let sql = "UPDATE journal SET acknowledged = 1 WHERE machine = ?1 AND seq = ?2";
+            let sql = "UPDATE journal SET acknowledged = 1 WHERE machine = ?1 AND seq = ?2
+                AND book = (SELECT book FROM machine WHERE name = ?1)";
             self.db.prepare(sql)?.execute(params![machine, seq as i64])?;
         }
         let sql = "UPDATE machine SET journal = max(journal, ?2) WHERE name = ?1";
         self.db.prepare(sql)?.execute(params![machine, seq as i64]).map(drop)
     }
 
+    /// A machine counts its journal from the beginning again: what is here of the earlier one stays, and its alarms are over.
+    pub fn begin_journal_anew(&self, machine: &str) -> Outcome<()> {
+        let sql = "UPDATE journal SET acknowledged = 1 WHERE machine = ?1 AND kind = 'alarm'";
+        self.db.prepare(sql)?.execute([machine])?;
+        let sql = "UPDATE machine SET journal = 0, book = book + 1 WHERE name = ?1";
+        self.db.prepare(sql)?.execute([machine]).map(drop)
+    }
+
     /// Entries of a machine behind a number, the oldest first.
     pub fn journal(&self, machine: &str, since: u64, most: u32) -> Outcome<Vec<Value>> {
-        let sql = "SELECT entry FROM journal WHERE machine = ?1 AND seq > ?2 ORDER BY seq LIMIT ?3";
+        let sql = "SELECT entry FROM journal WHERE machine = ?1 AND seq > ?2
+            AND book = (SELECT book FROM machine WHERE name = ?1) ORDER BY seq LIMIT ?3";
         let mut rows = self.db.prepare(sql)?;
         let entries = rows.query_map(params![machine, since as i64, most], |row| row.get::<_, String>(0))?;
         entries
             .map(|entry| Ok(serde_json::from_str(&entry?).unwrap_or_default()))
             .collect()
+    }
+
+    /// The last entries of a machine, the oldest first.
+    pub fn last_entries(&self, machine: &str, most: u32) -> Outcome<Vec<Value>> {
+        let sql = "SELECT entry FROM journal WHERE machine = ?1
+            AND book = (SELECT book FROM machine WHERE name = ?1) ORDER BY seq DESC LIMIT ?2";
+        let mut rows = self.db.prepare(sql)?;
+        let entries = rows.query_map(params![machine, most], |row| row.get::<_, String>(0))?;
+        let mut entries: Vec<Value> = entries
+            .map(|entry| Ok(serde_json::from_str(&entry?).unwrap_or_default()))
+            .collect::<Outcome<_>>()?;
+        entries.reverse();
+        Ok(entries)
     }
 
     /// Alarms that nobody has acknowledged, the newest first: machine, number, time, text.
@@ -504,6 +528,15 @@ mod tests {
         assert_eq!(store.alarms().unwrap(), []);
         assert_eq!(store.machines().unwrap()[0].journal, 6);
         assert_eq!(store.journal("mill", 5, 10).unwrap(), [by]);
+        store.add_entry("mill", 7, &alarm).unwrap();
+        store.begin_journal_anew("mill").unwrap();
+        assert_eq!(
+            (store.alarms().unwrap(), store.machines().unwrap()[0].journal),
+            (vec![], 0)
+        );
+        let first = json!({"seq": 1, "unix_s": 3.0, "kind": "note", "text": "anew"});
+        store.add_entry("mill", 1, &first).unwrap();
+        assert_eq!(store.journal("mill", 0, 10).unwrap(), [first]);
         drop(store);
         std::fs::write(
             &file,

@@ -137,7 +137,7 @@ fn machine(desk: &Desk, name: &str) -> Option<Value> {
 fn journal(desk: &Desk, name: &str) -> Vec<Value> {
     let ask = Ask::Journal {
         machine: name.into(),
-        since: 0,
+        since: Some(0),
     };
     desk.ask(ask)
         .map(|answer| answer["entries"].as_array().unwrap().clone())
@@ -263,7 +263,7 @@ fn what_happened_without_a_supervisor_is_told_to_the_next_one() {
     let told = until("all of it", || {
         let ask = Ask::Journal {
             machine: "mill".into(),
-            since: 900,
+            since: Some(900),
         };
         let told = supervisor.of.ask(ask).ok()?["entries"].as_array()?.clone();
         (told.len() == 304).then_some(told)

@@ -6,13 +6,17 @@
 //! sides and nothing else. Only the supervisor's certificate may serve (extended key usage), so no machine can stand in its place.
 
 use serde_json::{Value, json};
-use std::net::SocketAddr;
+use std::net::{SocketAddr, TcpStream, ToSocketAddrs};
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 use x509_parser::prelude::{FromDer, Pem, X509Certificate};
 use zenoh::{Session, Wait};
 
 /// Longest file of a certificate or a key, octets.
 const PEM_MAX: u64 = 64 << 10;
+/// Longest wait for somebody who listens.
+const REACH: Duration = Duration::from_secs(2);
 /// A link that says nothing for so long is over, ms.
 const LEASE_MS: u64 = 4000;
 
@@ -48,18 +52,8 @@ pub enum CarrierError {
 /// # Errors
 /// The file cannot be read, or holds no certificate with such a name.
 pub fn common_name(file: &Path) -> Result<String, CarrierError> {
-    let wrong = |what: &str| CarrierError::File {
-        file: file.to_owned(),
-        what: what.to_owned(),
-    };
-    let length = std::fs::metadata(file)
-        .map_err(|cause| wrong(&cause.to_string()))?
-        .len();
-    if length > PEM_MAX {
-        return Err(wrong("is too long for a certificate"));
-    }
-    let text = std::fs::read(file).map_err(|cause| wrong(&cause.to_string()))?;
-    common_name_of(&text).ok_or_else(|| wrong("holds no certificate (PEM) with a common name"))
+    let text = files::read::read(file, PEM_MAX).map_err(|cause| wrong(file, cause))?;
+    common_name_of(&text).ok_or_else(|| wrong(file, "holds no certificate (PEM) with a common name"))
 }
 
 /// The common name of a certificate in PEM.
@@ -91,18 +85,54 @@ fn common(mode: &str, tls: Value) -> Value {
     })
 }
 
-fn path(file: &Path) -> Result<&str, CarrierError> {
-    // Zenoh opens them itself, and says less of what is wrong.
-    let wrong = |what: String| CarrierError::File {
+/// What is wrong with a file.
+fn wrong(file: &Path, what: impl ToString) -> CarrierError {
+    CarrierError::File {
         file: file.to_owned(),
-        what,
+        what: what.to_string(),
+    }
+}
+
+/// The path of a file, once it has been looked at: Zenoh opens it itself, and says less of what is wrong.
+fn path(file: &Path) -> Result<&str, CarrierError> {
+    let text = files::read::read(file, PEM_MAX).map_err(|cause| wrong(file, cause))?;
+    if Pem::iter_from_buffer(&text).next().is_none_or(|pem| pem.is_err()) {
+        return Err(wrong(file, "holds nothing in PEM"));
+    }
+    file.to_str().ok_or_else(|| wrong(file, "its path is no UTF-8"))
+}
+
+/// The same of a key.
+fn secret(file: &Path) -> Result<&str, CarrierError> {
+    let mode = std::fs::metadata(file).map_err(|cause| wrong(file, cause))?.mode();
+    match mode & 0o007 {
+        0 => path(file),
+        _ => Err(wrong(
+            file,
+            "everybody may read or write this key: chmod 600 it, and have a new one made",
+        )),
+    }
+}
+
+/// What Zenoh says, without the places in its sources.
+fn in_words(said: &str) -> String {
+    let is_place = |word: &str| {
+        word.trim_end_matches(['.', ')'])
+            .rsplit_once(".rs:")
+            .is_some_and(|(_, line)| !line.is_empty() && line.bytes().all(|octet| octet.is_ascii_digit()))
     };
-    std::fs::File::open(file).map_err(|cause| wrong(cause.to_string()))?;
-    file.to_str().ok_or_else(|| wrong("its path is no UTF-8".into()))
+    let mut words: Vec<&str> = Vec::new();
+    for word in said.split_whitespace() {
+        match is_place(word) && words.last() == Some(&"at") {
+            true => _ = words.pop(),
+            false => words.push(word),
+        }
+    }
+    words.join(" ")
 }
 
 fn open(config: &Value) -> Result<Session, CarrierError> {
-    let failed = |cause: zenoh::Error| CarrierError::Session(cause.to_string());
+    let failed = |cause: zenoh::Error| CarrierError::Session(in_words(&cause.to_string()));
     let config = zenoh::Config::from_json5(&config.to_string()).map_err(failed)?;
     zenoh::open(config).wait().map_err(failed)
 }
@@ -118,7 +148,7 @@ pub fn connect(address: &str, identity: &Identity) -> Result<Session, CarrierErr
             "root_ca_certificate": path(&identity.ca)?,
             "enable_mtls": true,
             "connect_certificate": path(&identity.certificate)?,
-            "connect_private_key": path(&identity.key)?,
+            "connect_private_key": secret(&identity.key)?,
             // The list of authorities of the web counts as well, which no name of a cell can have.
             "verify_name_on_connect": true,
             "close_link_on_expiration": true,
@@ -130,7 +160,24 @@ pub fn connect(address: &str, identity: &Identity) -> Result<Session, CarrierErr
         "exit_on_failure": true,
         "retry": { "period_init_ms": 250, "period_max_ms": 2000, "period_increase_factor": 2 },
     });
-    open(&config)
+    open(&config).map_err(|cause| match cause {
+        CarrierError::Session(said) => CarrierError::Session(why_not(address, &said)),
+        file => file,
+    })
+}
+
+/// Why nobody is reached: Zenoh says the same of a cable and of a certificate.
+fn why_not(address: &str, said: &str) -> String {
+    let places = address.to_socket_addrs().map(Iterator::collect::<Vec<_>>);
+    let reached = places.map(|places| (places.iter()).any(|place| TcpStream::connect_timeout(place, REACH).is_ok()));
+    match reached {
+        Err(cause) => cause.to_string(),
+        Ok(true) => format!(
+            "somebody listens there, but there is no link: both certificates must be of one cell, and that of the supervisor be made for \
+             this name or address ({said})"
+        ),
+        Ok(false) => format!("nobody answers there ({said})"),
+    }
 }
 
 /// The session of the supervisor, listening; clients are those of `machines`, by the common names of their certificates, and each
@@ -145,7 +192,7 @@ pub fn listen(address: SocketAddr, identity: &Identity, machines: &[String]) -> 
             "root_ca_certificate": path(&identity.ca)?,
             "enable_mtls": true,
             "listen_certificate": path(&identity.certificate)?,
-            "listen_private_key": path(&identity.key)?,
+            "listen_private_key": secret(&identity.key)?,
             "close_link_on_expiration": true,
         }),
     );
@@ -201,6 +248,13 @@ mod tests {
     }
 
     #[test]
+    fn words_of_zenoh_have_no_places_of_its_sources() {
+        let said = "Cannot listen on 1.2.3.4:5: in use (os error 98) at /x/tcp.rs:61. at /x/unicast.rs:432.";
+        assert_eq!(in_words(said), "Cannot listen on 1.2.3.4:5: in use (os error 98)");
+        assert_eq!(in_words("no room at all"), "no room at all");
+    }
+
+    #[test]
     fn what_is_told_to_zenoh_is_what_it_knows() {
         let mut config = common("router", json!({ "enable_mtls": true }));
         config["access_control"] = access(&["a.1".into(), "b.2".into()]);
@@ -210,6 +264,10 @@ mod tests {
             key: "gone.key".into(),
             ca: "gone.ca".into(),
         };
+        assert!(why_not("127.0.0.1:1", "x").starts_with("nobody answers there"));
+        let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+        let listens = listener.local_addr().unwrap().to_string();
+        assert!(why_not(&listens, "x").starts_with("somebody listens there"));
         let error = connect("127.0.0.1:1", &gone).unwrap_err();
         assert!(error.to_string().starts_with("gone.ca: "), "{error}");
     }

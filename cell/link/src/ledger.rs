@@ -8,9 +8,8 @@
 use crate::message::{OrderState, Phase};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
-use std::fs::{File, OpenOptions};
-use std::io::{self, ErrorKind, Read, Write};
-use std::os::unix::fs::OpenOptionsExt;
+use std::fs::File;
+use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 /// Orders that are remembered.
@@ -53,17 +52,9 @@ impl Ledger {
     /// The file cannot be read or is none; then nothing may be run.
     pub fn open(folder: &Path) -> io::Result<Ledger> {
         let path = folder.join(NAME);
-        let mut file = OpenOptions::new()
-            .read(true)
-            .append(true)
-            .create(true)
-            .mode(0o600)
-            .open(&path)?;
-        if file.metadata()?.len() > FILE_MAX {
-            return Err(wrong(&path, "is too long"));
-        }
-        let mut text = Vec::new();
-        file.read_to_end(&mut text)?;
+        // Made if it is not there; a link of another user is refused.
+        let file = files::append(&path).map_err(|cause| wrong(&path, &cause.to_string()))?;
+        let text = files::read::read(&path, FILE_MAX).map_err(|cause| wrong(&path, &cause.to_string()))?;
         // A line that a crash has cut short was never told to anybody.
         let whole = text.iter().rposition(|octet| *octet == b'\n').map_or(0, |at| at + 1);
         if whole < text.len() {
@@ -142,25 +133,16 @@ impl Ledger {
     }
 
     fn write_anew(&mut self) -> io::Result<()> {
-        let new = self.path.with_extension("new");
         let mut text = Vec::new();
         for line in &self.orders {
             serde_json::to_writer(&mut text, line).map_err(io::Error::other)?;
             text.push(b'\n');
         }
-        let mut file = OpenOptions::new()
-            .write(true)
-            .create(true)
-            .truncate(true)
-            .mode(0o600)
-            .open(&new)?;
-        file.write_all(&text)?;
-        file.sync_data()?;
-        std::fs::rename(&new, &self.path)?;
+        files::write(&self.path, &text)?;
         if let Some(folder) = self.path.parent() {
             File::open(folder)?.sync_all()?;
         }
-        self.file = OpenOptions::new().append(true).open(&self.path)?;
+        self.file = files::append(&self.path)?;
         (self.length, self.lines) = (text.len() as u64, self.orders.len());
         Ok(())
     }

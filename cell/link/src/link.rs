@@ -36,6 +36,8 @@ use zenoh::{Session, Wait};
 const HEARTBEAT: Duration = Duration::from_secs(1);
 /// Longest sleep of a thread: so long may an end take to be noticed.
 const NAP: Duration = Duration::from_millis(250);
+/// The same while the disk of the control takes what has happened.
+const SHORT_NAP: Duration = Duration::from_millis(5);
 /// Between two tries to reach a supervisor that was never there.
 const RETRY: Duration = Duration::from_secs(1);
 /// Questions that wait to be answered.
@@ -176,6 +178,8 @@ struct Teller<'a> {
     joints: usize,
     /// Entries up to this one were told, or will be asked for.
     told: u64,
+    /// Something has happened that is not on the disk of the control yet.
+    is_behind: bool,
     /// The machine was moved by hand since it was homed or ran a program.
     by_hand: bool,
     /// Orders under way, the oldest first; and ends that the disk has not taken yet.
@@ -187,7 +191,7 @@ impl<'a> Teller<'a> {
         let mut control = (shared.connect)(true)?;
         let described = control.ask("machine.describe", json!({}))?;
         let joints = described["joints"].as_array().map_or(0, Vec::len);
-        let last = control.ask("journal.since", json!({ "seq": u64::from(u32::MAX) }))?["last"].as_u64();
+        let last = journal(control.as_mut(), u64::from(u32::MAX))?.last;
         let mut teller = Teller {
             shared,
             control,
@@ -195,7 +199,8 @@ impl<'a> Teller<'a> {
                 .duration_since(UNIX_EPOCH)
                 .map_or(0, |since| since.as_millis() as u64),
             joints,
-            told: last.unwrap_or(0),
+            told: last,
+            is_behind: false,
             by_hand: false,
             running: Vec::new(),
         };
@@ -211,9 +216,9 @@ impl<'a> Teller<'a> {
             let mut since = line.journal;
             let mut settled = None;
             while settled.is_none() {
-                let (entries, more) = entries(self.control.as_mut(), since)?;
+                let Journal { entries, more, .. } = journal(self.control.as_mut(), since)?;
                 settled = entries.iter().find_map(|entry| end_of(&line, entry));
-                match entries.last().and_then(|entry| entry["seq"].as_u64()) {
+                match entries.last().and_then(seq) {
                     Some(last) if more => since = last,
                     _ => break,
                 }
@@ -235,7 +240,8 @@ impl<'a> Teller<'a> {
         let mut live: Option<Live> = None;
         let mut last_told: Option<(State, Instant)> = None;
         while !self.shared.stops() {
-            let status = self.control.wait(NAP)?.clone();
+            let nap = if self.is_behind { SHORT_NAP } else { NAP };
+            let status = self.control.wait(nap)?.clone();
             if live.is_none()
                 && let Ok(session) = connected.try_recv()
             {
@@ -244,18 +250,12 @@ impl<'a> Teller<'a> {
             }
             self.note_hands(&status);
             let news = self.news(&status)?;
-            self.note_ends(&news);
+            self.note_ends(&news.entries);
             let state = self.state(&status);
             *self.shared.why_not.lock().unwrap_or_else(PoisonError::into_inner) = state.why_not.clone();
             let Some(live) = &live else { continue };
-            if !news.is_empty() {
-                let since = news[0]["seq"].as_u64().unwrap_or(1) - 1;
-                let journal = Journal {
-                    since,
-                    entries: news,
-                    more: false,
-                };
-                self.put(&live.session, Topic::Journal, journal);
+            if !news.entries.is_empty() {
+                self.put(&live.session, Topic::Journal, &news);
             }
             let due = last_told.as_ref().is_none_or(|(told, at)| {
                 let same = State {
@@ -338,18 +338,20 @@ impl<'a> Teller<'a> {
     }
 
     /// Entries that are new.
-    fn news(&mut self, status: &Map<String, Value>) -> Result<Vec<Value>, Refused> {
-        let newest = status
-            .get("messages")
-            .and_then(|messages| messages.as_array()?.last()?["seq"].as_u64());
-        if newest.is_none_or(|newest| newest <= self.told) {
-            return Ok(Vec::new());
-        }
-        let (mut news, _) = entries(self.control.as_mut(), self.told)?;
-        news.retain(|entry| entry["seq"].is_u64());
-        if let Some(last) = news.last().and_then(|entry| entry["seq"].as_u64()) {
-            self.told = last;
-        }
+    fn news(&mut self, status: &Map<String, Value>) -> Result<Journal, Refused> {
+        let messages = status.get("messages").and_then(Value::as_array);
+        let newest = messages.and_then(|messages| seq(messages.last()?)).unwrap_or(0);
+        let news = match newest > self.told {
+            true => journal(self.control.as_mut(), self.told)?,
+            false => Journal {
+                since: self.told,
+                entries: Vec::new(),
+                more: false,
+                last: self.told,
+            },
+        };
+        self.told = news.entries.last().and_then(seq).unwrap_or(self.told);
+        self.is_behind = newest > self.told;
         Ok(news)
     }
 
@@ -447,18 +449,28 @@ impl<'a> Teller<'a> {
     }
 }
 
-/// The entries behind a number, and whether there are others behind those.
-fn entries(control: &mut dyn Control, since: u64) -> Result<(Vec<Value>, bool), Refused> {
+fn seq(entry: &Value) -> Option<u64> {
+    entry["seq"].as_u64()
+}
+
+/// The entries behind a number that are on the disk of the control: what it may forget is told to nobody, for its number would be that
+/// of something else.
+fn journal(control: &mut dyn Control, since: u64) -> Result<Journal, Refused> {
     let mut answer = control.ask("journal.since", json!({ "seq": since }))?;
-    let more = answer["more"] == true;
-    match answer["entries"].take() {
-        Value::Array(mut entries) => {
-            let more = more || entries.len() > ENTRIES_MAX;
-            entries.truncate(ENTRIES_MAX);
-            Ok((entries, more))
-        }
-        _ => Ok((Vec::new(), false)),
-    }
+    let on_disk = answer["on_disk"].as_u64().unwrap_or(u64::MAX);
+    let last = answer["last"].as_u64().unwrap_or(0).min(on_disk);
+    let mut entries = match answer["entries"].take() {
+        Value::Array(entries) => entries,
+        _ => Vec::new(),
+    };
+    entries.retain(|entry| seq(entry).is_some_and(|seq| seq <= on_disk));
+    entries.truncate(ENTRIES_MAX);
+    Ok(Journal {
+        since,
+        more: entries.last().and_then(seq).is_some_and(|told| told < last),
+        entries,
+        last,
+    })
 }
 
 /// An order as this entry of the journal ends it; `None`: the entry is of something else.
@@ -558,8 +570,8 @@ fn answer_orders(shared: &Shared<'_>, queries: &Receiver<Query>) -> Result<(), R
             }
             Some(Topic::Journal) => match body::<Since>(query.payload()) {
                 Ok(Since { since }) => {
-                    let (entries, more) = entries(control.as_mut(), since)?;
-                    reply(shared, query, Journal { since, entries, more });
+                    let journal = journal(control.as_mut(), since)?;
+                    reply(shared, query, journal);
                 }
                 Err(why) => refuse(query, &why),
             },
@@ -682,7 +694,10 @@ fn take_program(
         .and_then(|number| control.ask("program.check", json!({ "upload": number })));
     let outlook = match checked {
         Ok(outlook) => outlook,
-        Err(Refused::ByControl(why)) => return Ok(stored(Err(why))),
+        Err(Refused::ByControl(why)) => {
+            let why = why.strip_prefix("error: ").unwrap_or(&why);
+            return Ok(stored(Err(why.to_owned())));
+        }
         Err(gone) => return Err(gone),
     };
     let written = store::write(&shared.settings.programs, &upload.name, content);
@@ -732,11 +747,11 @@ fn begin(
 ) -> Result<OrderState, Refused> {
     let number = send(control, program, content)?;
     control.ask("program.load", json!({ "upload": number }))?;
-    let journal = control.ask("journal.since", json!({ "seq": u64::from(u32::MAX) }))?["last"].as_u64();
+    let journal = journal(control, u64::from(u32::MAX))?.last;
     let mut line = Line {
         state: of(&order.id, Phase::Running, ""),
         program: program.to_owned(),
-        journal: journal.unwrap_or(0),
+        journal,
     };
     let on_disk = |line: &Line| {
         let not = |cause: io::Error| Refused::ByControl(format!("the disk does not take the order: {cause}"));

@@ -276,6 +276,8 @@ pub struct Journal {
     pub entries: Vec<Value>,
     /// There are others behind these.
     pub more: bool,
+    /// Number of the last entry that there is. Below `since`: the journal has begun anew.
+    pub last: u64,
 }
 
 /// A question for entries.

@@ -7,13 +7,21 @@
 //!
 //! An attempt has an id of its own and is in the store before it is sent; the control carries an id out once. So a supervisor that was
 //! killed asks again with the same id, and hears what became of it.
+//!
+//! | to learn | file |
+//! |---|---|
+//! | which machine makes which part | `queue.rs` |
+//! | what people ask and are shown | `people.rs` |
 
-use crate::store::{Attempt, Known, OrderIs, PartsOrder, Store, Wish};
-use cell_link::message::{
-    Envelope, Journal, Order, OrderState, Phase, Remote, Since, State, Stored, Topic, Upload, Use, What, is_program,
-};
+mod people;
+mod queue;
+
+pub use people::Ask;
+
+use crate::store::{Attempt, Known, Store};
+use cell_link::message::{Envelope, Journal, OrderState, Phase, Since, State, Stored, Topic, Use};
 use serde_json::{Value, json};
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 use std::time::Duration;
 
 /// A control that says nothing for so long is not there, s.
@@ -51,77 +59,6 @@ pub enum Event {
     Refused(String),
     /// Somebody asks.
     Ask(Ask, Reply),
-}
-
-/// What somebody asks.
-#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Ask {
-    /// All machines.
-    Machines,
-    /// Says which class a machine is of.
-    SetClass {
-        /// Name of the machine.
-        machine: String,
-        /// Name of the class.
-        class: String,
-    },
-    /// Sends a program to a machine.
-    Upload {
-        /// Name of the machine.
-        machine: String,
-        /// Name of the program.
-        name: String,
-        #[serde(skip)]
-        /// Its content.
-        content: Vec<u8>,
-    },
-    /// Runs a program that was sent.
-    RunProgram {
-        /// Name of the machine.
-        machine: String,
-        /// Name of the program.
-        program: String,
-    },
-    /// Holds what runs.
-    Hold {
-        /// Name of the machine.
-        machine: String,
-    },
-    /// Gives up what runs.
-    Stop {
-        /// Name of the machine.
-        machine: String,
-    },
-    /// A control tells what has happened; or somebody asks for that.
-    Journal {
-        /// Name of the machine.
-        machine: String,
-        /// Entries behind this number.
-        since: u64,
-    },
-    /// Orders of parts.
-    Queue,
-    /// Orders parts.
-    Add {
-        /// What is wanted.
-        wish: Wish,
-        #[serde(skip)]
-        /// Its content.
-        content: Vec<u8>,
-    },
-    /// No further part of an order is begun.
-    Cancel {
-        /// Number of the order.
-        order: i64,
-    },
-    /// Tries a held order again.
-    Resume {
-        /// Number of the order.
-        order: i64,
-    },
-    /// All that the page shows.
-    Overview,
 }
 
 /// A question to a control.
@@ -445,67 +382,17 @@ impl Core {
         }
     }
 
-    /// What a control says of an order.
-    fn attempt_is(&mut self, name: &str, state: &OrderState, now: f64) -> Outcome<()> {
-        let Some(machine) = self.machines.get_mut(name) else {
-            return Ok(());
-        };
-        let Some((attempt, asked_s)) = &mut machine.attempt else {
-            return Ok(());
-        };
-        if attempt.id != state.id {
-            return Ok(());
-        }
-        *asked_s = now;
-        if attempt.phase == state.phase {
-            return Ok(());
-        }
-        attempt.phase = state.phase;
-        self.store.set_attempt(state, now)?;
-        if !state.phase.is_over() {
-            return Ok(());
-        }
-        let Attempt { order, program, .. } = attempt.clone();
-        machine.attempt = None;
-        if state.phase == Phase::Refused {
-            machine.rests_until_s = now + REST_S;
-            // The machine may have lost it: the next try sends it again.
-            if order.is_some() {
-                self.store.set_stored(name, &program, None)?;
-            }
-        }
-        self.is_queue_due = true;
-        match order {
-            Some(order) => self.settle(order),
-            None => Ok(()),
-        }
-    }
-
-    /// Ends an order that has all its parts, and holds one that fails again and again.
-    fn settle(&mut self, id: i64) -> Outcome<()> {
-        let Some(order) = self.store.orders(true)?.into_iter().find(|order| order.id == id) else {
-            return Ok(());
-        };
-        if order.completed >= order.wish.count {
-            self.store.set_order(id, OrderIs::Done, "")?;
-            return Ok(());
-        }
-        let last = self.store.attempts_of(id, FAILURES_MAX as u32)?;
-        let has_failed = |attempt: &Attempt| matches!(attempt.phase, Phase::Failed | Phase::Interrupted);
-        if last.len() == FAILURES_MAX && last.iter().all(has_failed) {
-            let note = format!(
-                "{FAILURES_MAX} attempts failed one after the other, the last one: {}",
-                last[0].note
-            );
-            self.store.set_order(id, OrderIs::Held, &note)?;
-        }
-        Ok(())
-    }
-
     fn journal(&mut self, name: &str, journal: &Journal) -> Outcome<()> {
         let Some(machine) = self.machine(name)? else {
             return Ok(());
         };
+        if journal.last < machine.journal && journal.since == machine.journal {
+            tracing::warn!("{name}: its journal begins anew, as its state folder is another one");
+            machine.journal = 0;
+            self.store.begin_journal_anew(name)?;
+            self.ask_journal(name);
+            return Ok(());
+        }
         if journal.since > machine.journal {
             // Some were lost on the way.
             self.ask_journal(name);
@@ -631,170 +518,6 @@ impl Core {
         Ok(())
     }
 
-    /// Whether an attempt may still begin: its order is open, or it has none.
-    fn is_wanted(&self, id: &str) -> Outcome<bool> {
-        let attempt = self.store.open_attempts()?.into_iter().find(|attempt| attempt.id == id);
-        let Some(order) = attempt.and_then(|attempt| attempt.order) else {
-            return Ok(true);
-        };
-        Ok(self.store.orders(true)?.iter().any(|open| open.id == order))
-    }
-
-    /// The answer; or nothing that counts, where the reply is taken for later.
-    fn asked_by_people(&mut self, ask: Ask, reply: &mut Option<Reply>, now: f64) -> Outcome<Result<Value, String>> {
-        let answer = match ask {
-            Ask::Machines => Ok(json!({ "machines": self.shown_machines(now) })),
-            Ask::SetClass { machine, class } => match self.store.set_class(&machine, &class)? {
-                0 => Err(unknown(&machine)),
-                _ => {
-                    self.machines.entry(machine).or_default().class = class;
-                    self.is_queue_due = true;
-                    Ok(json!({}))
-                }
-            },
-            Ask::Upload { machine, name, content } => {
-                let upload = Upload::of(&name, &content);
-                match upload.verify(&content).and_then(|()| self.there(&machine, now)) {
-                    Ok(()) => {
-                        self.store.add_program(&upload.sha256, &content)?;
-                        self.upload(&machine, &upload, content, None, reply.take());
-                        Ok(Value::Null)
-                    }
-                    Err(why) => Err(why),
-                }
-            }
-            Ask::RunProgram { machine, program } => {
-                let stored = self.store.stored(&machine, &program)?;
-                let busy = self.machines.get(&machine).and_then(|machine| machine.attempt.as_ref());
-                match (self.there(&machine, now), stored, busy) {
-                    (Err(why), ..) => Err(why),
-                    (_, None, _) => Err(format!(
-                        "{machine} has no {program} from here: isocnc-cell upload {machine} FILE"
-                    )),
-                    (.., Some((attempt, _))) => Err(format!("{machine} has an order already: {}", attempt.id)),
-                    (Ok(()), Some(sha256), None) => {
-                        self.run(&machine, &program, &sha256, None, reply, now)?;
-                        Ok(Value::Null)
-                    }
-                }
-            }
-            Ask::Hold { machine } => self.pass(&machine, What::Hold, reply, now),
-            Ask::Stop { machine } => self.pass(&machine, What::Stop, reply, now),
-            Ask::Journal { machine, since } => match self.machines.contains_key(&machine) {
-                true => Ok(json!({ "machine": machine, "entries": self.store.journal(&machine, since, 500)? })),
-                false => Err(unknown(&machine)),
-            },
-            Ask::Queue => Ok(json!({ "orders": self.shown_orders()?, "attempts": self.store.history(50)? })),
-            Ask::Add { wish, content } => match check(&wish) {
-                Ok(()) => {
-                    let upload = Upload::of(&wish.program, &content);
-                    match upload.verify(&content) {
-                        Ok(()) => {
-                            self.store.add_program(&upload.sha256, &content)?;
-                            let order = self.store.add_order(&wish, &upload.sha256, now)?;
-                            self.is_queue_due = true;
-                            Ok(json!({ "order": order }))
-                        }
-                        Err(why) => Err(why),
-                    }
-                }
-                Err(why) => Err(why),
-            },
-            Ask::Cancel { order } => self.change(order, OrderIs::Cancelled, &[OrderIs::Open, OrderIs::Held])?,
-            Ask::Resume { order } => self.change(order, OrderIs::Open, &[OrderIs::Held])?,
-            Ask::Overview => Ok(self.overview(now)?),
-        };
-        Ok(answer)
-    }
-
-    fn change(&mut self, id: i64, to: OrderIs, from: &[OrderIs]) -> Outcome<Result<Value, String>> {
-        let Some(order) = self.store.orders(false)?.into_iter().find(|order| order.id == id) else {
-            return Ok(Err(format!("there is no order {id}: isocnc-cell queue")));
-        };
-        if !from.contains(&order.state) {
-            return Ok(Err(format!("order {id} is {}", serde_json::json!(order.state))));
-        }
-        self.store.set_order(id, to, "")?;
-        for machine in self.machines.values_mut() {
-            machine.unfit.remove(&id);
-        }
-        self.is_queue_due = true;
-        Ok(Ok(json!({ "order": id })))
-    }
-
-    fn there(&self, name: &str, now: f64) -> Result<(), String> {
-        match self.machines.get(name) {
-            None => Err(unknown(name)),
-            Some(machine) if machine.is_there(now) => Ok(()),
-            Some(_) => Err(format!("{name} is not reached; it works on alone")),
-        }
-    }
-
-    fn pass(&mut self, name: &str, what: What, reply: &mut Option<Reply>, now: f64) -> Result<Value, String> {
-        self.there(name, now)?;
-        if let Some(reply) = reply.take() {
-            let id = (self.ids)();
-            self.ask(name, Topic::Order, Order { id, what }, Asked::Passing(reply));
-        }
-        Ok(Value::Null)
-    }
-
-    fn upload(&mut self, machine: &str, upload: &Upload, content: Vec<u8>, order: Option<i64>, reply: Option<Reply>) {
-        if let Some(known) = self.machines.get_mut(machine) {
-            known.uploads += 1;
-        }
-        let attachment = self.say(upload);
-        let asked = Asked::Upload {
-            machine: machine.to_owned(),
-            name: upload.name.clone(),
-            sha256: upload.sha256.clone(),
-            order,
-            reply,
-        };
-        self.question(machine, Topic::Program, content, Some(attachment), SLOW, asked);
-    }
-
-    fn run(
-        &mut self,
-        machine: &str,
-        program: &str,
-        sha256: &str,
-        order: Option<i64>,
-        reply: &mut Option<Reply>,
-        now: f64,
-    ) -> Outcome<()> {
-        let attempt = Attempt {
-            id: (self.ids)(),
-            order,
-            machine: machine.to_owned(),
-            program: program.to_owned(),
-            sha256: sha256.to_owned(),
-            phase: Phase::Unknown,
-            note: String::new(),
-            sent_unix_s: now,
-            took_s: None,
-        };
-        self.store.add_attempt(&attempt)?;
-        self.send_run(&attempt, reply.take());
-        if let Some(known) = self.machines.get_mut(machine) {
-            known.attempt = Some((attempt, now));
-        }
-        Ok(())
-    }
-
-    fn send_run(&mut self, attempt: &Attempt, reply: Option<Reply>) {
-        let order = Order {
-            id: attempt.id.clone(),
-            what: What::Run {
-                program: attempt.program.clone(),
-                sha256: attempt.sha256.clone(),
-            },
-        };
-        let payload = self.say(order);
-        let asked = Asked::Attempt(attempt.machine.clone(), attempt.id.clone(), reply);
-        self.question(&attempt.machine, Topic::Run, payload, None, SLOW, asked);
-    }
-
     fn due(&mut self, now: f64) -> Outcome<()> {
         self.ask_again(now)?;
         if now >= self.times_due_s {
@@ -812,146 +535,6 @@ impl Core {
             self.plan_queue(now)?;
         }
         Ok(())
-    }
-
-    /// Asks about attempts of which nothing was heard for a while.
-    fn ask_again(&mut self, now: f64) -> Outcome<()> {
-        let under_way: HashSet<&String> = (self.asked.values())
-            .filter_map(|asked| match asked {
-                Asked::Attempt(_, id, _) => Some(id),
-                _ => None,
-            })
-            .collect();
-        let mut silent = Vec::new();
-        for machine in self.machines.values() {
-            if let Some((attempt, asked_s)) = &machine.attempt
-                && machine.is_there(now)
-                && now - asked_s > ASK_AGAIN_S
-                && !under_way.contains(&attempt.id)
-            {
-                silent.push(attempt.clone());
-            }
-        }
-        for attempt in silent {
-            if let Some((_, asked_s)) = self
-                .machines
-                .get_mut(&attempt.machine)
-                .and_then(|machine| machine.attempt.as_mut())
-            {
-                *asked_s = now;
-            }
-            if attempt.phase == Phase::Unknown && self.is_wanted(&attempt.id)? {
-                // The same id: a control that has carried it out says how it went.
-                self.send_run(&attempt, None);
-            } else {
-                let asked = Asked::Attempt(attempt.machine.clone(), attempt.id.clone(), None);
-                let order = Order {
-                    id: attempt.id,
-                    what: What::Status,
-                };
-                self.ask(&attempt.machine, Topic::Order, order, asked);
-            }
-        }
-        Ok(())
-    }
-
-    /// Gives open orders to machines that are free and fit.
-    fn plan_queue(&mut self, now: f64) -> Outcome<()> {
-        for order in self.store.orders(true)? {
-            let mut missing = order.wish.count.saturating_sub(order.completed + order.under_way) as usize;
-            missing = missing.saturating_sub(self.uploads_of(order.id));
-            let mut names: Vec<&String> = self.machines.keys().collect();
-            names.sort();
-            let free: Vec<String> = (names.into_iter())
-                .filter(|name| self.machines[*name].takes(&order, now))
-                .cloned()
-                .collect();
-            for name in free {
-                if missing == 0 {
-                    break;
-                }
-                let has = self.store.stored(&name, &order.wish.program)?;
-                if has.as_ref() == Some(&order.sha256) {
-                    self.run(
-                        &name,
-                        &order.wish.program,
-                        &order.sha256,
-                        Some(order.id),
-                        &mut None,
-                        now,
-                    )?;
-                } else if self.machines.values().map(|machine| machine.uploads).sum::<usize>() < UPLOADS_MAX {
-                    let Some(content) = self.store.program(&order.sha256)? else {
-                        continue;
-                    };
-                    let upload = Upload::of(&order.wish.program, &content);
-                    self.upload(&name, &upload, content, Some(order.id), None);
-                }
-                missing -= 1;
-            }
-        }
-        Ok(())
-    }
-
-    fn uploads_of(&self, id: i64) -> usize {
-        let of = |asked: &&Asked| matches!(asked, Asked::Upload { order: Some(order), .. } if *order == id);
-        self.asked.values().filter(of).count()
-    }
-
-    fn shown_orders(&self) -> Outcome<Vec<Value>> {
-        let orders = self.store.orders(false)?;
-        let shown = orders.into_iter().rev().take(200).map(|order| {
-            let why: Vec<Value> = (self.machines.iter())
-                .filter_map(|(name, machine)| {
-                    let why = machine.unfit.get(&order.id).cloned().or(machine.lacks(&order))?;
-                    Some(json!({ "machine": name, "why": why }))
-                })
-                .collect();
-            let mut shown = json!(order);
-            shown["unfit"] = json!(why);
-            shown
-        });
-        Ok(shown.collect())
-    }
-
-    fn shown_machines(&self, now: f64) -> Vec<Value> {
-        let mut all: Vec<(&String, &Machine)> = self.machines.iter().collect();
-        all.sort_by_key(|(name, _)| *name);
-        all.into_iter()
-            .map(|(name, machine)| {
-                json!({
-                    "name": name,
-                    "class": machine.class,
-                    "alive": machine.is_there(now),
-                    "silent_s": (machine.heard_s > 0.0).then(|| (now - machine.heard_s).max(0.0)),
-                    "use": if machine.is_there(now) { machine.state.use_of_time() } else { Use::Unknown }.word(),
-                    "state": machine.state,
-                    "journal": machine.journal,
-                    "attempt": machine.attempt.as_ref().map(|(attempt, _)| attempt),
-                    "panel": machine.described["panel"],
-                })
-            })
-            .collect()
-    }
-
-    fn overview(&self, now: f64) -> Outcome<Value> {
-        let day = (now / 86_400.0).floor() as i64;
-        let alarms = self.store.alarms()?.into_iter().map(
-            |(machine, seq, unix_s, text)| json!({ "machine": machine, "seq": seq, "unix_s": unix_s, "text": text }),
-        );
-        let times = self.store.times(day - 6)?.into_iter().map(
-            |(machine, day, what, seconds)| json!({ "machine": machine, "day": day, "what": what, "seconds": seconds }),
-        );
-        let refusals = self.store.refusals(20)?.into_iter();
-        Ok(json!({
-            "unix_s": now,
-            "machines": self.shown_machines(now),
-            "alarms": alarms.collect::<Vec<Value>>(),
-            "orders": self.shown_orders()?,
-            "attempts": self.store.history(50)?,
-            "times": times.collect::<Vec<Value>>(),
-            "refusals": refusals.map(|(unix_s, text)| json!({ "unix_s": unix_s, "text": text })).collect::<Vec<Value>>(),
-        }))
     }
 }
 
@@ -972,75 +555,6 @@ impl Machine {
             }
         }
     }
-
-    /// Whether it is free for an order.
-    fn takes(&self, order: &PartsOrder, now: f64) -> bool {
-        self.is_there(now)
-            && self.state.is_ready
-            && self.state.remote == Remote::Run
-            && self.attempt.is_none()
-            && self.uploads == 0
-            && now >= self.rests_until_s
-            && !self.unfit.contains_key(&order.id)
-            && self.lacks(order).is_none()
-    }
-
-    /// What it lacks for an order, as far as its description tells.
-    fn lacks(&self, order: &PartsOrder) -> Option<String> {
-        let wish = &order.wish;
-        if !wish.class.is_empty() && wish.class != self.class {
-            return Some(format!("is of class {:?}", self.class));
-        }
-        let axes = self.described["machine"]["axes"].as_array();
-        let axis = |letter: char| {
-            let is = |axis: &&Value| axis["axis"].as_str() == Some(letter.to_string().as_str());
-            axes.into_iter().flatten().find(is)
-        };
-        if let Some(letter) = wish.axes.chars().find(|letter| axis(*letter).is_none()) {
-            return Some(format!("has no axis {letter}"));
-        }
-        for (letter, wanted) in &wish.travel {
-            let travel = axis(*letter).and_then(|axis| Some(axis["travel"][1].as_f64()? - axis["travel"][0].as_f64()?));
-            match travel {
-                Some(travel) if travel >= *wanted => {}
-                Some(travel) => return Some(format!("travel of {letter} is {travel}, {wanted} is wanted")),
-                None => return Some(format!("travel of {letter} is not known")),
-            }
-        }
-        let tools = self.described["tools"]["tools"].as_array();
-        let has = |number: &u32| tools.into_iter().flatten().any(|tool| tool["tool"] == *number);
-        wish.tools
-            .iter()
-            .find(|number| !has(number))
-            .map(|number| format!("has no tool {number}"))
-    }
-}
-
-fn unknown(machine: &str) -> String {
-    format!("there is no machine {machine:?}: isocnc-cell machines")
-}
-
-/// Whether an order can be.
-fn check(wish: &Wish) -> Result<(), String> {
-    if !is_program(&wish.program) {
-        return Err(format!("{:?} cannot name a program", wish.program));
-    }
-    if !(1..=100_000).contains(&wish.count) {
-        return Err(format!("{} parts: 1 to 100000 can be ordered", wish.count));
-    }
-    let is_axis = |letter: char| "XYZABCUVW".contains(letter);
-    if let Some(letter) = wish
-        .axes
-        .chars()
-        .chain(wish.travel.iter().map(|(letter, _)| *letter))
-        .find(|letter| !is_axis(*letter))
-    {
-        return Err(format!("{letter:?} is no axis: X Y Z A B C U V W"));
-    }
-    if let Some((letter, travel)) = wish.travel.iter().find(|(_, travel)| !(0.0..=1e6).contains(travel)) {
-        return Err(format!("travel of {letter}: {travel} must be 0 to 1e6"));
-    }
-    Ok(())
 }
 
 #[cfg(test)]

@@ -64,6 +64,7 @@ impl Fake {
                     since,
                     entries,
                     more: self.journal.len() as u64 > since + 3,
+                    last: self.journal.len() as u64,
                 })
             }
             Topic::Program => {
@@ -358,6 +359,7 @@ fn a_journal_comes_whole_whatever_is_lost_on_the_way() {
     for _ in 0..2 {
         let published = Journal {
             since: 11,
+            last: 12,
             entries: vec![last.clone()],
             more: false,
         };
@@ -365,10 +367,40 @@ fn a_journal_comes_whole_whatever_is_lost_on_the_way() {
     }
     let told = shop.ask(Ask::Journal {
         machine: "a".into(),
-        since: 0,
+        since: Some(0),
     });
     assert_eq!(told.unwrap()["entries"], json!(shop.fakes["a"].journal));
     let overview = shop.ask(Ask::Overview).unwrap();
+    assert_eq!(overview["alarms"].as_array().unwrap().len(), 1);
+}
+
+#[test]
+fn a_journal_that_begins_anew_is_told_from_its_beginning() {
+    let mut shop = Shop::new(&["a"]);
+    for number in 0..10 {
+        shop.fakes.get_mut("a").unwrap().note("alarm", &number.to_string());
+    }
+    shop.second();
+    // Another state folder: what happens now has the numbers of other things.
+    let fake = shop.fakes.get_mut("a").unwrap();
+    fake.journal.clear();
+    fake.boot += 1;
+    fake.note("alarm", "anew");
+    shop.give(vec![Event::Alive("a".into(), true)]);
+    shop.second();
+    shop.fakes.get_mut("a").unwrap().note("note", "and on");
+    shop.second();
+    let told = |shop: &mut Shop, since| {
+        let machine = "a".into();
+        shop.ask(Ask::Journal { machine, since }).unwrap()["entries"].clone()
+    };
+    let journal = json!(shop.fakes["a"].journal);
+    assert_eq!(
+        (told(&mut shop, Some(0)), told(&mut shop, None)),
+        (journal.clone(), journal)
+    );
+    let overview = shop.ask(Ask::Overview).unwrap();
+    assert_eq!(overview["alarms"][0]["text"], "anew");
     assert_eq!(overview["alarms"].as_array().unwrap().len(), 1);
 }
 
