@@ -1,6 +1,6 @@
 //! The agent: what is known of a machine, and the answer to each request.
 
-use crate::document::{self, Document, Head, Refusal};
+use crate::document::{self, Document, Errors, Head, Refusal};
 use crate::facts::{self, Facts, tool_id};
 use crate::model::{Machine, Model, Tool};
 use crate::request::{self, Kind, Request};
@@ -21,6 +21,8 @@ pub struct Settings {
     pub instance: u64,
     /// Observations that are kept.
     pub buffer: usize,
+    /// How errors are told.
+    pub errors: Errors,
 }
 
 /// An answer to a request.
@@ -255,6 +257,7 @@ impl Agent {
             sender: self.settings.sender.clone(),
             since: self.since,
             buffer: self.ring.size(),
+            errors: self.settings.errors,
             assets: self.tools.len(),
             asset_room: TOOLS_MAX,
         }

@@ -19,6 +19,19 @@ pub struct Document {
     pub xml: String,
 }
 
+/// How errors are told.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Errors {
+    /// With the elements that MTConnect has for each kind of them since 2.6.
+    #[default]
+    Typed,
+    /// As `Error` with its code, in a document of 2.2, which clients from before 2.6 read.
+    Coded,
+}
+
+/// Version of the standard that such documents are of.
+const CODED_VERSION: &str = "2.2";
+
 /// What heads of documents tell.
 #[derive(Clone, Debug)]
 pub(crate) struct Head {
@@ -27,18 +40,23 @@ pub(crate) struct Head {
     pub(crate) sender: String,
     pub(crate) since: Duration,
     pub(crate) buffer: usize,
+    pub(crate) errors: Errors,
     pub(crate) assets: usize,
     pub(crate) asset_room: usize,
 }
 
 impl Head {
     fn element(&self) -> Element {
+        self.of_version(VERSION)
+            .with("deviceModelChangeTime", stamp(self.since))
+    }
+
+    fn of_version(&self, version: &str) -> Element {
         Element::new("Header")
             .with("creationTime", stamp(self.now))
             .with("sender", &self.sender)
             .with("instanceId", self.instance.to_string())
-            .with("version", VERSION)
-            .with("deviceModelChangeTime", stamp(self.since))
+            .with("version", version)
     }
 
     fn with_buffer(&self) -> Element {
@@ -52,8 +70,12 @@ impl Head {
 }
 
 fn document(kind: &str, status: u16, head: Element, body: Element) -> Document {
+    document_of(VERSION, kind, status, head, body)
+}
+
+fn document_of(version: &str, kind: &str, status: u16, head: Element, body: Element) -> Document {
     let root = format!("MTConnect{kind}");
-    let space = format!("urn:mtconnect.org:{root}:{VERSION}");
+    let space = format!("urn:mtconnect.org:{root}:{version}");
     let xml = Element::new(&root)
         .with("xmlns", space)
         .holding([head, body])
@@ -216,6 +238,31 @@ pub(crate) enum Refusal {
 
 /// An error; `uri`: what was asked for.
 pub(crate) fn error(head: &Head, uri: &str, refusal: &Refusal, message: &str) -> Document {
+    match head.errors {
+        Errors::Typed => typed_error(head, uri, refusal, message),
+        Errors::Coded => coded_error(head, refusal, message),
+    }
+}
+
+fn coded_error(head: &Head, refusal: &Refusal, message: &str) -> Document {
+    let (status, code) = match refusal {
+        Refusal::NoDevice => (404, "NO_DEVICE"),
+        Refusal::InvalidUri => (404, "INVALID_URI"),
+        Refusal::InvalidPath => (400, "INVALID_PATH"),
+        Refusal::Unsupported => (400, "UNSUPPORTED"),
+        Refusal::AssetNotFound(_) => (404, "ASSET_NOT_FOUND"),
+        Refusal::Value { .. } => (400, "INVALID_REQUEST"),
+        Refusal::OutOfRange { .. } => (404, "OUT_OF_RANGE"),
+    };
+    let error = Element::new("Error").with("errorCode", code).saying(message);
+    let head = head
+        .of_version(CODED_VERSION)
+        .with("bufferSize", head.buffer.to_string());
+    let body = Element::new("Errors").holding([error]);
+    document_of(CODED_VERSION, "Error", status, head, body)
+}
+
+fn typed_error(head: &Head, uri: &str, refusal: &Refusal, message: &str) -> Document {
     let parameter = |name: &str, value: String, limits: Option<[u64; 2]>| {
         let limits = limits.into_iter().flat_map(|[low, high]| {
             let one = |name, value: u64| Element::new(name).saying(value.to_string());

@@ -67,11 +67,28 @@ pub enum Motion {
     Home,
 }
 
+/// How an axis is: machine coordinates, mm or degrees.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct AxisFacts {
+    /// Where it is to be.
+    pub commanded: f64,
+    /// Where it is.
+    pub actual: Option<f64>,
+    /// How far it is behind.
+    pub following_error: Option<f64>,
+    /// Of what its drive can, percent.
+    pub load_percent: Option<f64>,
+    /// What it does.
+    pub motion: Motion,
+}
+
 /// A spindle.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Spindle {
     /// Clockwise above 0; 0: off.
     pub speed_rpm: f64,
+    /// As it is measured.
+    pub actual_rpm: Option<f64>,
     /// Percent.
     pub speed_override: f64,
 }
@@ -145,8 +162,8 @@ pub struct Facts {
     pub place_mm: [f64; 3],
     /// Time that the program has run, s.
     pub program_s: Option<f64>,
-    /// Of each axis of the machine: machine coordinates, mm or degrees, and what it does.
-    pub axes: Vec<(f64, Motion)>,
+    /// Axes, as the machine has them.
+    pub axes: Vec<AxisFacts>,
     /// The first spindle.
     pub spindle: Option<Spindle>,
     /// What is wrong.
@@ -163,6 +180,10 @@ fn number(value: f64) -> Value {
         true => Value::Text(if short == "-0" { "0".into() } else { short.into() }),
         false => Value::Unavailable,
     }
+}
+
+fn measured(value: Option<f64>) -> Value {
+    value.map_or(Value::Unavailable, number)
 }
 
 fn word(word: &str) -> Value {
@@ -262,12 +283,15 @@ pub(crate) fn observe(ring: &mut Ring, model: &Model, letters: &[(char, bool)], 
     see("message", maybe(facts.message.as_ref()));
     let moving: Vec<String> = letters.iter().map(|(letter, _)| letter.to_string()).collect();
     see("active_axes", Value::Text(moving.join(" ")));
-    for ((letter, is_rotary), (position, motion)) in letters.iter().zip(&facts.axes) {
+    for ((letter, is_rotary), axis) in letters.iter().zip(&facts.axes) {
         let id = |what: &str| format!("{}_{what}", letter.to_ascii_lowercase());
-        see(&id("com"), number(*position));
+        see(&id("com"), number(axis.commanded));
+        see(&id("act"), measured(axis.actual));
+        see(&id("error"), measured(axis.following_error));
+        see(&id("load"), measured(axis.load_percent));
         see(
             &id("state"),
-            word(match motion {
+            word(match axis.motion {
                 Motion::Stopped => "STOPPED",
                 Motion::Travel => "TRAVEL",
                 Motion::Home => "HOME",
@@ -279,6 +303,7 @@ pub(crate) fn observe(ring: &mut Ring, model: &Model, letters: &[(char, bool)], 
     }
     if let Some(spindle) = facts.spindle {
         see("s_com", number(spindle.speed_rpm.abs()));
+        see("s_act", measured(spindle.actual_rpm.map(f64::abs)));
         see("s_ovr", number(spindle.speed_override));
         see("s_mode", word("SPINDLE"));
         see(

@@ -27,8 +27,8 @@ mod xml;
 mod xpath;
 
 pub use agent::{Agent, Reply, Settings};
-pub use document::Document;
-pub use facts::{Alarm, Execution, Facts, Mode, Motion, Spindle, Subject, WaitFor};
+pub use document::{Document, Errors};
+pub use facts::{Alarm, AxisFacts, Execution, Facts, Mode, Motion, Spindle, Subject, WaitFor};
 pub use model::{Axis, Machine, Tool};
 pub use request::MAX_COUNT;
 pub use stream::Stream;

@@ -15,15 +15,21 @@ pub struct Machine {
     pub axes: Vec<Axis>,
     /// It has a spindle.
     pub has_spindle: bool,
+    /// The speed of the spindle is measured.
+    pub measures_spindle: bool,
 }
 
 /// An axis.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Axis {
     /// X, Y, Z, A, B, C, U, V or W.
     pub letter: char,
     /// It counts degrees, not mm.
     pub is_rotary: bool,
+    /// Where it is and its following error are measured.
+    pub is_measured: bool,
+    /// Its drive tells its load.
+    pub has_load: bool,
 }
 
 /// A tool of the tool table.
@@ -124,7 +130,7 @@ impl Model {
             model.axis(axes, *axis);
         }
         if machine.has_spindle {
-            model.spindle(axes);
+            model.spindle(axes, machine.measures_spindle);
         }
         let controller = model.component("ctrl", "Controller", None, Some(device));
         model.event(controller, "estop", "EMERGENCY_STOP", None);
@@ -156,24 +162,18 @@ impl Model {
         let id = |what: &str| format!("{}_{what}", axis.letter.to_ascii_lowercase());
         let kind = if axis.is_rotary { "Rotary" } else { "Linear" };
         let part = self.component(&id("axis"), kind, Some(name), Some(axes));
-        match axis.is_rotary {
-            true => self.item(
-                part,
-                Category::Sample,
-                &id("com"),
-                "ANGLE",
-                Some("COMMANDED"),
-                &[DEGREES, OF_MACHINE],
-            ),
-            false => self.item(
-                part,
-                Category::Sample,
-                &id("com"),
-                "POSITION",
-                Some("COMMANDED"),
-                &[MM, OF_MACHINE],
-            ),
+        let (place, error, of_place, of_error): (_, _, &[_], &[_]) = match axis.is_rotary {
+            true => ("ANGLE", "FOLLOWING_ERROR_ANGULAR", &[DEGREES, OF_MACHINE], &[DEGREES]),
+            false => ("POSITION", "FOLLOWING_ERROR_LINEAR", &[MM, OF_MACHINE], &[MM]),
         };
+        self.sample(part, &id("com"), place, Some("COMMANDED"), of_place);
+        if axis.is_measured {
+            self.sample(part, &id("act"), place, Some("ACTUAL"), of_place);
+            self.sample(part, &id("error"), error, Some("ACTUAL"), of_error);
+        }
+        if axis.has_load {
+            self.sample(part, &id("load"), "LOAD", None, &[PERCENT]);
+        }
         self.event(part, &id("state"), "AXIS_STATE", None);
         if axis.is_rotary {
             self.event(part, &id("mode"), "ROTARY_MODE", None);
@@ -182,16 +182,12 @@ impl Model {
         self.item(part, Category::Condition, &id("drive"), "ACTUATOR", None, &[]);
     }
 
-    fn spindle(&mut self, axes: usize) {
+    fn spindle(&mut self, axes: usize, is_measured: bool) {
         let spindle = self.component("s_axis", "Rotary", Some("S".to_owned()), Some(axes));
-        self.item(
-            spindle,
-            Category::Sample,
-            "s_com",
-            "ROTARY_VELOCITY",
-            Some("COMMANDED"),
-            &[RPM],
-        );
+        self.sample(spindle, "s_com", "ROTARY_VELOCITY", Some("COMMANDED"), &[RPM]);
+        if is_measured {
+            self.sample(spindle, "s_act", "ROTARY_VELOCITY", Some("ACTUAL"), &[RPM]);
+        }
         self.event(spindle, "s_ovr", "ROTARY_VELOCITY_OVERRIDE", None).more = &[PERCENT];
         self.event(spindle, "s_mode", "ROTARY_MODE", None);
         self.event(spindle, "s_dir", "DIRECTION", Some("ROTARY"));
@@ -217,30 +213,11 @@ impl Model {
         for (id, sub_kind) in [("feed_ovr", "PROGRAMMED"), ("rapid_ovr", "RAPID")] {
             self.event(path, id, "PATH_FEEDRATE_OVERRIDE", Some(sub_kind)).more = &[PERCENT];
         }
-        self.item(
-            path,
-            Category::Sample,
-            "feed",
-            "PATH_FEEDRATE",
-            Some("COMMANDED"),
-            &[MM_S],
-        );
-        self.item(
-            path,
-            Category::Sample,
-            "place",
-            "PATH_POSITION",
-            Some("COMMANDED"),
-            &[("units", "MILLIMETER_3D"), ("coordinateSystem", "WORK")],
-        );
-        self.item(
-            path,
-            Category::Sample,
-            "cut_time",
-            "PROCESS_TIMER",
-            Some("PROCESS"),
-            &[("units", "SECOND")],
-        );
+        self.sample(path, "feed", "PATH_FEEDRATE", Some("COMMANDED"), &[MM_S]);
+        let of_work = &[("units", "MILLIMETER_3D"), ("coordinateSystem", "WORK")];
+        self.sample(path, "place", "PATH_POSITION", Some("COMMANDED"), of_work);
+        let seconds = &[("units", "SECOND")];
+        self.sample(path, "cut_time", "PROCESS_TIMER", Some("PROCESS"), seconds);
     }
 
     fn component(&mut self, id: &str, kind: &'static str, name: Option<String>, parent: Option<usize>) -> usize {
@@ -251,6 +228,17 @@ impl Model {
 
     fn event(&mut self, component: usize, id: &str, kind: &'static str, sub_kind: Option<&'static str>) -> &mut Item {
         self.item(component, Category::Event, id, kind, sub_kind, &[])
+    }
+
+    fn sample(
+        &mut self,
+        component: usize,
+        id: &str,
+        kind: &'static str,
+        sub_kind: Option<&'static str>,
+        more: &'static [(&'static str, &'static str)],
+    ) {
+        self.item(component, Category::Sample, id, kind, sub_kind, more);
     }
 
     fn item(
@@ -372,11 +360,17 @@ mod tests {
 
     #[test]
     fn each_id_is_there_once_and_the_axes_are_those_of_the_machine() {
-        let axes = [('X', false), ('Z', false), ('C', true)].map(|(letter, is_rotary)| Axis { letter, is_rotary });
+        let axes = [('X', false), ('Z', false), ('C', true)].map(|(letter, is_rotary)| Axis {
+            letter,
+            is_rotary,
+            is_measured: true,
+            has_load: letter == 'X',
+        });
         let machine = Machine {
             name: "1 mill!".into(),
             axes: axes.to_vec(),
             has_spindle: true,
+            measures_spindle: true,
             ..Machine::default()
         };
         let model = Model::new(&machine);
@@ -388,6 +382,10 @@ mod tests {
         assert_eq!(
             ["x_com", "c_com", "s_ovr", "asset_count"].map(tag),
             ["Position", "Angle", "RotaryVelocityOverride", "AssetCountDataSet"]
+        );
+        assert_eq!(
+            [model.find("z_load"), model.find("x_load")].map(|at| at.is_some()),
+            [false, true]
         );
         assert_eq!(model.find("y_com"), None);
         assert_eq!(

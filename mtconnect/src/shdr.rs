@@ -93,6 +93,7 @@ mod tests {
             sender: "pc".into(),
             instance: 1,
             buffer: 64,
+            errors: crate::Errors::Typed,
         };
         let now = Duration::from_secs(5);
         let mut agent = Agent::new(&machine, settings, now);

@@ -144,7 +144,7 @@ mod tests {
     fn device() -> Element {
         let axes = ['X', 'Z'].map(|letter| Axis {
             letter,
-            is_rotary: false,
+            ..Axis::default()
         });
         let machine = Machine {
             name: "mill".into(),

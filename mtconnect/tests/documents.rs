@@ -1,8 +1,8 @@
 //! Documents as clients see them. Where xmllint is there, all of them are checked against the schemas of MTConnect.
 
 use mtconnect::{
-    Agent, Alarm, Axis, Document, Execution, Facts, Machine, Mode, Motion, Reply, Settings, Spindle, Stream, Subject,
-    Tool, WaitFor,
+    Agent, Alarm, Axis, AxisFacts, Document, Errors, Execution, Facts, Machine, Mode, Motion, Reply, Settings, Spindle,
+    Stream, Subject, Tool, WaitFor,
 };
 use proptest::prelude::*;
 use std::io::Write;
@@ -18,18 +18,39 @@ fn machine() -> Machine {
         name: "mill".into(),
         uuid: "isocnc-mill-0001".into(),
         description: "a mill <with> \"marks\" & more".into(),
-        axes: axes.map(|(letter, is_rotary)| Axis { letter, is_rotary }).to_vec(),
+        axes: axes
+            .map(|(letter, is_rotary)| Axis {
+                letter,
+                is_rotary,
+                is_measured: letter != 'Y',
+                has_load: matches!(letter, 'X' | 'A'),
+            })
+            .to_vec(),
         has_spindle: true,
+        measures_spindle: true,
     }
 }
 
 fn agent(buffer: usize) -> Agent {
+    agent_with(buffer, Errors::Typed)
+}
+
+fn agent_with(buffer: usize, errors: Errors) -> Agent {
     let settings = Settings {
         sender: "pc".into(),
         instance: 1_795_424_738,
         buffer,
+        errors,
     };
     Agent::new(&machine(), settings, NOW)
+}
+
+fn axis(commanded: f64, motion: Motion) -> AxisFacts {
+    AxisFacts {
+        commanded,
+        motion,
+        ..AxisFacts::default()
+    }
 }
 
 fn facts() -> Facts {
@@ -49,13 +70,22 @@ fn facts() -> Facts {
         place_mm: [1.0, -2.0, 0.5],
         program_s: Some(61.25),
         axes: vec![
-            (10.0, Motion::Travel),
-            (20.0, Motion::Stopped),
-            (-1.25, Motion::Home),
-            (90.0, Motion::Stopped),
+            AxisFacts {
+                actual: Some(9.9985),
+                following_error: Some(0.0015),
+                load_percent: Some(-12.5),
+                ..axis(10.0, Motion::Travel)
+            },
+            axis(20.0, Motion::Stopped),
+            axis(-1.25, Motion::Home),
+            AxisFacts {
+                actual: Some(90.0),
+                ..axis(90.0, Motion::Stopped)
+            },
         ],
         spindle: Some(Spindle {
             speed_rpm: -1000.0,
+            actual_rpm: Some(-998.0),
             speed_override: 100.0,
         }),
         message: Some("turn it over".into()),
@@ -151,11 +181,20 @@ fn current_tells_how_the_machine_is_and_was() {
         .map(told),
         ["-1.25", "HOME", "12.5", "1 -2 0.5", "G59.1", "COUNTER_CLOCKWISE", "T3"]
     );
+    assert_eq!(
+        ["x_act", "x_error", "x_load", "z_act", "a_act", "s_act"].map(told),
+        ["9.9985", "0.0015", "-12.5", "UNAVAILABLE", "90", "998"]
+    );
+    assert_eq!(
+        [value(&now, "y_act"), value(&now, "z_load")],
+        [None, None],
+        "nothing measures them"
+    );
     let at = ask(&agent, "/current", &format!("at={before}"));
     assert_eq!(value(&at, "execution").as_deref(), Some("ACTIVE"));
     assert_eq!(value(&at, "line").as_deref(), Some("12"));
     let some = ask(&agent, "/current", "path=//Linear[@name=%22X%22]");
-    assert_eq!(sequences(&some).len(), 4);
+    assert_eq!(sequences(&some).len(), 7);
     assert_eq!(value(&some, "y_com"), None);
     agent.lose(NOW);
     assert_eq!(
@@ -316,20 +355,28 @@ fn assets_are_the_tools_and_their_changes_are_observed() {
 
 #[test]
 fn errors_name_what_was_asked_for() {
-    let agent = agent(100);
-    for (path, query, status, element) in [
-        ("/lathe/probe", "", 404, "NoDevice"),
-        ("/probe/x/y", "", 404, "InvalidURI"),
-        ("/current", "path=//[", 400, "InvalidXPath"),
-        ("/current", "interval=5&at=3", 400, "Unsupported"),
-        ("/sample", "count=0", 400, "InvalidParameterValue"),
-        ("/sample", "interval=x", 400, "InvalidParameterValue"),
-        ("/sample", "from=1000000", 404, "OutOfRange"),
-        ("/current", "at=1000000", 404, "ErrorDeprecated"),
-        ("/sample", "to=x", 400, "ErrorDeprecated"),
-        ("/sample", "to=1000000", 404, "ErrorDeprecated"),
-        ("/asset/1 2", "", 404, "ErrorDeprecated"),
+    let (agent, coded) = (agent(100), agent_with(100, Errors::Coded));
+    for (path, query, status, element, code) in [
+        ("/lathe/probe", "", 404, "NoDevice", "NO_DEVICE"),
+        ("/probe/x/y", "", 404, "InvalidURI", "INVALID_URI"),
+        ("/current", "path=//[", 400, "InvalidXPath", "INVALID_PATH"),
+        ("/current", "interval=5&at=3", 400, "Unsupported", "UNSUPPORTED"),
+        ("/sample", "count=0", 400, "InvalidParameterValue", "INVALID_REQUEST"),
+        ("/sample", "interval=x", 400, "InvalidParameterValue", "INVALID_REQUEST"),
+        ("/sample", "from=1000000", 404, "OutOfRange", "OUT_OF_RANGE"),
+        ("/current", "at=1000000", 404, "ErrorDeprecated", "OUT_OF_RANGE"),
+        ("/sample", "to=x", 400, "ErrorDeprecated", "INVALID_REQUEST"),
+        ("/sample", "to=1000000", 404, "ErrorDeprecated", "OUT_OF_RANGE"),
+        ("/asset/1 2", "", 404, "ErrorDeprecated", "ASSET_NOT_FOUND"),
     ] {
+        let old = ask(&coded, path, query);
+        assert_eq!(old.status, status, "{path}?{query}");
+        assert!(
+            old.xml.contains(&format!("<Error errorCode=\"{code}\">")),
+            "{}",
+            old.xml
+        );
+        valid_as("Error", "2.2", &old);
         let error = ask(&agent, path, query);
         assert_eq!(error.status, status, "{path}?{query}");
         assert!(
@@ -389,13 +436,17 @@ fn a_stream_of_current_tells_all_each_time() {
 
 /// Whether xmllint finds the document as the schema wants it. Passes where there is no xmllint.
 fn valid(kind: &str, document: &Document) {
-    if let Err(told) = lint(kind, &document.xml) {
+    valid_as(kind, "2.7", document);
+}
+
+fn valid_as(kind: &str, version: &str, document: &Document) {
+    if let Err(told) = lint(kind, version, &document.xml) {
         panic!("{told}\n{}", document.xml);
     }
 }
 
-fn lint(kind: &str, xml: &str) -> Result<(), String> {
-    let schema = format!("tests/schemas/MTConnect{kind}_2.7_1.0.xsd");
+fn lint(kind: &str, version: &str, xml: &str) -> Result<(), String> {
+    let schema = format!("tests/schemas/MTConnect{kind}_{version}_1.0.xsd");
     let schema = Path::new(env!("CARGO_MANIFEST_DIR")).join(schema);
     let mut file = tempfile::NamedTempFile::new().unwrap();
     file.write_all(xml.as_bytes()).unwrap();
@@ -424,8 +475,8 @@ fn a_document_that_is_wrong_is_found() {
     let mut agent = agent(100);
     agent.observe(&facts(), NOW);
     let xml = ask(&agent, "/current", "").xml;
-    assert!(lint("Streams", &xml.replace(">ACTIVE<", ">RUNNING<")).is_err());
-    assert!(lint("Streams", &xml.replace("nextSequence", "next")).is_err());
+    assert!(lint("Streams", "2.7", &xml.replace(">ACTIVE<", ">RUNNING<")).is_err());
+    assert!(lint("Streams", "2.7", &xml.replace("nextSequence", "next")).is_err());
 }
 
 #[test]

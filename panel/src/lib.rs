@@ -33,6 +33,7 @@ pub mod play;
 mod programs;
 mod rpc;
 mod serve;
+mod shdr;
 mod tls;
 mod tokens;
 

@@ -10,8 +10,8 @@ use crate::guard::{Visitor, refuse};
 use crate::serve::Panel;
 use crate::tokens::Role;
 use ::mtconnect::{
-    Agent, Alarm, Axis, Execution, Facts, Machine, Mode, Motion, Reply, Settings, Spindle, Stream, Subject, Tool,
-    WaitFor,
+    Agent, Alarm, Axis, AxisFacts, Errors, Execution, Facts, Machine, Mode, Motion, Reply, Settings, Spindle, Stream,
+    Subject, Tool, WaitFor,
 };
 use axum::Extension;
 use axum::body::{Body, Bytes};
@@ -22,12 +22,13 @@ use axum::response::{IntoResponse, Response};
 use futures_util::stream;
 use serde_json::{Map, Value, json};
 use sha2::{Digest, Sha256};
+use std::collections::HashMap;
 use std::convert::Infallible;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use tokio::io::{AsyncBufReadExt, AsyncWriteExt, BufReader};
 use tokio::net::UnixStream;
-use tokio::time::{interval, sleep};
+use tokio::time::{MissedTickBehavior, interval, sleep};
 
 /// Observations that are kept: minutes of a machine that moves.
 const BUFFER: usize = 1 << 15;
@@ -43,7 +44,7 @@ const PART_PAUSE: Duration = Duration::from_millis(20);
 pub(crate) struct Shared(Mutex<Option<Agent>>);
 
 impl Shared {
-    fn with<T>(&self, work: impl FnOnce(&mut Agent) -> T) -> Option<T> {
+    pub(crate) fn with<T>(&self, work: impl FnOnce(&mut Agent) -> T) -> Option<T> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).as_mut().map(work)
     }
 }
@@ -104,37 +105,101 @@ fn streamed(panel: &Arc<Panel>, parts: Stream) -> Response {
 }
 
 /// Begins to observe, if nobody does yet.
-async fn begin(panel: &Arc<Panel>) -> Result<(), String> {
+///
+/// # Errors
+/// The control does not answer.
+pub(crate) async fn begin(panel: &Arc<Panel>) -> Result<(), String> {
     if panel.mtconnect.with(|_| ()).is_some() {
         return Ok(());
     }
     let mut asker = Asker::new(panel, Role::Watch, "MTConnect")?;
     let machine = asker.ask("machine.describe", json!({})).await?;
     let tools = asker.ask("tool.list", json!({})).await?;
+    let pins = Pins::of(&machine, &mut asker).await?;
+    let measured = match pins.names.is_empty() {
+        true => Value::Null,
+        false => asker.ask("hal.values", json!({ "pins": pins.names })).await?,
+    };
     let state = asker.ask("status", json!({})).await?;
+    let errors = match panel.settings.mtconnect_old_errors {
+        true => Errors::Coded,
+        false => Errors::Typed,
+    };
     let is_new = {
         let mut agent = panel.mtconnect.0.lock().unwrap_or_else(PoisonError::into_inner);
         let is_new = agent.is_none();
         agent.get_or_insert_with(|| {
-            let mut agent = new_agent(&machine);
+            let mut agent = new_agent(&machine, &pins, errors);
             agent.tools(tool_table(&tools), now());
-            agent.observe(&facts(&state, &Map::new()), now());
+            agent.observe(&facts(&state, &Map::new(), &pins.read(&measured)), now());
             agent
         });
         is_new
     };
     if is_new {
-        tokio::spawn(observe(Arc::clone(panel)));
+        tokio::spawn(observe(Arc::clone(panel), pins));
     }
     Ok(())
 }
 
-fn new_agent(described: &Value) -> Agent {
+/// Pins that tell what is measured: by their name, where the machine has them.
+#[derive(Debug, Default)]
+struct Pins {
+    names: Vec<String>,
+}
+
+/// What pins measure, by their names.
+type Measured = HashMap<String, f64>;
+
+/// Of a joint that is an axis: where it is, how far it is behind, torque in 1/1000 of the rated one.
+fn pins_of(joint: u64) -> [String; 3] {
+    [
+        format!("joint.{joint}.motor-pos-fb"),
+        format!("joint.{joint}.f-error"),
+        format!("cia402.{joint}.drv-actual-torque"),
+    ]
+}
+
+/// Turns a second.
+const SPINDLE: &str = "spindle.0.speed-in";
+
+impl Pins {
+    async fn of(described: &Value, asker: &mut Asker) -> Result<Pins, String> {
+        let joints = list(&described["axes"])
+            .iter()
+            .filter_map(|axis| axis["joint"].as_u64());
+        let mut wanted: Vec<String> = joints.flat_map(pins_of).collect();
+        wanted.push(SPINDLE.to_owned());
+        let mut names = Vec::new();
+        for name in wanted {
+            let found = asker.ask("hal.list", json!({ "pattern": name })).await?;
+            if !list(&found["pins"]).is_empty() {
+                names.push(name);
+            }
+        }
+        Ok(Pins { names })
+    }
+
+    fn has(&self, name: &str) -> bool {
+        self.names.iter().any(|known| known == name)
+    }
+
+    fn read(&self, told: &Value) -> Measured {
+        let one = |pin: &Value| Some((pin["name"].as_str()?.to_owned(), pin["value"].as_f64()?));
+        list(&told["pins"]).iter().filter_map(one).collect()
+    }
+}
+
+fn new_agent(described: &Value, pins: &Pins, errors: Errors) -> Agent {
     let name = described["machine"].as_str().unwrap_or("machine").to_owned();
     let axes = list(&described["axes"]).iter().filter_map(|axis| {
+        let joint = axis["joint"].as_u64().map(pins_of);
+        let has = |place: usize| joint.as_ref().is_some_and(|names| pins.has(&names[place]));
         Some(Axis {
             letter: axis["axis"].as_str()?.chars().next()?,
             is_rotary: axis["unit"] == "degrees",
+            is_measured: has(0),
+            has_load: has(2),
         })
     });
     let machine = Machine {
@@ -143,12 +208,14 @@ fn new_agent(described: &Value) -> Agent {
         name,
         axes: axes.collect(),
         has_spindle: described["spindles"].as_u64() > Some(0),
+        measures_spindle: pins.has(SPINDLE),
     };
     let sender = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
     let settings = Settings {
         sender: sender.trim().to_owned(),
         instance: now().as_secs(),
         buffer: BUFFER,
+        errors,
     };
     Agent::new(&machine, settings, now())
 }
@@ -169,11 +236,11 @@ fn uuid(machine: &str) -> String {
 }
 
 /// Observes until the panel ends, also over a control that serves too many for a while.
-async fn observe(panel: Arc<Panel>) {
+async fn observe(panel: Arc<Panel>, pins: Pins) {
     let mut ending = panel.ending.clone();
     loop {
         tokio::select! {
-            () = follow(&panel) => {}
+            () = follow(&panel, &pins) => {}
             _ = ending.changed() => return,
         }
         panel.mtconnect.with(|agent| agent.lose(now()));
@@ -182,7 +249,7 @@ async fn observe(panel: Arc<Panel>) {
 }
 
 /// Follows the control as long as it tells anything.
-async fn follow(panel: &Arc<Panel>) {
+async fn follow(panel: &Arc<Panel>, pins: &Pins) {
     let guest = Guest {
         role: Role::Watch,
         name: "MTConnect".into(),
@@ -199,7 +266,11 @@ async fn follow(panel: &Arc<Panel>) {
         return;
     }
     let mut tools = interval(TOOLS_EVERY);
-    let mut state = Map::new();
+    // What is measured changes where the state does not.
+    let mut looks = interval(Duration::from_millis(1000 / u64::from(RATE_HZ)));
+    looks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let (mut state, mut before) = (Map::new(), Map::new());
+    let mut measured = Measured::new();
     loop {
         tokio::select! {
             line = lines.next_line() => {
@@ -209,16 +280,34 @@ async fn follow(panel: &Arc<Panel>) {
                     panel.mtconnect.with(|agent| agent.tools(tool_table(&message["result"]), now()));
                     continue;
                 }
+                if message["id"] == 3 {
+                    measured = pins.read(&message["result"]);
+                    if !state.is_empty() {
+                        let facts = facts(&Value::Object(state.clone()), &before, &measured);
+                        panel.mtconnect.with(|agent| agent.observe(&facts, now()));
+                    }
+                    continue;
+                }
                 let (told, fields) = match message.get("method") {
                     Some(_) => (&message["params"], &message["params"]["changed"]),
                     None => (&message["result"], &message["result"]["state"]),
                 };
                 let Value::Object(fields) = fields else { continue };
-                let before = state.clone();
+                before.clone_from(&state);
                 state.extend(fields.clone());
+                if measured.is_empty() && !pins.names.is_empty() {
+                    // It comes in a moment: nothing that was known is unavailable meanwhile.
+                    continue;
+                }
                 let at = told["unix_s"].as_f64().and_then(|unix_s| Duration::try_from_secs_f64(unix_s).ok()).unwrap_or_else(now);
-                let facts = facts(&Value::Object(state.clone()), &before);
+                let facts = facts(&Value::Object(state.clone()), &before, &measured);
                 panel.mtconnect.with(|agent| agent.observe(&facts, at));
+            }
+            _ = looks.tick(), if !pins.names.is_empty() => {
+                let ask = json!({ "jsonrpc": "2.0", "id": 3, "method": "hal.values", "params": { "pins": pins.names } });
+                if requests.write_all(format!("{ask}\n").as_bytes()).await.is_err() {
+                    return;
+                }
             }
             _ = tools.tick() => {
                 let ask = json!({ "jsonrpc": "2.0", "id": 2, "method": "tool.list", "params": {} });
@@ -251,7 +340,7 @@ fn tool_table(told: &Value) -> Vec<Tool> {
 }
 
 /// The state of the control in the words of MTConnect; `before`: as it was a moment ago.
-fn facts(state: &Value, before: &Map<String, Value>) -> Facts {
+fn facts(state: &Value, before: &Map<String, Value>, measured: &Measured) -> Facts {
     let text = |name: &str| state[name].as_str().unwrap_or_default();
     let power = text("power");
     let axes = list(&state["axes"]);
@@ -270,7 +359,19 @@ fn facts(state: &Value, before: &Map<String, Value>) -> Facts {
             (false, true) => Motion::Travel,
             (false, false) => Motion::Stopped,
         };
-        (position, motion)
+        // An axis that is one joint alone has its pins: those of another one say nothing of it.
+        let pins = match list(&axis["joints"]) {
+            [joint] => joint.as_u64().map(pins_of),
+            _ => None,
+        };
+        let of = |place: usize| pins.as_ref().and_then(|names| measured.get(&names[place]).copied());
+        AxisFacts {
+            commanded: position,
+            actual: of(0),
+            following_error: of(1),
+            load_percent: of(2).map(|thousandths| thousandths / 10.0),
+            motion,
+        }
     });
     let mode = match text("mode") {
         "auto" if state["single_block"] == true => Mode::SemiAutomatic,
@@ -310,6 +411,7 @@ fn facts(state: &Value, before: &Map<String, Value>) -> Facts {
             } else {
                 0.0
             },
+            actual_rpm: measured.get(SPINDLE).map(|turns_s| turns_s * 60.0),
             speed_override: percent("spindle_percent"),
         }),
         alarms: alarm(state, axes).into_iter().collect(),
@@ -433,7 +535,7 @@ mod tests {
     }
 
     fn told(changed: Value) -> Facts {
-        facts(&state(&changed), &Map::new())
+        facts(&state(&changed), &Map::new(), &Measured::new())
     }
 
     #[test]
@@ -470,13 +572,30 @@ mod tests {
     fn values_are_in_the_units_of_the_standard() {
         let facts = told(json!({}));
         assert_eq!(facts.place_mm, [9.0, 0.0, 3.0]);
-        assert_eq!((facts.work_system, facts.axes[1].0), (Some(2), 5.0));
+        assert_eq!((facts.work_system, facts.axes[1].commanded), (Some(2), 5.0));
+        let pins = [
+            ("joint.2.motor-pos-fb", 4.99),
+            ("cia402.2.drv-actual-torque", -125.0),
+            (SPINDLE, -5.0),
+        ];
+        let measured = pins.map(|(name, value)| (name.to_owned(), value)).into();
+        let spindle = json!({ "spindle": { "on": true, "speed_rpm": -300.0 } });
+        let facts = super::facts(&state(&spindle), &Map::new(), &measured);
+        assert_eq!(facts.axes[0].actual, None);
+        assert_eq!(
+            (facts.axes[1].actual, facts.axes[1].load_percent),
+            (Some(4.99), Some(-12.5))
+        );
+        assert_eq!(facts.spindle.and_then(|spindle| spindle.actual_rpm), Some(-300.0));
         let turned = told(json!({ "work_rotation_degrees": 90.0 })).place_mm;
         assert!(turned[0].abs() < 1e-9 && (turned[1] + 9.0).abs() < 1e-9, "{turned:?}");
         let mut before = Map::new();
         before.insert("position_mm".into(), json!([9.0, 0.0, 5.0]));
-        let moved = super::facts(&state(&json!({})), &before);
-        assert_eq!([moved.axes[0].1, moved.axes[1].1], [Motion::Travel, Motion::Stopped]);
+        let moved = super::facts(&state(&json!({})), &before, &Measured::new());
+        assert_eq!(
+            [moved.axes[0].motion, moved.axes[1].motion],
+            [Motion::Travel, Motion::Stopped]
+        );
     }
 
     #[test]

@@ -6,7 +6,7 @@ use crate::listen::Listener;
 use crate::programs::{self, Programs};
 use crate::tls::Tls;
 use crate::tokens::Tokens;
-use crate::{Control, figures, grbl, guard, measurements, mtconnect, pages, path, rpc};
+use crate::{Control, figures, grbl, guard, measurements, mtconnect, pages, path, rpc, shdr};
 use axum::Router;
 use axum::body::Body;
 use axum::extract::Request;
@@ -66,6 +66,10 @@ pub struct Settings {
     pub backup: Backup,
     /// Where senders of Grbl connect.
     pub grbl: Option<Listener>,
+    /// Where agents of MTConnect read lines of SHDR.
+    pub shdr: Option<Listener>,
+    /// Errors of MTConnect are told to clients that know only those from before 2.6.
+    pub mtconnect_old_errors: bool,
     /// MTConnect answers at `/probe` and the like, too, not only below `/mtconnect`.
     pub mtconnect_at_root: bool,
 }
@@ -144,10 +148,13 @@ pub fn serve(
         until.set_nonblocking(true)?;
         let mut until = tokio::net::UnixStream::from_std(until)?;
         let (end, ending) = watch::channel(false);
-        let senders = settings.grbl.take();
+        let (senders, agents) = (settings.grbl.take(), settings.shdr.take());
         let panel = Arc::new(Panel::new(settings, control, Arc::clone(&counts), ending));
         if let Some(senders) = senders {
             tokio::spawn(grbl::serve(senders, Arc::clone(&panel)));
+        }
+        if let Some(agents) = agents {
+            tokio::spawn(shdr::serve(agents, Arc::clone(&panel)));
         }
         tokio::select! {
             taken = take(listener, panel) => taken?,

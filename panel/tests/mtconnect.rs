@@ -11,11 +11,27 @@ use std::time::{Duration, Instant};
 /// A machine that stands at X 10, and moves to X 20 as soon as somebody subscribes.
 struct Fake;
 
-fn answer(method: &str) -> Value {
+/// X is a joint alone, with what is measured of it.
+const PINS: [(&str, f64); 3] = [
+    ("joint.0.motor-pos-fb", 9.75),
+    ("joint.0.f-error", 0.25),
+    ("cia402.0.drv-actual-torque", 405.0),
+];
+
+fn answer(method: &str, params: &Value) -> Value {
     match method {
+        "hal.list" => {
+            let found = PINS.iter().filter(|(name, _)| params["pattern"] == *name);
+            json!({ "pins": found.map(|(name, _)| json!({ "name": name })).collect::<Vec<_>>() })
+        }
+        "hal.values" => {
+            let asked = params["pins"].as_array().unwrap().iter();
+            let value = |name: &Value| PINS.iter().find(|(known, _)| name == known).unwrap().1;
+            json!({ "pins": asked.map(|name| json!({ "name": name, "value": value(name) })).collect::<Vec<_>>() })
+        }
         "machine.describe" => json!({
             "machine": "mill",
-            "axes": [{ "axis": "X", "unit": "mm", "joints": [0] }, { "axis": "A", "unit": "degrees", "joints": [1] }],
+            "axes": [{ "axis": "X", "unit": "mm", "joints": [0], "joint": 0 }, { "axis": "A", "unit": "degrees", "joints": [1] }],
             "spindles": 1,
         }),
         "tool.list" => json!({
@@ -51,7 +67,10 @@ impl Control for Fake {
                         let news = json!({ "method": "state", "params": { "unix_s": 1.0e9, "changed": { "position_mm": [20.0, 0.0, 0.0, 90.0] } } });
                         format!("{result}\n{news}\n")
                     }
-                    _ => format!("{}\n", json!({ "id": id, "result": answer(method) })),
+                    _ => format!(
+                        "{}\n",
+                        json!({ "id": id, "result": answer(method, &request["params"]) })
+                    ),
                 };
                 if inside.write_all(told.as_bytes()).is_err() {
                     return;
@@ -80,18 +99,15 @@ fn get(address: SocketAddr, path: &str) -> String {
 }
 
 fn beside(client: impl FnOnce(SocketAddr)) {
+    beside_with(Settings::default(), client);
+}
+
+fn beside_with(settings: Settings, client: impl FnOnce(SocketAddr)) {
     let listener = Listener::bind("127.0.0.1:0".parse().unwrap()).unwrap();
     let address = listener.address();
     let (stays, until) = UnixStream::pair().unwrap();
-    let serving = std::thread::spawn(move || {
-        serve(
-            listener,
-            Settings::default(),
-            Arc::new(Fake),
-            Arc::new(Counts::default()),
-            until,
-        )
-    });
+    let serving =
+        std::thread::spawn(move || serve(listener, settings, Arc::new(Fake), Arc::new(Counts::default()), until));
     client(address);
     drop(stays);
     serving.join().unwrap().unwrap();
@@ -111,6 +127,9 @@ fn a_client_sees_what_the_control_tells() {
         );
         let current = get(address, "/mtconnect/mill/current");
         for told in [">ACTIVE<", ">AUTOMATIC<", ">p.ngc<", ">80<", ">90<"] {
+            assert!(current.contains(told), "{told}: {current}");
+        }
+        for told in [">9.75<", ">0.25<", ">40.5<"] {
             assert!(current.contains(told), "{told}: {current}");
         }
         let until = Instant::now() + Duration::from_secs(60);
@@ -146,5 +165,33 @@ fn a_page_of_another_site_is_told_nothing() {
         let mut stream = request(address, "/mtconnect/current", "Sec-Fetch-Site: cross-site\r\n");
         stream.read_to_string(&mut told).unwrap();
         assert!(told.starts_with("HTTP/1.1 403"), "{told}");
+    });
+}
+
+#[test]
+fn an_agent_of_somebody_else_reads_lines_and_is_answered() {
+    let shdr = Listener::bind("127.0.0.1:0".parse().unwrap()).unwrap();
+    let port = shdr.address();
+    let settings = Settings {
+        shdr: Some(shdr),
+        mtconnect_old_errors: true,
+        ..Settings::default()
+    };
+    beside_with(settings, |address| {
+        let mut stream = TcpStream::connect(port).unwrap();
+        stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+        let mut lines = BufReader::new(stream.try_clone().unwrap()).lines().map(Result::unwrap);
+        assert_eq!(lines.next().unwrap(), "* shdrversion: 2");
+        let mut until = |what: &str| while !lines.next().unwrap().ends_with(what) {};
+        until("* device: mill");
+        // Time, key, value, in the order of the model.
+        until("|x_act|9.75");
+        until("|x_com|20");
+        stream.write_all(b"* PING\n").unwrap();
+        until("* PONG 10000");
+        // Another one is told all of it, too.
+        let mut second = BufReader::new(TcpStream::connect(port).unwrap()).lines();
+        assert!(second.any(|line| line.unwrap().contains("|x_act|9.75")));
+        assert!(get(address, "/mtconnect/sample?from=99999").contains("<Error errorCode=\"OUT_OF_RANGE\">"));
     });
 }

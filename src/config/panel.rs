@@ -30,6 +30,10 @@ pub struct Panel {
     pub encryption: Encryption,
     /// Where senders of Grbl connect, an address of this PC alone; `None`: nowhere.
     pub grbl: Option<SocketAddr>,
+    /// Where agents of MTConnect read lines of SHDR; `None`: nowhere.
+    pub shdr: Option<SocketAddr>,
+    /// Errors of MTConnect are told as before 2.6.
+    pub mtconnect_old_errors: bool,
     /// MTConnect answers at `/probe` and the like, too, not only below `/mtconnect`.
     pub mtconnect_at_root: bool,
 }
@@ -67,6 +71,8 @@ impl Panel {
             on_lost_control: OnLostControl::default(),
             encryption: Encryption::None,
             grbl: None,
+            shdr: None,
+            mtconnect_old_errors: false,
             mtconnect_at_root: false,
         }
     }
@@ -123,16 +129,13 @@ pub(super) fn panel(mut section: Section<'_, '_>, base: &Path, state_directory: 
         None => Some(None),
         Some(table) => grbl(table).map(Some),
     };
-    let mtconnect_at_root = match section.optional_section("mtconnect") {
-        None => Some(false),
-        Some(mut table) => {
-            let at_root = table.flag("at_root", false);
-            table.done();
-            at_root
-        }
+    let mtconnect = match section.optional_section("mtconnect") {
+        None => Some(MtConnect::default()),
+        Some(table) => mtconnect(table),
     };
     section.done();
     let default = Panel::at(address?, state_directory);
+    let mtconnect = mtconnect?;
     Some(Panel {
         hosts: hosts?,
         tokens: tokens?.or(default.tokens),
@@ -140,7 +143,9 @@ pub(super) fn panel(mut section: Section<'_, '_>, base: &Path, state_directory: 
         on_lost_control: on_lost_control?,
         encryption: encryption?,
         grbl: grbl?,
-        mtconnect_at_root: mtconnect_at_root?,
+        shdr: mtconnect.shdr,
+        mtconnect_old_errors: mtconnect.old_errors,
+        mtconnect_at_root: mtconnect.at_root,
         ..default
     })
 }
@@ -167,6 +172,35 @@ fn encryption(section: &mut Section<'_, '_>, base: &Path, state_directory: Optio
             None
         }
     }
+}
+
+#[derive(Default)]
+struct MtConnect {
+    at_root: bool,
+    old_errors: bool,
+    shdr: Option<SocketAddr>,
+}
+
+/// `[panel.mtconnect]`
+fn mtconnect(mut section: Section<'_, '_>) -> Option<MtConnect> {
+    let at_root = section.flag("at_root", false);
+    let old_errors = section.word("errors", &[("2.7", false), ("2.2", true)], false);
+    let shdr = match section.optional("shdr") {
+        None => Some(None),
+        Some(item) => item.text("panel.mtconnect.shdr").and_then(|text| {
+            let address = text.parse().ok();
+            if address.is_none() {
+                section.wrong("shdr", "must be an address and a port, like \"127.0.0.1:7878\"");
+            }
+            address.map(Some)
+        }),
+    };
+    section.done();
+    Some(MtConnect {
+        at_root: at_root?,
+        old_errors: old_errors?,
+        shdr: shdr?,
+    })
 }
 
 /// `[panel.grbl]`
@@ -222,6 +256,13 @@ mod tests {
             (panel.grbl, panel.mtconnect_at_root),
             (Some("127.0.0.1:8403".parse().unwrap()), true)
         );
+        let panel = read("[panel.mtconnect]\nerrors = \"2.2\"\nshdr = \"0.0.0.0:7878\"")
+            .unwrap()
+            .unwrap();
+        assert_eq!(
+            (panel.shdr, panel.mtconnect_old_errors, panel.mtconnect_at_root),
+            (Some("0.0.0.0:7878".parse().unwrap()), true, false)
+        );
         let of_folder = Panel::at(Panel::loopback(), Some(Path::new("/s")));
         assert_eq!(of_folder.programs, Some("/s/programs".into()));
     }
@@ -261,6 +302,8 @@ mod tests {
                 "must be an address of this PC alone",
             ),
             ("[panel.grbl]", "panel.grbl.listen"),
+            ("[panel.mtconnect]\nerrors = \"1.8\"", "panel.mtconnect.errors"),
+            ("[panel.mtconnect]\nshdr = \"7878\"", "must be an address and a port"),
             ("[panel.mtconnect]\nroot = true", "panel.mtconnect.root: unknown key"),
         ] {
             let errors = read(table).unwrap_err();

@@ -118,7 +118,9 @@ impl Panel {
                 .collect(),
                 secret: wanted.tokens.iter().cloned().collect(),
             },
-            grbl: senders(wanted.grbl, quiet)?,
+            grbl: port("[panel.grbl] listen", "grbl", wanted.grbl, quiet)?,
+            shdr: port("[panel.mtconnect] shdr", "shdr", wanted.shdr, quiet)?,
+            mtconnect_old_errors: wanted.mtconnect_old_errors,
             mtconnect_at_root: wanted.mtconnect_at_root,
         };
         Ok(Some(Panel {
@@ -211,11 +213,11 @@ fn encryption(wanted: &Wanted) -> Result<Option<Tls>, TlsError> {
     }
 }
 
-/// Where senders of Grbl connect.
-fn senders(address: Option<SocketAddr>, quiet: bool) -> anyhow::Result<Option<Listener>> {
+/// A port beside the panel: senders of Grbl or agents of MTConnect connect there.
+fn port(key: &'static str, name: &str, address: Option<SocketAddr>, quiet: bool) -> anyhow::Result<Option<Listener>> {
     let Some(address) = address else { return Ok(None) };
-    let listener = Listener::bind(address).context("[panel.grbl] listen")?;
-    let told = format!("grbl: {}\n", listener.address());
+    let listener = Listener::bind(address).context(key)?;
+    let told = format!("{name}: {}\n", listener.address());
     match quiet {
         false => say(&told),
         true => _ = io::stderr().write_all(told.as_bytes()),
