@@ -3,67 +3,34 @@
 //! `ISOCNC_GRBL_STREAMER` names a Python that has the package grbl-streamer, `ISOCNC_CNCJS` a folder with `node_modules/cncjs`; both need
 //! `socat`. Without them, those tests say so and pass.
 
+mod common;
+
+use common::WithPanel;
 use std::fmt::Write as _;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command};
 use std::time::{Duration, Instant};
 
-const MACHINE: &str = include_str!("../configs/mill3-demo.toml");
 /// For what is sure to come.
 const WAIT: Duration = Duration::from_secs(120);
 
 /// A control in memory with a port for senders.
 struct Control {
-    process: Child,
+    of: WithPanel,
     grbl: String,
     panel: String,
-    folder: tempfile::TempDir,
-}
-
-impl Drop for Control {
-    fn drop(&mut self) {
-        let _ = self.process.kill();
-        let _ = self.process.wait();
-    }
 }
 
 impl Control {
     fn start(name: &str) -> Control {
-        let folder = tempfile::tempdir().unwrap();
-        let text = MACHINE
-            .replace("\"mill3-demo\"", &format!("\"grbl-{name}-{}\"", std::process::id()))
-            .replace("\nlock_memory = true", "\noverruns_stop = 0\nlock_memory = true")
-            .replace("pres_lost_max = 20", "pres_lost_max = 1000")
-            .replacen("kind = \"powerlink\"", "kind = \"memory\"", 1);
-        let file = folder.path().join("machine.toml");
-        let panel = "[panel]\naddress = \"127.0.0.1:0\"\n[panel.grbl]\nlisten = \"127.0.0.1:0\"\n";
-        std::fs::write(&file, format!("{text}\n{panel}")).unwrap();
-        let mut process = Command::new(env!("CARGO_BIN_EXE_isocnc"))
-            .arg("run")
-            .arg(&file)
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        let mut output = BufReader::new(process.stdout.take().unwrap());
-        let (mut panel, mut grbl) = (None, None);
-        while panel.is_none() || grbl.is_none() {
-            let mut line = String::new();
-            assert!(output.read_line(&mut line).unwrap() > 0, "the control has ended");
-            let address = |mark: &str| Some(line.strip_prefix(mark)?.split('/').next()?.trim().to_owned());
-            panel = panel.or_else(|| address("panel: http://"));
-            grbl = grbl.or_else(|| address("grbl: "));
-        }
-        // What it prints has to go somewhere.
-        std::thread::spawn(move || std::io::copy(&mut output, &mut std::io::sink()));
-        let (grbl, panel) = (grbl.unwrap(), panel.unwrap());
+        let tables = "[panel]\naddress = \"127.0.0.1:0\"\n[panel.grbl]\nlisten = \"127.0.0.1:0\"\n";
+        let of = WithPanel::start(&format!("grbl-{name}"), tables, &["panel", "grbl"]);
         Control {
-            process,
-            grbl,
-            panel,
-            folder,
+            grbl: of.address("grbl").to_owned(),
+            panel: of.address("panel").to_owned(),
+            of,
         }
     }
 
@@ -286,6 +253,87 @@ impl Sender {
     }
 }
 
+/// It has to be answered line by line, however late it reads.
+#[test]
+fn a_sender_that_floods_without_reading_gets_all_its_answers() {
+    let control = Control::start("flood");
+    let mut sender = control.connect();
+    sender.home();
+    // The dwell keeps those behind it waiting. `?` are answered, too, as many as can be told.
+    let lines = 3000;
+    let mut flood = "G4 P0.01\n".to_owned();
+    for line in 1..lines {
+        flood += ["\n", "$G\n", "!~G90\n", "?(x)\n"][line % 4];
+    }
+    let mut stream = sender.stream.try_clone().unwrap();
+    let sends = std::thread::spawn(move || stream.write_all(flood.as_bytes()).unwrap());
+    let mut answers = 0;
+    while answers < lines {
+        let told = sender.line();
+        answers += usize::from(told == "ok" || told.starts_with("error:"));
+    }
+    sends.join().unwrap();
+    assert_eq!(sender.ask("$I"), "ok");
+    sender.wait_for("Idle");
+}
+
+#[test]
+fn a_sender_that_never_reads_is_let_go_and_the_next_one_comes() {
+    let control = Control::start("unread");
+    let mut sender = control.connect();
+    sender.home();
+    let mut stream = sender.stream.try_clone().unwrap();
+    // Until what it is told fills all that is between, and the port is closed.
+    let sends = std::thread::spawn(move || while stream.write_all(b"$$\n$#\n????").is_ok() {});
+    let until = Instant::now() + WAIT;
+    let mut next = loop {
+        let mut next = control.connect();
+        if next.line().is_empty() {
+            break next;
+        }
+        assert!(Instant::now() < until, "it is never let go");
+        std::thread::sleep(Duration::from_millis(200));
+    };
+    assert_eq!(next.line(), "Grbl 1.1h ['$' for help]");
+    assert_eq!(next.ask("G21 G90 G0 X1"), "ok");
+    next.wait_for("Idle");
+    drop(sender);
+    sends.join().unwrap();
+}
+
+#[test]
+fn binary_octets_harm_nobody() {
+    let control = Control::start("binary");
+    let mut sender = control.connect();
+    sender.home();
+    let mut seed = u64::from(std::process::id()) | 1;
+    println!("seed {seed}");
+    let octets: Vec<u8> = std::iter::repeat_with(|| {
+        seed ^= seed << 13;
+        seed ^= seed >> 7;
+        seed ^= seed << 17;
+        seed as u8
+    })
+    .take(100_000)
+    .collect();
+    let mut stream = sender.stream.try_clone().unwrap();
+    let sends = std::thread::spawn(move || {
+        stream.write_all(&octets).unwrap();
+        // Whatever it has begun is over then.
+        stream.write_all(b"\n\x18").unwrap();
+        stream.shutdown(std::net::Shutdown::Write).unwrap();
+    });
+    // All that it is told is text of Grbl.
+    let mut told = String::new();
+    sender.lines.read_to_string(&mut told).unwrap();
+    sends.join().unwrap();
+    assert!(told.is_ascii() && told.contains("Grbl 1.1h"), "{told}");
+    let mut next = control.connect();
+    assert_eq!(next.line(), "");
+    assert_eq!(next.ask("$I"), "ok");
+    next.home();
+}
+
 #[test]
 fn mtconnect_answers_beside_it() {
     let control = Control::start("mtconnect");
@@ -327,7 +375,7 @@ impl Drop for Serial {
 
 impl Serial {
     fn of(control: &Control) -> Option<Serial> {
-        let link = control.folder.path().join("serial");
+        let link = control.of.folder.path().join("serial");
         let pty = format!("PTY,link={},raw,echo=0", link.display());
         let socat = Command::new("socat")
             .arg(pty)
@@ -355,7 +403,7 @@ fn by_foreign_sender(name: &str, variable: &str, command: impl Fn(&str, &Path, &
         println!("skipped: there is no socat");
         return;
     };
-    let job = control.folder.path().join("job.nc");
+    let job = control.of.folder.path().join("job.nc");
     std::fs::write(&job, wave(300) + "M3 S1000\nG4 P0.2\nM5\nG0 X10 Y10\nM2\n").unwrap();
     let ran = command(&where_it_is, &serial.1, &job).output().unwrap();
     let told = [

@@ -1,69 +1,40 @@
 //! The operator panel from outside: a control with a panel as a process of its own, and clients of HTTP and WebSockets at it.
 
+mod common;
+
+use common::WithPanel;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::path::PathBuf;
-use std::process::{Child, Command, Stdio};
+use std::process::Command;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use tungstenite::client::IntoClientRequest;
 use tungstenite::{Message, WebSocket};
 
 const DASHBOARD: &str = include_str!("../docs/panel-grafana.json");
+
 const MACHINE: &str = include_str!("../configs/mill3-demo.toml");
 
 /// A control in memory with a panel.
 struct Control {
-    process: Child,
+    of: WithPanel,
     address: SocketAddr,
-    folder: tempfile::TempDir,
-}
-
-impl Drop for Control {
-    fn drop(&mut self) {
-        let _ = self.process.kill();
-        let _ = self.process.wait();
-    }
 }
 
 impl Control {
     fn start(name: &str, panel: &str) -> Control {
-        let folder = tempfile::tempdir().unwrap();
-        let text = MACHINE
-            .replace("\"mill3-demo\"", &format!("\"panel-{name}-{}\"", std::process::id()))
-            .replace("\nlock_memory = true", "\noverruns_stop = 0\nlock_memory = true")
-            .replace("pres_lost_max = 20", "pres_lost_max = 1000")
-            .replacen("kind = \"powerlink\"", "kind = \"memory\"", 1);
-        let file = folder.path().join("machine.toml");
-        let programs = "programs = \"programs\"\ntokens = \"tokens.json\"\n";
-        std::fs::write(&file, format!("{text}\n[panel]\n{panel}\n{programs}")).unwrap();
-        let mut process = Command::new(env!("CARGO_BIN_EXE_isocnc"))
-            .arg("run")
-            .arg(&file)
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        let mut output = BufReader::new(process.stdout.take().unwrap());
-        let address = loop {
-            let mut line = String::new();
-            assert!(output.read_line(&mut line).unwrap() > 0, "the control has ended");
-            if let Some((_, rest)) = line.strip_prefix("panel: http").and_then(|rest| rest.split_once("://")) {
-                break rest.split('/').next().unwrap().parse().unwrap();
-            }
-        };
-        // What it prints has to go somewhere.
-        std::thread::spawn(move || std::io::copy(&mut output, &mut std::io::sink()));
+        let tables = format!("[panel]\n{panel}\nprograms = \"programs\"\ntokens = \"tokens.json\"\n");
+        let of = WithPanel::start(&format!("panel-{name}"), &tables, &["panel"]);
         Control {
-            process,
-            address,
-            folder,
+            address: of.address("panel").parse().unwrap(),
+            of,
         }
     }
 
     fn path(&self, name: &str) -> PathBuf {
-        self.folder.path().join(name)
+        self.of.folder.path().join(name)
     }
 
     fn token(&self, name: &str, role: &str) -> String {
@@ -501,6 +472,43 @@ fn a_program_goes_on_without_its_client_or_is_held_as_the_machine_file_says() {
             let status = other.call("status", json!({})).unwrap();
             assert_eq!((&status["state"], &status["line"]), (&json!(state), &line));
         }
+    }
+}
+
+/// DNC: on a machine that is ready to run, over HTTP and by a copy into the folder, as over a share.
+#[test]
+fn a_program_that_arrives_is_there_at_once_and_starts_nothing() {
+    let control = Control::start("dnc", LOOPBACK);
+    let mut rpc = control.rpc();
+    rpc.until(|status| status["power"] == "off");
+    rpc.call("home", json!({})).unwrap();
+    rpc.until(|status| status["homed"].as_array().unwrap().len() == 3 && status["activity"] == "idle");
+    // In auto, with a program that came to its end.
+    let first = b"G21 G90 G94 G54\nG0 X5\nM2\n";
+    assert_eq!(control.http("PUT", "/files/first.ngc", &[], first).0, 201);
+    let file = control.path("programs/first.ngc");
+    rpc.call("program.run", json!({ "file": file })).unwrap();
+    let before = rpc.until(|status| status["job"] == "completed" && status["activity"] == "idle");
+    assert_eq!(before["mode"], "auto");
+
+    let part = b"G21 G90 G94 G54\nG0 X50\nM2\n";
+    std::fs::write(control.path("programs/copied.ngc"), part).unwrap();
+    assert_eq!(control.http("PUT", "/files/sent.ngc", &[], part).0, 201);
+    // The one that has run comes again, with another content.
+    assert_eq!(control.http("PUT", "/files/first.ngc", &[], part).0, 201);
+    let (_, list) = control.json("GET", "/files/", &[], b"");
+    let mut listed: Vec<(&str, &Value)> = (list["files"].as_array().unwrap().iter())
+        .map(|file| (file["name"].as_str().unwrap(), &file["sha256"]))
+        .collect();
+    listed.sort_by_key(|(name, _)| *name);
+    let names: Vec<&str> = listed.iter().map(|(name, _)| *name).collect();
+    assert_eq!(names, ["copied.ngc", "first.ngc", "sent.ngc"]);
+    assert_eq!([listed[0].1, listed[1].1], [listed[2].1; 2]);
+
+    let cycles = before["cycles"].as_u64().unwrap();
+    let after = rpc.until(|status| status["cycles"].as_u64().unwrap() > cycles + 1000);
+    for same in ["activity", "program", "position_mm", "parts", "file", "job"] {
+        assert_eq!(after[same], before[same], "{same}");
     }
 }
 

@@ -30,5 +30,5 @@ mod words;
 pub use number::{AlarmNumber, ErrorNumber};
 pub use octets::{Input, Inputs, LINE_MAX};
 pub use reports::Offsets;
-pub use session::{Answer, Order, Session, WAITING_MAX};
+pub use session::{Answer, Order, Session, TAKE_MAX, WAITING_MAX};
 pub use status::{Activity, Axis, Machine, Overrides, Spindle, Status};

@@ -1,6 +1,6 @@
 //! Whatever comes, and in whatever pieces: each line has one answer, and nothing grows.
 
-use grbl::{Answer, ErrorNumber, LINE_MAX, Machine, Order, Session, Status, WAITING_MAX};
+use grbl::{Answer, ErrorNumber, LINE_MAX, Machine, Order, Session, Status, TAKE_MAX, WAITING_MAX};
 use proptest::prelude::*;
 
 /// A control that does all that is wanted, some of it late.
@@ -118,6 +118,78 @@ proptest! {
             prop_assert!(turns < 100_000);
         }
         prop_assert_eq!(answered, count);
+    }
+}
+
+/// Sends without waiting, as long as its octets are taken, while the control answers nothing; then it answers all.
+fn flood(octets: &[u8]) -> (String, usize) {
+    let mut session = Session::new(Machine::default());
+    let (mut told, mut open, mut most) = (Vec::new(), Vec::new(), 0);
+    let mut pieces = octets.chunks(TAKE_MAX).peekable();
+    loop {
+        while session.has_room()
+            && let Some(piece) = pieces.next()
+        {
+            session.take(piece);
+        }
+        open.extend(std::iter::from_fn(|| session.order()));
+        told.extend(session.output());
+        most = most.max(open.len());
+        let ready = Status {
+            is_ready: true,
+            ..Status::default()
+        };
+        for (number, order) in std::mem::take(&mut open) {
+            let answer = match order {
+                Order::Status => Answer::Status(Box::new(ready.clone())),
+                Order::Offsets => Answer::Offsets(Box::default()),
+                Order::Probe { .. } => Answer::Probed {
+                    place_mm: [0.0; 3],
+                    touched: false,
+                },
+                _ => Answer::Done,
+            };
+            session.answered(number, Ok(answer));
+        }
+        open.extend(std::iter::from_fn(|| session.order()));
+        told.extend(session.output());
+        if open.is_empty() && pieces.peek().is_none() {
+            return (String::from_utf8(told).unwrap(), most);
+        }
+    }
+}
+
+#[test]
+fn a_flood_of_lines_is_answered_line_by_line() {
+    // Blank lines are the most that fit into what is taken at once; the dwell keeps those behind it waiting.
+    for text in ["\n".repeat(10_000), "G4P1\n\n\nG1X1F100\n".repeat(2000)] {
+        let (told, most) = flood(text.as_bytes());
+        let answers = told
+            .lines()
+            .filter(|line| *line == "ok" || line.starts_with("error:"))
+            .count();
+        assert_eq!(answers, text.matches('\n').count());
+        assert!(most < 20, "{most} orders at once");
+    }
+}
+
+#[test]
+fn a_flood_of_real_time_octets_is_a_few_orders_at_a_time() {
+    let octets: Vec<u8> = (0..50_000_u32)
+        .map(|k| b"?!~\x84\x85\x90\x91\x95\x96\x99\x9a\xa0\x18"[k as usize % 13])
+        .collect();
+    let (_, most) = flood(&octets);
+    assert!(most < 20, "{most} orders at once");
+}
+
+proptest! {
+    #[test]
+    fn binary_is_taken_apart_without_harm(octets in prop::collection::vec(any::<u8>(), 0..20_000)) {
+        let (told, most) = flood(&octets);
+        prop_assert!(told.is_ascii());
+        // Each line may become orders; those of real-time octets are bounded.
+        let lines = octets.iter().filter(|octet| matches!(octet, b'\n' | b'\r')).count();
+        prop_assert!(most < 20 + lines, "{} orders at once, {} lines", most, lines);
     }
 }
 

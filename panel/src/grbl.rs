@@ -9,12 +9,12 @@ use crate::Guest;
 use crate::listen::Listener;
 use crate::serve::Panel;
 use crate::tokens::Role;
-use grbl::{Activity, Answer, Axis, Machine, Offsets, Order, Overrides, Session, Spindle, Status};
+use grbl::{Activity, Answer, Axis, Machine, Offsets, Order, Overrides, Session, Spindle, Status, TAKE_MAX};
 use serde_json::{Value, json};
 use std::collections::HashMap;
 use std::io;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader, Lines};
 use tokio::net::unix::{OwnedReadHalf, OwnedWriteHalf};
 use tokio::net::{TcpListener, TcpStream, UnixStream};
@@ -26,6 +26,8 @@ const NAME: &str = "Grbl sender";
 const TICK: Duration = Duration::from_millis(100);
 /// A sender that does not read for so long is gone.
 const UNREAD: Duration = Duration::from_secs(5);
+/// Octets that a sender has not read, with which nothing more of it is taken.
+const UNREAD_MAX: usize = 64 * 1024;
 /// One that goes makes room for the next one within this.
 const GONE: Duration = Duration::from_millis(300);
 /// Turns that an unlock may take.
@@ -59,7 +61,8 @@ pub(crate) async fn serve(listener: Listener, panel: Arc<Panel>) -> io::Result<(
         };
         if let Some(why) = refused {
             // It has gone, or reads it.
-            let _ = stream.try_write(format!("[MSG:{why}]\r\n").as_bytes());
+            let told = format!("[MSG:{why}]\r\n");
+            let _ = timeout(GONE, stream.write_all(told.as_bytes())).await;
             let _ = stream.shutdown().await;
             tracing::warn!(%far, why, "a sender of Grbl was refused");
             continue;
@@ -80,24 +83,37 @@ async fn serve_one(mut stream: TcpStream, panel: &Panel) -> Result<(), String> {
     let mut port = Port::open(panel).await?;
     let mut ticks = interval(TICK);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
-    let mut buffer = [0; 1024];
+    let (mut sent, mut reads) = stream.split();
+    let mut buffer = [0; TAKE_MAX];
+    // What the sender has not taken yet, and when it took something last.
+    let (mut unread, mut took) = (Vec::new(), Instant::now());
     loop {
         port.give_orders().await.map_err(words)?;
-        let output = port.session.output();
-        if !output.is_empty() {
-            let written = timeout(UNREAD, stream.write_all(&output)).await;
-            written.map_err(|_| "it does not read".to_owned())?.map_err(words)?;
+        if unread.is_empty() {
+            took = Instant::now();
         }
+        unread.extend(port.session.output());
+        let has_room = port.session.has_room() && unread.len() < UNREAD_MAX;
         tokio::select! {
-            read = stream.read(&mut buffer), if port.session.has_room() => match read.map_err(words)? {
+            read = sent.read(&mut buffer), if has_room => match read.map_err(words)? {
                 0 => return Ok(()),
                 count => port.session.take(&buffer[..count]),
             },
+            // Holds are heard meanwhile.
+            written = reads.write(&unread), if !unread.is_empty() => {
+                unread.drain(..written.map_err(words)?);
+                took = Instant::now();
+            }
             line = port.answers.next_line() => {
                 let line = line.map_err(words)?.ok_or("the control has ended")?;
                 port.heard(&line);
             }
-            _ = ticks.tick() => port.tick(),
+            _ = ticks.tick() => {
+                if took.elapsed() > UNREAD {
+                    return Err("it does not read".into());
+                }
+                port.tick(unread.is_empty());
+            }
             _ = ending.changed() => return Ok(()),
         }
     }
@@ -307,9 +323,10 @@ impl Port {
         }
     }
 
-    fn tick(&mut self) {
+    /// `reads`: the sender takes what it is told; one that hangs does not go on with a jog.
+    fn tick(&mut self, reads: bool) {
         self.session.tick();
-        if self.session.is_jogging() {
+        if self.session.is_jogging() && reads {
             self.ask("jog.keep", &json!({}), Asked::Nothing);
         }
     }

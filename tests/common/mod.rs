@@ -5,6 +5,8 @@
 use isocnc::config;
 use nix::sys::signal::{SigHandler, Signal};
 use serde_json::Value;
+use std::collections::HashMap;
+use std::io::{BufRead, BufReader};
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -132,6 +134,64 @@ impl Control {
 impl Drop for Control {
     fn drop(&mut self) {
         // Gone already where the test went well.
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+/// A control in memory that stands by with a panel.
+pub(crate) struct WithPanel {
+    process: Child,
+    pub(crate) folder: TempDir,
+    addresses: HashMap<String, String>,
+}
+
+impl WithPanel {
+    /// With these tables in its machine file, of which it tells addresses: `panel`, `grbl`, `shdr`.
+    pub(crate) fn start(name: &str, tables: &str, told: &[&str]) -> WithPanel {
+        let folder = tempfile::tempdir().unwrap();
+        let machine = format!("{name}-{}", std::process::id());
+        let text = machine_file(&machine).replacen("kind = \"powerlink\"", "kind = \"memory\"", 1);
+        let file = folder.path().join("machine.toml");
+        std::fs::write(&file, format!("{text}\n{tables}\n")).unwrap();
+        let mut process = Command::new(env!("CARGO_BIN_EXE_isocnc"))
+            .arg("run")
+            .arg(&file)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let mut output = BufReader::new(process.stdout.take().unwrap());
+        let mut addresses = HashMap::new();
+        while !told.iter().all(|name| addresses.contains_key(*name)) {
+            let mut line = String::new();
+            assert!(output.read_line(&mut line).unwrap() > 0, "the control has ended");
+            let Some((name, rest)) = line.trim_end().split_once(": ") else {
+                continue;
+            };
+            let address = rest.split_once("://").map_or(rest, |(_, rest)| rest);
+            let address = address.split('/').next().unwrap();
+            if address.parse::<std::net::SocketAddr>().is_ok() {
+                addresses.entry(name.to_owned()).or_insert_with(|| address.to_owned());
+            }
+        }
+        // What it prints has to go somewhere.
+        std::thread::spawn(move || std::io::copy(&mut output, &mut std::io::sink()));
+        WithPanel {
+            process,
+            folder,
+            addresses,
+        }
+    }
+
+    /// Where it listens for this.
+    pub(crate) fn address(&self, of: &str) -> &str {
+        &self.addresses[of]
+    }
+}
+
+impl Drop for WithPanel {
+    fn drop(&mut self) {
         let _ = self.process.kill();
         let _ = self.process.wait();
     }

@@ -579,3 +579,38 @@ fn behind_an_end_the_modes_are_those_of_the_beginning() {
     bench.send("X1\n");
     assert_eq!(bench.ordered[2], lines(&format!("{DEFAULT}G1X1\n"), false).clone());
 }
+
+#[test]
+fn of_holds_and_resumes_that_come_too_fast_the_last_one_counts() {
+    let mut bench = Bench::new();
+    bench.send("G1X10F100\n");
+    bench.status.activity = Activity::Running;
+    bench.send("?");
+    bench.ordered.clear();
+    bench.open.clear();
+    bench.send("!~~!~!");
+    assert_eq!(bench.ordered, [Order::Hold], "the others wait for its answer");
+    bench.answer(Ok(Answer::Done));
+    assert_eq!(bench.ordered, [Order::Hold, Order::Hold]);
+    bench.send("~");
+    bench.answer(Ok(Answer::Done));
+    assert_eq!(bench.ordered, [Order::Hold, Order::Hold, Order::Resume]);
+    bench.answer(Ok(Answer::Done));
+    assert_eq!(bench.open, []);
+}
+
+#[test]
+fn a_sender_that_says_nothing_for_days_is_served_as_before() {
+    let mut bench = Bench::new();
+    // Ten times a second, two days.
+    for _ in 0..2 * 86_400 * 10 {
+        bench.session.tick();
+        assert_eq!(bench.told(), "");
+    }
+    assert_eq!(
+        (bench.session.asked.len(), bench.session.orders.len(), bench.open.len()),
+        (0, 0, 0)
+    );
+    assert!(bench.send("?").starts_with("<Idle|"));
+    assert_eq!(bench.send("$G\n").lines().last(), Some("ok"));
+}
