@@ -83,7 +83,8 @@ pub(super) trait Carrier: fmt::Debug + Send {
     /// Takes a frame from the wire; answers go to `send` at once. Whether the drives have moved since it last said so: the machine
     /// looks at its loads then, and has [`Carrier::work_io`] done.
     ///
-    /// RT: no allocation, no locks; bounded by the number of nodes.
+    /// RT: no locks; bounded by the number of nodes. No allocation while all nodes run; on EtherCAT they take memory for what
+    /// they are told by mail, and for a change of their state.
     fn receive(&mut self, now_ns: u64, frame: &[u8], send: &mut dyn FnMut(&[u8])) -> bool;
 
     /// Looks at the clock; as [`Carrier::receive`] otherwise.

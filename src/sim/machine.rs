@@ -80,7 +80,8 @@ impl SimMachine {
 
     /// Takes one frame from the wire; answers go to `send` at once, before anything is worked out.
     ///
-    /// RT: no allocation, no locks; bounded by the number of nodes.
+    /// RT: no locks; bounded by the number of nodes. No allocation while all nodes run; on EtherCAT they take memory for what
+    /// they are told by mail, and for a change of their state.
     pub fn receive(&mut self, now_ns: u64, frame: &[u8], send: &mut dyn FnMut(&[u8])) {
         self.now_ns = now_ns;
         if self.carrier.receive(now_ns, frame, send) {
@@ -149,7 +150,7 @@ impl SimMachine {
 
     /// Looks at the clock: losses of the managing node, drives that go on by themselves, chained nodes that send by time.
     ///
-    /// RT: no allocation, no locks; bounded by the number of nodes.
+    /// RT as [`SimMachine::receive`].
     pub fn poll(&mut self, now_ns: u64, send: &mut dyn FnMut(&[u8])) {
         self.now_ns = now_ns;
         for place in 0..self.ids.len() {
@@ -283,6 +284,11 @@ impl SimMachine {
     /// NMT state of a node; [`NmtState::Off`] while it is switched off. `None`: there is no such node, or its bus has no such states.
     pub fn nmt_state(&self, node_id: u8) -> Option<NmtState> {
         self.carrier.nmt_state(self.place(node_id)?)
+    }
+
+    /// Whether a node has its supply.
+    pub fn is_powered(&self, node_id: u8) -> Option<bool> {
+        Some(self.carrier.device(self.place(node_id)?).is_powered())
     }
 
     /// Whether the bus leads a node.

@@ -29,7 +29,7 @@ pub struct Served {
 /// else the nodes shall send. Every frame that arrives is first answered and then shown to `observe`, with
 /// the link's own receive stamp. Sleeps in the link while nothing is due. An interface that goes down ends it.
 ///
-/// RT as far as the link is: no allocation, no locks.
+/// RT as far as link and machine are: no allocation, no locks of its own.
 pub fn serve(
     link: &mut dyn Link,
     machine: &mut SimMachine,

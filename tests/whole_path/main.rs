@@ -2,9 +2,10 @@
 //!
 //! Every run prints its seed; the same seed gives the same octets on the wire and the same bits in the trace.
 //! Here: what all runs share, clean runs, late plans. By subject beside it: drives and faults, modes of drives, orders, the wire,
-//! late cycles, step pulses, analog amplifiers.
+//! EtherCAT, late cycles, step pulses, analog amplifiers.
 
 mod analog;
+mod ethercat;
 mod faults;
 mod late_cycles;
 mod modes;
@@ -26,7 +27,6 @@ use isocnc::sim::{Disturbance, NetConfig};
 use motion::canon::{Axis, Position};
 use motion::plan::deviation;
 use motion::rt::Interpolator;
-use powerlink::nmt::NmtState;
 use powerlink::wire::{Header, Soc, multicast};
 use std::fmt::Write as _;
 use std::hash::{DefaultHasher, Hasher};
@@ -162,7 +162,7 @@ fn assert_powerless(run: &mut Rehearsal<'_>) {
     run.net().advance(AFTERMATH_NS);
     for id in DRIVES {
         let machine = run.net().machine();
-        if machine.nmt_state(id) == Some(NmtState::Off) {
+        if !machine.is_powered(id).expect("a drive") {
             continue;
         }
         let power = machine.drive_state(id).expect("a drive");
@@ -190,13 +190,17 @@ fn lost(run: &mut Rehearsal<'_>) -> [u64; 3] {
     [0, 1, 2].map(|node| run.control.bus_mut().statistics(node).lost)
 }
 
-/// Disturbs the program in its midst now; it must come to rest on its path within the stop limits before any drive is
-/// switched off by the control, and the whole run to an end. Returns the causes of all alarms.
+/// As [`stops_in_order`], by a disturbance.
 fn fails_in_order(run: &mut Rehearsal<'_>, disturbance: Disturbance, alive: &[usize]) -> Vec<String> {
+    stops_in_order(run, alive, |run| run.net().at(0, disturbance))
+}
+
+/// Something goes wrong in the midst of the program; it must come to rest on its path within the stop limits before any drive is
+/// switched off by the control, and the whole run to an end. Returns the causes of all alarms.
+fn stops_in_order(run: &mut Rehearsal<'_>, alive: &[usize], disturb: impl FnOnce(&mut Rehearsal<'_>)) -> Vec<String> {
     reach_midst(run);
     assert_eq!(run.control.state(), State::Running);
-    let now_ns = run.now_ns();
-    run.net().at(now_ns, disturbance);
+    disturb(run);
     reach_state(run, State::Stopping);
     reach(run, "at rest", |run| {
         for &joint in alive {
