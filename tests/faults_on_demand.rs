@@ -7,10 +7,32 @@ use std::process::Stdio;
 
 mod common;
 
+const ETHERCAT: &str = include_str!("../configs/mill3-ethercat.toml");
+
 fn standing_by(name: &str) -> Control {
-    let control = Control::start(name, Stdio::null());
+    changed(name, str::to_owned)
+}
+
+fn changed(name: &str, change: fn(&str) -> String) -> Control {
+    let control = Control::start_in(tempfile::tempdir().unwrap(), name, Stdio::null(), change);
     control.wait_for("disabled", |status| status["state"] == "disabled");
     control
+}
+
+/// The machine of EtherCAT under the name of this one, which bears that this PC is busy.
+fn on_ethercat(machine: &str) -> String {
+    let name = |text: &str| {
+        text.lines()
+            .find(|line| line.starts_with("name = "))
+            .unwrap()
+            .to_owned()
+    };
+    ETHERCAT
+        .replacen(&name(ETHERCAT), &name(machine), 1)
+        .replace("kind = \"ethercat\"", "kind = \"ethercat-memory\"")
+        .replace("\nlock_memory = true", "\noverruns_stop = 0\nlock_memory = true")
+        .replace("lost_max = 20", "lost_max = 500")
+        .replace("following_error_mm = 2.0", "following_error_mm = 100.0")
 }
 
 fn journal(control: &Control) -> String {
@@ -71,6 +93,42 @@ fn what_goes_wrong_stops_the_machine_and_what_is_mended_lets_it_on() {
         network["nodes"][2]["live"]["operational"] == true
     };
     control.wait_for("back", |_| operational(&control));
+    goes_on(&control);
+}
+
+#[test]
+fn on_ethercat_a_drive_without_power_is_named_with_its_cable_and_comes_back_by_itself() {
+    let control = changed("faults-ethercat", on_ethercat);
+    control.ask(&["on"]).expect("on");
+    control.ask(&["fault", "overcurrent", "--node", "1"]).expect("a fault");
+    let alarm = control.wait_for("faulted", has_alarm)["alarm"].to_string();
+    assert!(alarm.contains("2310"), "{alarm}");
+    goes_on(&control);
+
+    control
+        .ask(&["fault", "power-off", "--node", "3", "--for", "2"])
+        .expect("a fault");
+    let alarm = control.wait_for("faulted", has_alarm)["alarm"].to_string();
+    assert!(
+        alarm.contains("z-drive (node 3): lost, it does not answer any more"),
+        "{alarm}"
+    );
+    let all_operational = |control: &Control| {
+        let (_, said) = control.words(&["bus", "nodes", "--json"]);
+        let network: Value = serde_json::from_str(&said).expect("a network");
+        let nodes = network["nodes"].as_array().expect("nodes");
+        nodes.iter().all(|node| node["live"]["operational"] == true)
+    };
+    control.wait_for("back", |_| all_operational(&control));
+    let told = journal(&control);
+    for text in [
+        "z-drive (node 3) is lost: working counter 0, expected 3: it does not answer",
+        "no link between y-drive (node 2), port 1, and z-drive (node 3): the cable, or power of the latter",
+    ] {
+        assert!(told.contains(text), "not told: {text}\n{told}");
+    }
+    // Nothing is switched on by that.
+    assert_ne!(control.ask(&["status"]).expect("a status")["state"], "ready");
     goes_on(&control);
 }
 

@@ -26,7 +26,6 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 const PATIENCE: Duration = Duration::from_secs(120);
-const DEMO: &str = include_str!("../configs/mill3-demo.toml");
 const LOGIC: &str = include_str!("../configs/cell/plant.st");
 /// Some minutes of motion, cut short by the end of the test.
 const PROGRAM: &str = "G21 G90 G94 G54\nG0 X5 Y5\nG1 X200 F200\nM2\n";
@@ -36,8 +35,6 @@ const CYCLES: usize = 200;
 const TICKS: usize = 400;
 /// Looks of the thread of the program in Structured Text.
 const LOOKS: usize = 200;
-/// Octet of a frame that says what it is.
-const MESSAGE_TYPE_AT: u64 = 14;
 
 /// What the cycle thread may ask for: to sleep, to send, to wait for an answer or fetch it, whether the interface still runs,
 /// and under PREEMPT_RT the ways through the locks of the network (`src/host/network_locks.rs`).
@@ -74,18 +71,93 @@ fn main() {
         );
         return;
     }
+    if [POWERLINK, ETHERCAT].iter().all(|bus| count(bus).is_some()) {
+        println!("system_calls ... ok");
+    }
+}
+
+/// What is counted differently on each bus.
+struct Bus {
+    name: &'static str,
+    machine: &'static str,
+    /// Its own changes of the machine file.
+    changes: &'static [(&'static str, &'static str)],
+    /// Octet of a frame that says what it is.
+    kind_at: u64,
+    /// Whether such a frame begins a cycle.
+    begins: fn(u8) -> bool,
+    /// Whether the frames of a cycle, by that octet, are all that it has.
+    check: fn(&[u8]) -> Result<bool, String>,
+}
+
+const POWERLINK: Bus = Bus {
+    name: "POWERLINK",
+    machine: include_str!("../configs/mill3-demo.toml"),
+    changes: &[
+        ("pres_timeout_us = 150", "pres_timeout_us = 1500"),
+        ("async_slot_timeout_us = 150", "async_slot_timeout_us = 1500"),
+        ("pres_lost_max = 20", "pres_lost_max = 900"),
+    ],
+    // The message type.
+    kind_at: 14,
+    begins: |kind| kind == message::SOC,
+    check: |frames| {
+        let counts = [message::SOC, message::PREQ, message::SOA, message::ASND]
+            .map(|kind| frames.iter().filter(|frame| **frame == kind).count());
+        // A cycle that the tracer has made late leaves polls out; none sends more than it should.
+        let most = [1, NODES, 1, 1];
+        if counts.iter().zip(most).any(|(count, most)| *count > most) || frames.len() != counts.iter().sum::<usize>() {
+            return Err(format!(
+                "frames {counts:?} (SoC, PReq, SoA, ASnd) in {} sends, at most {most:?}",
+                frames.len()
+            ));
+        }
+        Ok(counts[..3] == [1, NODES, 1])
+    },
+};
+
+const ETHERCAT: Bus = Bus {
+    name: "EtherCAT",
+    machine: include_str!("../configs/mill3-ethercat.toml"),
+    changes: &[("lost_max = 20", "lost_max = 900")],
+    // The index of the first datagram: that of the cycle, or from 80h on of a service.
+    kind_at: 17,
+    begins: |kind| kind < SERVICES_FROM,
+    check: |frames| {
+        let services = frames[1..].iter().filter(|kind| **kind >= SERVICES_FROM).count();
+        if frames.len() != 1 + services || services > SERVICES {
+            return Err(format!(
+                "frames {frames:02X?}: one with process data, then {SERVICES} of services at most"
+            ));
+        }
+        Ok(true)
+    },
+};
+
+/// Indices of the datagrams of services begin here.
+const SERVICES_FROM: u8 = 0x80;
+/// Frames of services in a cycle of 10 ms: a look into the mailboxes of all drives, and what one that is full brings.
+const SERVICES: usize = 4;
+
+/// Counts on a bus; `None`, with the reason printed, where tracing is not allowed.
+fn count(bus: &Bus) -> Option<()> {
     let folder = tempfile::tempdir().expect("a folder");
-    let name = format!("system-calls-{}", std::process::id());
+    let name = format!("system-calls-{}-{}", bus.kind_at, std::process::id());
     let machine = folder.path().join("machine.toml");
-    let text = DEMO
-        .replace("name = \"mill3-demo\"", &format!("name = \"{name}\""))
-        .replace("cycle_us = 1000", "cycle_us = 10000")
-        .replace("pres_timeout_us = 150", "pres_timeout_us = 1500")
-        .replace("async_slot_timeout_us = 150", "async_slot_timeout_us = 1500")
-        .replace("pres_lost_max = 20", "pres_lost_max = 900")
-        .replace("following_error_mm = 2.0", "following_error_mm = 20.0")
-        .replace("calibrate = true", "calibrate = false")
-        + "[[logic]]\nfile = \"plant.st\"\nperiod_ms = 10\n";
+    let its_name = bus.machine.lines().find(|line| line.starts_with("name = "));
+    let new_name = format!("name = \"{name}\"");
+    let usual = [
+        (its_name.expect("a name"), &new_name[..]),
+        ("cycle_us = 1000", "cycle_us = 10000"),
+        ("following_error_mm = 2.0", "following_error_mm = 20.0"),
+        ("calibrate = true", "calibrate = false"),
+    ];
+    let mut text = bus.machine.to_owned();
+    for (from, to) in usual.iter().chain(bus.changes) {
+        assert!(text.contains(from), "{from}");
+        text = text.replace(from, to);
+    }
+    text += "[[logic]]\nfile = \"plant.st\"\nperiod_ms = 10\n";
     std::fs::write(folder.path().join("plant.st"), LOGIC).expect("our folder");
     std::fs::write(&machine, text).expect("our folder");
     let program = folder.path().join("program.ngc");
@@ -101,31 +173,29 @@ fn main() {
     );
 
     let tid = thread(control.pid(), "rt-cycle").expect("the cycle thread");
-    let Some(calls) = trace(tid, |calls| calls.iter().filter(|call| call.is_soc()).count() > CYCLES) else {
-        return;
-    };
-    let cycles = cycles(&calls);
-    check_cycles(&cycles, &CYCLE_CALLS).unwrap_or_else(|wrong| panic!("{wrong}"));
+    let begins = |call: &&Call| call.frame.is_some_and(bus.begins);
+    let calls = trace(tid, bus, |calls| calls.iter().filter(begins).count() > CYCLES)?;
+    let cycles = cycles(bus, &calls);
+    check_cycles(bus, &cycles, &CYCLE_CALLS).unwrap_or_else(|wrong| panic!("{wrong}"));
     // The same with an expectation that is wrong: it is found.
     let without_send: Vec<i64> = CYCLE_CALLS
         .into_iter()
         .filter(|call| *call != libc::SYS_sendto)
         .collect();
-    let wrong = check_cycles(&cycles, &without_send).expect_err("a call that is not allowed");
+    let wrong = check_cycles(bus, &cycles, &without_send).expect_err("a call that is not allowed");
     assert!(wrong.contains(&format!("system call {}", libc::SYS_sendto)), "{wrong}");
     let doubled: Vec<Vec<Call>> = cycles.iter().map(|cycle| [&cycle[..], &cycle[..]].concat()).collect();
-    let wrong = check_cycles(&doubled, &CYCLE_CALLS).expect_err("each frame twice");
+    let wrong = check_cycles(bus, &doubled, &CYCLE_CALLS).expect_err("each frame twice");
     assert!(wrong.contains("frames"), "{wrong}");
     println!(
-        "rt-cycle: {} cycles; {}",
+        "{}: rt-cycle: {} cycles; {}",
+        bus.name,
         cycles.len(),
         summary(&cycles.concat(), cycles.len())
     );
 
     let tid = thread(control.pid(), "rt-timeout").expect("the time-out thread");
-    let Some(calls) = trace(tid, |calls| calls.len() > TICKS) else {
-        return;
-    };
+    let calls = trace(tid, bus, |calls| calls.len() > TICKS)?;
     check_calls(&calls, &TIMEOUT_CALLS).unwrap_or_else(|wrong| panic!("{wrong}"));
     let sleeps = calls
         .iter()
@@ -142,19 +212,17 @@ fn main() {
         summary(&calls, sleeps)
     );
     check_calls(&calls, &[]).expect_err("nothing is allowed");
-    println!("rt-timeout: {sleeps} ticks; {}", summary(&calls, sleeps));
+    println!("{}: rt-timeout: {sleeps} ticks; {}", bus.name, summary(&calls, sleeps));
 
     let tid = thread(control.pid(), "rt-logic 0").expect("the thread of the program");
-    let Some(calls) = trace(tid, |calls| calls.len() > LOOKS) else {
-        return;
-    };
+    let calls = trace(tid, bus, |calls| calls.len() > LOOKS)?;
     check_calls(&calls, &LOGIC_CALLS).unwrap_or_else(|wrong| panic!("{wrong}"));
-    println!("rt-logic 0: {}", summary(&calls, calls.len()));
+    println!("{}: rt-logic 0: {}", bus.name, summary(&calls, calls.len()));
     assert!(
         scope.0.try_wait().expect("our child").is_none(),
         "the oscilloscope looks on"
     );
-    println!("system_calls ... ok");
+    Some(())
 }
 
 /// One call, as it was entered.
@@ -163,23 +231,20 @@ struct Call {
     number: i64,
     /// The first argument; of a look at a clock, which one.
     argument: u64,
-    /// Message type of the frame that is sent.
+    /// What the frame is that is sent, by the octet of its bus.
     frame: Option<u8>,
 }
 
 impl Call {
-    fn is_soc(&self) -> bool {
-        self.frame == Some(message::SOC)
-    }
-
     fn asks_for_own_time(&self) -> bool {
         self.number == libc::SYS_clock_gettime && self.argument == libc::CLOCK_THREAD_CPUTIME_ID as u64
     }
 }
 
-/// The calls of each cycle, from one SoC to before the next; what was begun and not ended is left out.
-fn cycles(calls: &[Call]) -> Vec<Vec<Call>> {
-    let begins: Vec<usize> = (0..calls.len()).filter(|at| calls[*at].is_soc()).collect();
+/// The calls of each cycle, from its first frame to before that of the next; what was begun and not ended is left out.
+fn cycles(bus: &Bus, calls: &[Call]) -> Vec<Vec<Call>> {
+    let begins = |at: &usize| calls[*at].frame.is_some_and(bus.begins);
+    let begins: Vec<usize> = (0..calls.len()).filter(begins).collect();
     begins.windows(2).map(|pair| calls[pair[0]..pair[1]].to_vec()).collect()
 }
 
@@ -193,20 +258,12 @@ fn check_calls(calls: &[Call], allowed: &[i64]) -> Result<(), String> {
     }
 }
 
-fn check_cycles(cycles: &[Vec<Call>], allowed: &[i64]) -> Result<(), String> {
+fn check_cycles(bus: &Bus, cycles: &[Vec<Call>], allowed: &[i64]) -> Result<(), String> {
     let mut complete = 0;
     for (at, cycle) in cycles.iter().enumerate() {
         check_calls(cycle, allowed)?;
-        let frames = |kind: u8| cycle.iter().filter(|call| call.frame == Some(kind)).count();
-        let counts = [message::SOC, message::PREQ, message::SOA, message::ASND].map(frames);
-        let sends = cycle.iter().filter(|call| call.number == libc::SYS_sendto).count();
-        // A cycle that the tracer has made late leaves polls out; none sends more than it should.
-        let most = [1, NODES, 1, 1];
-        if counts.iter().zip(most).any(|(count, most)| *count > most) || sends != counts.iter().sum::<usize>() {
-            return Err(format!(
-                "cycle {at}: frames {counts:?} (SoC, PReq, SoA, ASnd) in {sends} sends, at most {most:?}"
-            ));
-        }
+        let frames: Vec<u8> = cycle.iter().filter_map(|call| call.frame).collect();
+        complete += usize::from((bus.check)(&frames).map_err(|wrong| format!("cycle {at}: {wrong}"))?);
         // One for each sleep: a date that has passed is slept for again.
         let of = |number: i64| cycle.iter().filter(|call| call.number == number).count();
         let locks_max = if is_preempt_rt() {
@@ -225,10 +282,9 @@ fn check_cycles(cycles: &[Vec<Call>], allowed: &[i64]) -> Result<(), String> {
                 ));
             }
         }
-        complete += usize::from(counts[..3] == [1, NODES, 1]);
         // Each receive sleeps at the most once for its answer and once more for a frame that is none; the look at the
         // interface comes once a millisecond.
-        let waits = cycle.len() - sends;
+        let waits = cycle.len() - frames.len();
         if waits > 60 {
             return Err(format!(
                 "cycle {at}: {waits} calls beside the sends: {}",
@@ -269,7 +325,7 @@ fn summary(calls: &[Call], cycles: usize) -> String {
 }
 
 /// The calls that a thread makes until there are enough; `None`, with the reason printed, where tracing is not allowed.
-fn trace(tid: Pid, enough: impl Fn(&[Call]) -> bool) -> Option<Vec<Call>> {
+fn trace(tid: Pid, bus: &Bus, enough: impl Fn(&[Call]) -> bool) -> Option<Vec<Call>> {
     match ptrace::seize(tid, Options::PTRACE_O_TRACESYSGOOD) {
         Ok(()) => {}
         Err(errno @ (Errno::EPERM | Errno::ENOSYS)) => {
@@ -283,7 +339,7 @@ fn trace(tid: Pid, enough: impl Fn(&[Call]) -> bool) -> Option<Vec<Call>> {
     let give_up = Instant::now() + PATIENCE;
     loop {
         match waitpid(tid, Some(WaitPidFlag::__WALL)).expect("our tracee") {
-            WaitStatus::PtraceSyscall(_) => calls.extend(entered(tid)),
+            WaitStatus::PtraceSyscall(_) => calls.extend(entered(tid, bus)),
             WaitStatus::Exited(..) | WaitStatus::Signaled(..) => {
                 panic!("thread {tid} ended after {} calls", calls.len())
             }
@@ -300,7 +356,7 @@ fn trace(tid: Pid, enough: impl Fn(&[Call]) -> bool) -> Option<Vec<Call>> {
 }
 
 /// The call that a stopped thread is about to make; `None` where it comes back from one.
-fn entered(tid: Pid) -> Option<Call> {
+fn entered(tid: Pid, bus: &Bus) -> Option<Call> {
     let info = ptrace::syscall_info(tid).expect("a stopped thread");
     if info.op != libc::PTRACE_SYSCALL_INFO_ENTRY {
         return None;
@@ -309,7 +365,7 @@ fn entered(tid: Pid) -> Option<Call> {
     let entry = unsafe { info.u.entry };
     let number = entry.nr as i64;
     let frame = (number == libc::SYS_sendto).then(|| {
-        let word = ptrace::read(tid, (entry.args[1] + MESSAGE_TYPE_AT) as ptrace::AddressType);
+        let word = ptrace::read(tid, (entry.args[1] + bus.kind_at) as ptrace::AddressType);
         word.expect("the frame that is sent").to_ne_bytes()[0]
     });
     Some(Call {
@@ -329,7 +385,6 @@ fn thread(process: u32, name: &str) -> Option<Pid> {
     })
 }
 
-/// Waits until the program moves the machine.
 /// Runs a program as soon as the machine stands by, and waits until it moves.
 fn set_in_motion(machine: &str, program: &Path) {
     let give_up = Instant::now() + PATIENCE;
