@@ -33,13 +33,18 @@ const PART: &str = "G21 G90 G94 G54 G64 P0.01 T1\nS800 M3\nG0 X5 Y5 Z-5\nM8\nG1 
 /// A scenario and its name.
 type Scenario = (&'static str, fn());
 
-const SCENARIOS: [Scenario; 6] = [
+const SCENARIOS: [Scenario; 8] = [
     ("boot, program, shut-down", whole_program),
     ("hold, override, late cycles, lost answers", disturbed),
     ("a node dies in mid-program, acknowledge", node_lost),
     ("a drive in fault", drive_fault),
     ("time-out thread and figures", watchdog_and_figures),
     ("step pulses", step_pulses),
+    ("EtherCAT: boot, program, shut-down", ethercat_program),
+    (
+        "EtherCAT: a lost frame, a drive without power and back",
+        ethercat_faults,
+    ),
 ];
 
 fn main() {
@@ -101,14 +106,18 @@ fn harmless(number: usize) -> usize {
 }
 
 fn rehearsed(seed: u64, act: impl FnOnce(&mut Rehearsal<'_>)) {
+    rehearsed_on(include_str!("../configs/mill3-demo.toml"), seed, act);
+}
+
+fn rehearsed_on(machine: &str, seed: u64, act: impl FnOnce(&mut Rehearsal<'_>)) {
     // X is homed by the control.
-    let machine = include_str!("../configs/mill3-demo.toml").replacen(
+    let machine = machine.replacen(
         "method = 21, search_mm_s = 40.0, latch_mm_s = 4.0, acceleration_mm_s2 = 500.0, position_mm = 0.0",
         "by = \"control\", towards = \"negative\", switch_mm = -2.0, switch = \"drive\", search_mm_s = 40.0, latch_mm_s = 4.0",
         1,
     );
     let machine = machine + "[[logic]]\nfile = \"configs/cell/plant.st\"\nperiod_ms = 2\n";
-    let config = config::parse(&machine, Path::new("mill3-demo.toml")).expect("a good machine");
+    let config = config::parse(&machine, Path::new("machine.toml")).expect("a good machine");
     rehearse(&config, PART.as_bytes(), NetConfig::clean(seed), |run| {
         // With an oscilloscope whose ring is soon full.
         run.control
@@ -197,6 +206,38 @@ fn step_pulses() {
         Ok(())
     })
     .expect("a machine that can be rehearsed");
+}
+
+fn on_ethercat(seed: u64, act: impl FnOnce(&mut Rehearsal<'_>)) {
+    rehearsed_on(include_str!("../configs/mill3-ethercat.toml"), seed, act);
+}
+
+fn ethercat_program() {
+    on_ethercat(5, |run| {
+        assert_eq!(run.run(CYCLES_MAX).expect("an end"), Outcome::Completed)
+    });
+}
+
+fn ethercat_faults() {
+    on_ethercat(6, |run| {
+        reach(run, State::Running);
+        cycles(run, 300);
+        let now_ns = run.now_ns();
+        run.net().at(now_ns, Disturbance::DropPres { node: 1, count: 2 });
+        run.cycle(200_000).expect("a good program");
+        run.cycle(2_600_000).expect("a good program");
+        cycles(run, 20);
+        assert_eq!(run.control.state(), State::Running);
+        let now_ns = run.now_ns();
+        run.net().at(now_ns, Disturbance::PowerOff { node: 2 });
+        reach(run, State::Faulted);
+        let now_ns = run.now_ns();
+        run.net().at(now_ns, Disturbance::PowerOn { node: 2 });
+        run.operator.give(Order::Acknowledge);
+        cycles(run, 5000);
+        let is_back = run.net().machine().is_operational(2);
+        assert_eq!(is_back, Some(true), "{:?}", run.operator.journal());
+    });
 }
 
 fn watchdog_and_figures() {
