@@ -10,6 +10,8 @@ mod controlled_node;
 mod device_files;
 #[path = "../fuzz/src/ethercat_main.rs"]
 mod ethercat_main;
+#[path = "../fuzz/src/ethercat_sub.rs"]
+mod ethercat_sub;
 #[path = "../fuzz/src/ethercat_wire.rs"]
 mod ethercat_wire;
 #[path = "../fuzz/src/frame.rs"]
@@ -83,6 +85,11 @@ fn grbl_session() {
 #[test]
 fn ethercat_main() {
     replay("ethercat_main", ethercat_main::run);
+}
+
+#[test]
+fn ethercat_sub() {
+    replay("ethercat_sub", ethercat_sub::run);
 }
 
 #[test]

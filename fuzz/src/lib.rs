@@ -5,6 +5,7 @@ pub mod cell_message;
 pub mod controlled_node;
 pub mod device_files;
 pub mod ethercat_main;
+pub mod ethercat_sub;
 pub mod ethercat_wire;
 pub mod frame;
 pub mod grbl_session;
