@@ -1,13 +1,16 @@
-//! What the bus costs: `cargo bench --bench bus`, shorter with `-- --quick`; `-- own`, `-- wire`, `-- links`, `-- grid` run one part.
+//! What the bus costs: `cargo bench --bench bus`, shorter with `-- --quick`; `-- own`, `-- wire`, `-- ethercat`, `-- links`, `-- grid` run
+//! one part.
 //!
 //! - own: parsing and writing frames; a whole isochronous cycle of the managing node without a wire, per node.
 //! - wire: SoC to SoA over a veth pair, the nodes on the same core above the managing node.
+//! - ethercat: the same on EtherCAT, in turns with POWERLINK; the shortest cycles that are kept.
 //! - links: the same over the ring of the raw socket and over libpnet, in turns.
 //! - grid: the shortest cycles that are kept, and what kept those that were not.
 //!
 //! Each is held against a minimal loop of fixed frames in the same run. Nothing is asserted but that the network works:
 //! the figures are as good as the PC is quiet, so its load and the time that a host took from it are printed beside them.
 
+mod ethercat;
 mod minimal;
 mod network;
 mod own;
@@ -64,7 +67,7 @@ fn main() -> anyhow::Result<()> {
         own::cycle_of::<239>();
         println!("meanwhile          {}", pc(&mut ticks));
     }
-    if !["wire", "links", "grid"].into_iter().any(wanted) {
+    if !["wire", "ethercat", "links", "grid"].into_iter().any(wanted) {
         return Ok(());
     }
     let cycles = if arguments.iter().any(|argument| argument == "--quick") {
@@ -84,6 +87,14 @@ fn main() -> anyhow::Result<()> {
         wire::exchange::<8>(&bench, 1000, cycles, " (goal: median <= 50 us)");
         wire::exchange::<32>(&bench, 1000, cycles, " (goal: median <= 130 us)");
         wire::exchange::<239>(&bench, 4000, cycles / 4, "");
+        println!("meanwhile          {}", pc(&mut ticks));
+    }
+    if wanted("ethercat") {
+        ethercat::exchange::<8>(&bench, cycles, " (goal: median <= 30 us)");
+        ethercat::exchange::<32>(&bench, cycles, " (goal: median <= 60 us)");
+        ethercat::shortest(&bench, 8, 125, 4 * cycles);
+        ethercat::shortest(&bench, 32, 250, 4 * cycles);
+        ethercat::shortest(&bench, 100, 2000, cycles);
         println!("meanwhile          {}", pc(&mut ticks));
     }
     if wanted("links") {

@@ -7,14 +7,14 @@
 //! microseconds in a virtual machine), or within the managing node's thread, which shows what the wire and both stacks
 //! cost without them.
 //!
-//! The minimal loop has a wire and a responder of its own and takes turns with ours.
+//! What ours is held against has a wire and a responder of its own and takes turns with ours: the minimal loop, or EtherCAT.
 
 use super::minimal::{self, Minimal, Short};
 use super::network::{Responder, mn_config, node_configs};
 use super::socket::Socket;
-use anyhow::ensure;
+use anyhow::{anyhow, ensure};
 use isocnc::bus::powerlink::{Powerlink, wall_clock};
-use isocnc::bus::{BusState, CyclicBus, InputImage, OutputImage};
+use isocnc::bus::{BusState, CyclicBus, InputImage, NodeState, OutputImage};
 use isocnc::config::{self, BusLink};
 use isocnc::host::netns::{add_wire, private_wire};
 use isocnc::host::setup::{Process, Role, STACK_SIZE, enter_thread, prepare_process};
@@ -36,8 +36,8 @@ const MACHINE: &str = include_str!("../../configs/mill3-demo.toml");
 const PAYLOAD: usize = super::network::PAYLOAD;
 /// As the control does it.
 const ANSWER_SPIN_NS: u64 = 20_000;
-const SPIN_NS: u64 = 50_000;
-const QUIET_NS: u64 = 30_000;
+pub(crate) const SPIN_NS: u64 = 50_000;
+pub(crate) const QUIET_NS: u64 = 30_000;
 const BOOT_LIMIT_NS: u64 = 10_000_000_000;
 
 /// One cycle as it ran.
@@ -60,10 +60,23 @@ pub(crate) struct Cycle {
 }
 
 /// Something that exchanges process data once a cycle.
-trait Exchange {
+pub(crate) trait Exchange {
     fn exchange(&mut self, deadline_ns: u64);
     /// What is left to do until then.
     fn serve(&mut self, until_ns: u64);
+    /// Whether all nodes exchange process data.
+    fn is_up(&self) -> bool;
+    /// Answers that did not come, since this was asked last; and those that were wrong.
+    fn take_lost(&mut self) -> (u64, u64);
+}
+
+/// What the nodes of an exchange do in a thread of their own until the flag is set.
+pub(crate) type NodesThread<'a> = Box<dyn FnOnce(&AtomicBool) + Send + 'a>;
+
+/// An exchange and the thread of its nodes; `None`: it has them within.
+pub(crate) struct Side<'a> {
+    pub(crate) exchange: Box<dyn Exchange + Send + 'a>,
+    pub(crate) nodes: Option<NodesThread<'a>>,
 }
 
 /// Where the nodes run.
@@ -136,6 +149,15 @@ impl<L: Link, const N: usize> Exchange for Ours<'_, L, N> {
         self.bus.serve(until_ns);
         while self.bus.pop_event().is_some() {}
     }
+
+    fn is_up(&self) -> bool {
+        let bus = &self.bus;
+        bus.state() == BusState::Operational && (0..N).all(|node| bus.node_state(node) == NodeState::Operational)
+    }
+
+    fn take_lost(&mut self) -> (u64, u64) {
+        (std::mem::take(&mut self.lost), 0)
+    }
 }
 
 struct Least {
@@ -180,11 +202,19 @@ impl Exchange for Least {
     }
 
     fn serve(&mut self, _: u64) {}
+
+    fn is_up(&self) -> bool {
+        true
+    }
+
+    fn take_lost(&mut self) -> (u64, u64) {
+        (std::mem::take(&mut self.lost), std::mem::take(&mut self.mn.wrong))
+    }
 }
 
 /// The threads whose work a cycle is: the managing node's, and those of the nodes where they have some.
 #[derive(Clone, Default)]
-struct Clocks {
+pub(crate) struct Clocks {
     nodes: Arc<[AtomicI32; 2]>,
 }
 
@@ -238,22 +268,25 @@ fn run_cycle(exchange: &mut dyn Exchange, clocks: &Clocks, deadline_ns: u64, lim
     }
 }
 
-/// Cycles of both, in turns of `turn` cycles.
+/// Cycles of all sides, in turns of `turn` cycles.
 fn run_turns(
-    ours: &mut dyn Exchange,
-    least: &mut dyn Exchange,
+    sides: &mut [Box<dyn Exchange + Send + '_>],
     clocks: &Clocks,
     grid: Grid,
     cycles: usize,
     turn: usize,
-) -> [Vec<Cycle>; 2] {
-    let mut ran = [Vec::with_capacity(cycles + turn), Vec::with_capacity(cycles + turn)];
+) -> Vec<Vec<Cycle>> {
+    let mut ran: Vec<Vec<Cycle>> = sides.iter().map(|_| Vec::with_capacity(cycles + turn)).collect();
     let mut deadline_ns = grid.first_after(monotonic_ns() + grid.period_ns);
     while ran[0].len() < cycles {
-        let exchanges: [&mut dyn Exchange; 2] = [ours, least];
-        for (exchange, ran) in exchanges.into_iter().zip(&mut ran) {
+        for (exchange, ran) in sides.iter_mut().zip(&mut ran) {
             for _ in 0..turn {
-                let mut cycle = run_cycle(exchange, clocks, deadline_ns, deadline_ns + grid.period_ns - SPIN_NS);
+                let mut cycle = run_cycle(
+                    &mut **exchange,
+                    clocks,
+                    deadline_ns,
+                    deadline_ns + grid.period_ns - SPIN_NS,
+                );
                 let next = grid.next(deadline_ns, monotonic_ns());
                 (deadline_ns, cycle.skipped) = (next.deadline_ns, next.skipped);
                 ran.push(cycle);
@@ -301,91 +334,43 @@ impl Bench {
         place: Nodes,
         timeouts: bool,
     ) -> anyhow::Result<[Vec<Cycle>; 2]> {
-        match link {
-            BusLink::Raw => {
-                let config = RawConfig {
-                    spin_ns: ANSWER_SPIN_NS,
-                    ..RawConfig::default()
-                };
-                let link = RawLink::open("plk0", config)?;
-                let near = (link.mac(), link);
-                self.run_on::<_, N>(near, cycle_us, pres_timeout_ns, cycles, turn, place, timeouts)
-            }
-            BusLink::Pnet => {
-                let link = PnetLink::open("plk0", ANSWER_SPIN_NS)?;
-                let near = (link.mac(), link);
-                self.run_on::<_, N>(near, cycle_us, pres_timeout_ns, cycles, turn, place, timeouts)
-            }
-        }
+        let watch = Arc::new(Watch::default());
+        let ours = powerlink::<N>(link, cycle_us, pres_timeout_ns, place, &watch)?;
+        let sides = vec![ours, minimal::<N>(place)?];
+        let (ran, _) = self.in_turns(sides, &watch, cycle_us, cycles, turn, timeouts)?;
+        ran.try_into().map_err(|_| anyhow!("two sides"))
     }
 
-    #[expect(clippy::too_many_arguments, reason = "as above")]
-    fn run_on<L: Link + Send, const N: usize>(
+    /// Boots all sides and runs `cycles` cycles of each, in turns; and how long each took to come up, s.
+    pub(crate) fn in_turns(
         &self,
-        (mac, link): ([u8; 6], L),
+        sides: Vec<Side<'_>>,
+        watch: &Arc<Watch>,
         cycle_us: u32,
-        pres_timeout_ns: u32,
         cycles: usize,
         turn: usize,
-        place: Nodes,
         timeouts: bool,
-    ) -> anyhow::Result<[Vec<Cycle>; 2]> {
+    ) -> anyhow::Result<(Vec<Vec<Cycle>>, Vec<f64>)> {
         let period_ns = u64::from(cycle_us) * 1000;
-        let nodes = node_configs(N, pres_timeout_ns);
-        let (far, responder) = (RawLink::open("plk1", RawConfig::default())?, Responder::new(N));
-        let (least_far, answers) = (Socket::open("raw1")?, (1..=N as u8).map(minimal::pres).collect());
-        let watch = Arc::new(Watch::default());
-        let (within, above) = match place {
-            Nodes::Within => (Some(((far, responder), (least_far, answers))), None),
-            Nodes::Above => (None, Some(((far, responder), (least_far, answers)))),
-        };
-        let (far, least_far) = within.unzip();
-        let link = Near {
-            near: link,
-            far,
-            buffer: [0; 1514],
-        };
-        let bus = Powerlink::<_, N>::new(mn_config(&nodes, cycle_us, mac), link, Arc::clone(&watch), wall_clock)?;
-        let lengths = [PAYLOAD; N];
-        let mut ours = Ours {
-            bus: Box::new(bus),
-            outputs: OutputImage::new(lengths),
-            inputs: InputImage::new(lengths),
-            lost: 0,
-        };
-        let mut least = Least {
-            mn: Minimal::new(N),
-            socket: Socket::open("raw0")?,
-            far: least_far,
-            lost: 0,
-        };
         let (reports, _reports) = rtrb::RingBuffer::new(timeout::REPORTS);
         let stop = AtomicBool::new(false);
         let clocks = Clocks::default();
         let thread = |name: &str| std::thread::Builder::new().name(name.into()).stack_size(STACK_SIZE);
+        let (mut exchanges, nodes): (Vec<_>, Vec<_>) =
+            sides.into_iter().map(|side| (side.exchange, side.nodes)).unzip();
         std::thread::scope(|scope| {
-            if let Some(((mut far, mut responder), (least_far, answers))) = above {
+            for (place, nodes) in nodes.into_iter().enumerate() {
+                let Some(nodes) = nodes else { continue };
                 let (stop, clocks) = (&stop, &clocks);
                 thread("nodes").spawn_scoped(scope, move || {
                     drop(enter_thread(Role::Machine, &self.process));
-                    clocks.register(0);
-                    let mut buffer = [0; 1514];
-                    while !stop.load(Ordering::Relaxed) {
-                        let deadline_ns = far.now_ns() + 50_000_000;
-                        answer(&mut far, &mut responder, &mut buffer, deadline_ns).expect("the interface is up");
-                    }
-                })?;
-                thread("least-nodes").spawn_scoped(scope, move || {
-                    drop(enter_thread(Role::Machine, &self.process));
-                    clocks.register(1);
-                    while !stop.load(Ordering::Relaxed) {
-                        answer_least(&least_far, &answers);
-                    }
+                    clocks.register(place);
+                    nodes(stop);
                 })?;
             }
             let limits = Limits::new(period_ns, self.tick_ns, u32::MAX);
             let timeouts = timeouts
-                .then(|| TimeoutThread::spawn(Arc::clone(&self.process), Arc::clone(&watch), limits, reports, None))
+                .then(|| TimeoutThread::spawn(Arc::clone(&self.process), Arc::clone(watch), limits, reports, None))
                 .transpose()?;
             let managing = thread("managing").spawn_scoped(scope, || {
                 drop(enter_thread(Role::Cycle, &self.process));
@@ -394,47 +379,130 @@ impl Bench {
                     phase_ns: 37_000,
                     late_max_ns: period_ns / 4,
                 };
-                boot(&mut ours, &clocks, grid)?;
-                ours.lost = 0;
-                let ran = run_turns(&mut ours, &mut least, &clocks, grid, cycles, turn);
-                let lost = (ours.lost, least.lost, least.mn.wrong);
-                anyhow::Ok((ran, lost))
+                let mut up_s = Vec::new();
+                for exchange in &mut exchanges {
+                    up_s.push(boot(&mut **exchange, &clocks, grid)?);
+                }
+                for exchange in &mut exchanges {
+                    exchange.take_lost();
+                }
+                let ran = run_turns(&mut exchanges, &clocks, grid, cycles, turn);
+                let lost: Vec<_> = exchanges.iter_mut().map(|exchange| exchange.take_lost()).collect();
+                anyhow::Ok((ran, up_s, lost))
             })?;
             let ran = managing.join();
             stop.store(true, Ordering::Relaxed);
             drop(timeouts);
-            let (ran, lost) = ran.map_err(|_| anyhow::anyhow!("the managing node panicked"))??;
-            if lost.0 + lost.1 > 0 {
-                println!(
-                    "                   answers lost: {} of ours, {} of the minimal loop",
-                    lost.0, lost.1
-                );
+            let (ran, up_s, lost) = ran.map_err(|_| anyhow!("the thread of the cycle panicked"))??;
+            if lost.iter().any(|(lost, _)| *lost > 0) {
+                let lost: Vec<u64> = lost.iter().map(|(lost, _)| *lost).collect();
+                println!("                   answers lost of each side, ours first: {lost:?}");
             }
-            ensure!(lost.2 == 0, "{} wrong answers in the minimal loop", lost.2);
-            Ok(ran)
+            ensure!(lost.iter().all(|(_, wrong)| *wrong == 0), "wrong answers: {lost:?}");
+            Ok((ran, up_s))
         })
     }
 }
 
-/// Until all nodes are operational.
-fn boot<L: Link, const N: usize>(ours: &mut Ours<'_, L, N>, clocks: &Clocks, grid: Grid) -> anyhow::Result<()> {
+/// Our managing node with `N` nodes.
+pub(crate) fn powerlink<const N: usize>(
+    link: BusLink,
+    cycle_us: u32,
+    pres_timeout_ns: u32,
+    place: Nodes,
+    watch: &Arc<Watch>,
+) -> anyhow::Result<Side<'static>> {
+    let far = (RawLink::open("plk1", RawConfig::default())?, Responder::new(N));
+    let (within, nodes): (_, Option<NodesThread<'static>>) = match place {
+        Nodes::Within => (Some(far), None),
+        Nodes::Above => (None, Some(Box::new(|stop: &AtomicBool| serve(far, stop)))),
+    };
+    let exchange: Box<dyn Exchange + Send> = match link {
+        BusLink::Raw => {
+            let config = RawConfig {
+                spin_ns: ANSWER_SPIN_NS,
+                ..RawConfig::default()
+            };
+            let link = RawLink::open("plk0", config)?;
+            let mac = link.mac();
+            ours::<_, N>(link, mac, within, cycle_us, pres_timeout_ns, watch)?
+        }
+        BusLink::Pnet => {
+            let link = PnetLink::open("plk0", ANSWER_SPIN_NS)?;
+            let mac = link.mac();
+            ours::<_, N>(link, mac, within, cycle_us, pres_timeout_ns, watch)?
+        }
+    };
+    Ok(Side { exchange, nodes })
+}
+
+fn ours<L: Link + Send + 'static, const N: usize>(
+    near: L,
+    mac: [u8; 6],
+    far: Option<(RawLink, Responder)>,
+    cycle_us: u32,
+    pres_timeout_ns: u32,
+    watch: &Arc<Watch>,
+) -> anyhow::Result<Box<dyn Exchange + Send>> {
+    let link = Near {
+        near,
+        far,
+        buffer: [0; 1514],
+    };
+    // Kept as long as the process lives, once for each run.
+    let nodes = node_configs(N, pres_timeout_ns).leak();
+    let bus = Powerlink::<_, N>::new(mn_config(nodes, cycle_us, mac), link, Arc::clone(watch), wall_clock)?;
+    let lengths = [PAYLOAD; N];
+    Ok(Box::new(Ours {
+        bus: Box::new(bus),
+        outputs: OutputImage::new(lengths),
+        inputs: InputImage::new(lengths),
+        lost: 0,
+    }))
+}
+
+/// The thread of the nodes.
+fn serve((mut far, mut responder): (RawLink, Responder), stop: &AtomicBool) {
+    let mut buffer = [0; 1514];
+    while !stop.load(Ordering::Relaxed) {
+        let deadline_ns = far.now_ns() + 50_000_000;
+        answer(&mut far, &mut responder, &mut buffer, deadline_ns).expect("the interface is up");
+    }
+}
+
+/// The minimal loop with `N` nodes.
+fn minimal<const N: usize>(place: Nodes) -> anyhow::Result<Side<'static>> {
+    let (far, answers): (_, Vec<Short>) = (Socket::open("raw1")?, (1..=N as u8).map(minimal::pres).collect());
+    let (far, nodes): (_, Option<NodesThread<'static>>) = match place {
+        Nodes::Within => (Some((far, answers)), None),
+        Nodes::Above => {
+            let nodes = move |stop: &AtomicBool| {
+                while !stop.load(Ordering::Relaxed) {
+                    answer_least(&far, &answers);
+                }
+            };
+            (None, Some(Box::new(nodes)))
+        }
+    };
+    let exchange = Box::new(Least {
+        mn: Minimal::new(N),
+        socket: Socket::open("raw0")?,
+        far,
+        lost: 0,
+    });
+    Ok(Side { exchange, nodes })
+}
+
+/// Until all nodes are operational; how long that took, s.
+fn boot(exchange: &mut dyn Exchange, clocks: &Clocks, grid: Grid) -> anyhow::Result<f64> {
     let began_ns = monotonic_ns();
     let mut deadline_ns = grid.first_after(began_ns);
-    let up = |ours: &Ours<'_, L, N>| {
-        ours.bus.state() == BusState::Operational
-            && (0..N).all(|node| ours.bus.node_state(node) == isocnc::bus::NodeState::Operational)
-    };
-    while !up(ours) {
-        run_cycle(ours, clocks, deadline_ns, deadline_ns + grid.period_ns - SPIN_NS);
+    while !exchange.is_up() {
+        run_cycle(exchange, clocks, deadline_ns, deadline_ns + grid.period_ns - SPIN_NS);
         deadline_ns = grid.next(deadline_ns, monotonic_ns()).deadline_ns;
-        ensure!(
-            deadline_ns - began_ns < BOOT_LIMIT_NS,
-            "not operational after 10 s: {} of {} cycles overrun",
-            ours.bus.mn().counters().cycles_overrun,
-            ours.bus.mn().counters().cycles
-        );
+        ensure!(deadline_ns - began_ns < BOOT_LIMIT_NS, "not operational after 10 s");
     }
-    Ok(())
+    Ok((monotonic_ns() - began_ns) as f64 / 1e9)
 }
 
 fn percentile(sorted: &[u64], share: f64) -> f64 {
@@ -442,7 +510,7 @@ fn percentile(sorted: &[u64], share: f64) -> f64 {
     sorted[at] as f64 / 1000.0
 }
 
-fn median_p99_max(ran: &[Cycle]) -> [f64; 3] {
+pub(crate) fn median_p99_max(ran: &[Cycle]) -> [f64; 3] {
     let mut times: Vec<u64> = ran.iter().map(|cycle| cycle.exchange_ns).collect();
     times.sort_unstable();
     [0.5, 0.99, 1.0].map(|share| percentile(&times, share))
@@ -520,7 +588,7 @@ pub(crate) fn shortest<const N: usize>(bench: &Bench, cycle_us: u32, pres_timeou
     }
 }
 
-fn print_overruns(name: &str, cycle_us: u32, ran: &[Cycle]) {
+pub(crate) fn print_overruns(name: &str, cycle_us: u32, ran: &[Cycle]) {
     let period_ns = u64::from(cycle_us) * 1000;
     let (mut own, mut woken, mut stolen, mut all) = (0, 0, 0, 0);
     for cycle in ran {
