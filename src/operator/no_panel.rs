@@ -37,21 +37,3 @@ impl Panel {
 
     pub(super) fn serve(&self, _door: Door, _until: UnixStream) {}
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::config::{Panel as Table, parse};
-
-    #[test]
-    fn whoever_asks_for_a_panel_is_told_that_there_is_none() {
-        let text = include_str!("../../configs/mill3-demo.toml");
-        let mut config = parse(text, Path::new("mill.toml")).unwrap();
-        assert!(Panel::of(&config, None, true).unwrap().is_none());
-        let refusal = |config: &Config, asked| Panel::of(config, asked, true).err().unwrap().to_string();
-        let said = "this isocnc was built without the panel: cargo build --features panel";
-        assert_eq!(refusal(&config, Some(None)), said);
-        config.panel = Some(Table::at(Table::loopback(), None));
-        assert_eq!(refusal(&config, None), said);
-    }
-}
