@@ -13,9 +13,6 @@ use std::error::Error;
 const CABLE_NS: u64 = 300;
 /// Nothing is due for longer than this.
 const LOOK_NS: u64 = 1_000_000;
-/// Looks for a frame so long before it sleeps.
-const SPIN_NS: u64 = 20_000;
-
 /// Frames of EtherCAT.
 const ETHER_TYPE: [u8; 2] = [0x88, 0xA4];
 
@@ -44,7 +41,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let config = RawConfig {
         every_ether_type: true,
         promiscuous: true,
-        spin_ns: SPIN_NS,
+        // On the core of a main device a look for the next frame would keep that from getting its answer.
+        spin_ns: 0,
         ..RawConfig::default()
     };
     let mut link = RawLink::open(&interface, config)?;

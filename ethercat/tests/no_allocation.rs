@@ -1,4 +1,5 @@
-//! The main device asks nothing of the allocator, from the first frame on: in cycles, services, set-up, faults and recovery.
+//! The main device asks nothing of the allocator, from the first frame on: in cycles, services, set-up, faults and recovery. Simulated
+//! devices ask nothing while they are in OP and get no mails.
 #![cfg(feature = "std")]
 
 use ethercat::main::config::{ClockConfig, Config, DeviceConfig, ProcessDataConfig, StartValue, Times};
@@ -71,20 +72,33 @@ fn part(position: u16) -> DeviceConfig<'static> {
     }
 }
 
-#[test]
-fn no_call_allocates() {
+fn segment() -> Segment {
     let mut segment = Segment::new();
     for _ in 0..DRIVES {
         let drive = models::DriveModel::default().build(vec![Box::new(IdealMotor::default())]);
         segment.push(SubDevice::new(drive.expect("a drive"), 0), 300);
     }
-    let parts: Vec<DeviceConfig<'_>> = (0..DRIVES as u16).map(part).collect();
-    let config = Config {
+    segment
+}
+
+fn parts() -> Vec<DeviceConfig<'static>> {
+    (0..DRIVES as u16).map(part).collect()
+}
+
+fn config<'a>(devices: &'a [DeviceConfig<'a>]) -> Config<'a> {
+    Config {
         cycle_ns: CYCLE_NS as u32,
-        devices: &parts,
+        devices,
         lost_max: 2,
         times: Times::default(),
-    };
+    }
+}
+
+#[test]
+fn no_call_allocates() {
+    let mut segment = segment();
+    let parts = parts();
+    let config = config(&parts);
     let mut main = Box::new(MainDevice::<16, 2>::new([0x10; 6], &config).expect("it fits"));
     let mut buffer = [0; FRAME_LEN_MAX];
     let mut now_ns = 1_000_000;
@@ -150,4 +164,59 @@ fn no_call_allocates() {
     assert_eq!((ups, lost), (4 + 2 + 1, 3));
     assert!(values > 40, "{values}");
     assert!((0..DRIVES).all(|drive| main.device_state(drive) == DeviceState::Operational));
+}
+
+#[test]
+fn simulated_devices_take_no_memory_in_op() {
+    let mut segment = segment();
+    let parts = parts();
+    let config = config(&parts);
+    let mut main = Box::new(MainDevice::<16, 2>::new([0x10; 6], &config).expect("it fits"));
+    let mut buffer = [0; FRAME_LEN_MAX];
+    let (mut now_ns, mut in_op, mut moved) = (CYCLE_NS, 0, 0);
+    for cycle in 0..4000_u32 {
+        if in_op == 200 {
+            break;
+        }
+        in_op += u32::from(main.is_operational());
+        // In the first cycles there it takes the memory that it keeps.
+        let counts = in_op > 10;
+        for drive in 0..DRIVES {
+            let controlword: u8 = [6, 7, 15][in_op as usize % 60 / 20];
+            let outputs = main.outputs_mut(drive);
+            outputs[..3].copy_from_slice(&[controlword, 0, 8]);
+            outputs[4..8].copy_from_slice(&cycle.to_le_bytes());
+        }
+        let pass = |segment: &mut Segment, now_ns: u64, frame: &mut [u8]| {
+            COUNTING.set(counts);
+            let came = segment.receive(now_ns, frame).is_some();
+            COUNTING.set(false);
+            came
+        };
+        for number in 0..main.prepare() {
+            let length = main.frame(number).len();
+            buffer[..length].copy_from_slice(main.frame(number));
+            assert!(pass(&mut segment, now_ns, &mut buffer[..length]));
+            main.receive(now_ns, &buffer[..length]);
+        }
+        while now_ns % CYCLE_NS < CYCLE_NS * 8 / 10 {
+            now_ns += 50_000;
+            COUNTING.set(counts);
+            segment.poll(now_ns);
+            COUNTING.set(false);
+            let Some(frame) = main.service_frame(now_ns) else {
+                continue;
+            };
+            let length = frame.len();
+            buffer[..length].copy_from_slice(frame);
+            assert!(pass(&mut segment, now_ns, &mut buffer[..length]));
+            main.receive(now_ns, &buffer[..length]);
+        }
+        main.finish_cycle(now_ns);
+        now_ns = (now_ns / CYCLE_NS + 1) * CYCLE_NS;
+        moved += u32::from(main.inputs(0)[1] & 0x02 != 0 || main.inputs(0)[0] & 0x6F == 0x27);
+    }
+    assert_eq!(in_op, 200);
+    assert!(moved > 0, "operation is enabled at times");
+    assert_eq!(CALLS.get(), 0);
 }

@@ -123,6 +123,8 @@ pub struct SubDevice {
     /// Process data of SAFE-OP and OP; those of devices without CoE lie as the EEPROM says.
     outputs: ProcessData,
     inputs: ProcessData,
+    /// Those of the last cycle: memory that is kept for the next one.
+    process_data: [Vec<u8>; 2],
     mail_due_ns: Option<u64>,
     queue: VecDeque<Vec<u8>>,
     /// Counter of the last mail that came, and of the last that left.
@@ -159,6 +161,7 @@ impl SubDevice {
             has_mailbox: mailboxes.protocols != 0 && mailboxes.receive.length > 0,
             outputs: ProcessData::default(),
             inputs: ProcessData::default(),
+            process_data: [Vec::new(), Vec::new()],
             mail_due_ns: None,
             queue: VecDeque::new(),
             counters: (0, 0),
@@ -688,13 +691,16 @@ impl SubDevice {
 
     /// Outputs to the application, inputs from it.
     fn application_cycle(&mut self, led: bool) {
+        let [mut outputs, mut inputs] = core::mem::take(&mut self.process_data);
         let (start, length) = self.area_of(Usage::Outputs);
-        let outputs = self.esc.area(start, length).to_vec();
+        outputs.clear();
+        outputs.extend_from_slice(self.esc.area(start, length));
         if led && self.has_mailbox {
             self.objects.scatter(&self.outputs, &outputs);
         }
         let (start, length) = self.area_of(Usage::Inputs);
-        let mut inputs = vec![0; usize::from(length)];
+        inputs.clear();
+        inputs.resize(usize::from(length), 0);
         let emergency = self.config.application.cycle(Cycle {
             objects: &mut self.objects,
             outputs: &outputs,
@@ -710,6 +716,7 @@ impl SubDevice {
             let octets = area.len().min(inputs.len());
             area[..octets].copy_from_slice(&inputs[..octets]);
         }
+        self.process_data = [outputs, inputs];
         if let Some(emergency) = emergency {
             self.report(emergency);
         }

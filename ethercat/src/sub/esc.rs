@@ -59,6 +59,8 @@ pub(super) struct Esc {
     fed_ns: Option<u64>,
     /// What the closed ports show in place of a receive time.
     pub(super) garbage: u32,
+    /// See [`Esc::keep`].
+    before: Vec<u8>,
 }
 
 fn ranges_overlap(a: &Range<usize>, b: &Range<usize>) -> bool {
@@ -76,6 +78,7 @@ impl Esc {
             mapped: 0..0,
             fed_ns: None,
             garbage: 0,
+            before: Vec::new(),
         };
         let wide = if esc.clock.as_ref().is_some_and(Clock::is_wide) {
             feature::DC_64
@@ -531,6 +534,14 @@ impl Esc {
         }
     }
 
+    /// The data as they are now, in memory that is given back for the next datagram.
+    fn keep(&mut self, data: &[u8]) -> Vec<u8> {
+        let mut before = std::mem::take(&mut self.before);
+        before.clear();
+        before.extend_from_slice(data);
+        before
+    }
+
     /// One datagram with an offset in the memory; what the working counter gains. `now_ns`: when it passes the processing unit;
     /// `times`: when it passes the ports.
     pub(super) fn access(
@@ -551,9 +562,10 @@ impl Esc {
             };
             return u16::from(acts);
         }
-        let before = data.to_vec();
+        let before = self.keep(data);
         let read = self.read(now_ns, start, data, broadcast);
         let written = self.write(now_ns, start, &before, times);
+        self.before = before;
         u16::from(read) + 2 * u16::from(written)
     }
 
@@ -577,7 +589,7 @@ impl Esc {
         if mapped.iter().all(Option::is_none) {
             return 0;
         }
-        let before = data.to_vec();
+        let before = self.keep(data);
         let (mut read, mut written) = (false, false);
         // What is read is what was there before anything was written.
         for write in [false, true] {
@@ -604,6 +616,7 @@ impl Esc {
                 self.finish_access(now_ns, &range, write);
             }
         }
+        self.before = before;
         let write_counts = if command.reads() { 2 } else { 1 };
         u16::from(read) + write_counts * u16::from(written)
     }

@@ -50,6 +50,9 @@ struct Visit {
 #[derive(Debug, Default)]
 pub struct Segment {
     stations: Vec<Station>,
+    /// Way and datagrams of the frame that passes, kept for the next one: no memory is asked for then.
+    visits: Vec<Visit>,
+    places: Vec<(usize, usize)>,
 }
 
 impl Segment {
@@ -213,40 +216,46 @@ impl Segment {
             return None;
         }
         self.update_links(false);
-        let mut visits = Vec::new();
+        let mut visits = core::mem::take(&mut self.visits);
+        visits.clear();
         let back_ns = self.route(0, now_ns + self.stations[0].delay_ns, &mut visits) + self.stations[0].delay_ns;
+        let comes_back = self.pass(&visits, frame);
+        self.visits = visits;
         let wire_ns = (frame.len() as u64 + FRAME_EXTRA) * OCTET_NS;
-        let answer = Answer {
+        comes_back.then_some(Answer {
             length: frame.len(),
             at_ns: back_ns + wire_ns,
-        };
+        })
+    }
+
+    /// A frame goes this way; whether it comes back.
+    fn pass(&mut self, visits: &[Visit], frame: &mut [u8]) -> bool {
         if let Some(broken) = visits.iter().position(|visit| self.stations[visit.device].spoil) {
-            self.spoil(&visits, broken);
-            return None;
+            self.spoil(visits, broken);
+            return false;
         }
         let Ok(parsed) = Frame::parse(frame) else {
             let destroys = |visit: &Visit| self.stations[visit.device].device.esc().u32(register::DL_CONTROL) & 1 != 0;
-            return (!visits.iter().any(destroys)).then_some(answer);
+            return !visits.iter().any(destroys);
         };
-        let places: Vec<(usize, usize)> = parsed
-            .datagrams()
-            .map(|datagram| (datagram.at, datagram.data.len()))
-            .collect();
-        debug_assert!(places.first().is_some_and(|(at, _)| *at == HEADER_LEN));
+        self.places.clear();
+        let places = parsed.datagrams().map(|datagram| (datagram.at, datagram.data.len()));
+        self.places.extend(places);
+        debug_assert!(self.places.first().is_some_and(|(at, _)| *at == HEADER_LEN));
         frame[6] |= MAC_PASSED;
-        for visit in &visits {
+        for visit in visits {
             let station = &mut self.stations[visit.device];
-            if station.device.esc().is_port_closed(0) && !pass_closed_port(frame, &places) {
-                return None;
+            if station.device.esc().is_port_closed(0) && !pass_closed_port(frame, &self.places) {
+                return false;
             }
             station.device.poll(visit.entry_ns);
-            for &(at, length) in &places {
+            for &(at, length) in &self.places {
                 let datagram = &mut frame[at..at + length + crate::wire::DATAGRAM_OVERHEAD];
                 station.device.datagram(visit.entry_ns, datagram, length, &visit.times);
             }
             station.device.after_frame(visit.entry_ns);
         }
-        Some(answer)
+        true
     }
 
     /// A frame arrives spoilt: the first device behind the cable counts it as such, those behind as one that was spoilt before.
