@@ -475,43 +475,6 @@ fn a_program_goes_on_without_its_client_or_is_held_as_the_machine_file_says() {
     }
 }
 
-/// DNC: on a machine that is ready to run, over HTTP and by a copy into the folder, as over a share.
-#[test]
-fn a_program_that_arrives_is_there_at_once_and_starts_nothing() {
-    let control = Control::start("dnc", LOOPBACK);
-    let mut rpc = control.rpc();
-    rpc.until(|status| status["power"] == "off");
-    rpc.call("home", json!({})).unwrap();
-    rpc.until(|status| status["homed"].as_array().unwrap().len() == 3 && status["activity"] == "idle");
-    // In auto, with a program that came to its end.
-    let first = b"G21 G90 G94 G54\nG0 X5\nM2\n";
-    assert_eq!(control.http("PUT", "/files/first.ngc", &[], first).0, 201);
-    let file = control.path("programs/first.ngc");
-    rpc.call("program.run", json!({ "file": file })).unwrap();
-    let before = rpc.until(|status| status["job"] == "completed" && status["activity"] == "idle");
-    assert_eq!(before["mode"], "auto");
-
-    let part = b"G21 G90 G94 G54\nG0 X50\nM2\n";
-    std::fs::write(control.path("programs/copied.ngc"), part).unwrap();
-    assert_eq!(control.http("PUT", "/files/sent.ngc", &[], part).0, 201);
-    // The one that has run comes again, with another content.
-    assert_eq!(control.http("PUT", "/files/first.ngc", &[], part).0, 201);
-    let (_, list) = control.json("GET", "/files/", &[], b"");
-    let mut listed: Vec<(&str, &Value)> = (list["files"].as_array().unwrap().iter())
-        .map(|file| (file["name"].as_str().unwrap(), &file["sha256"]))
-        .collect();
-    listed.sort_by_key(|(name, _)| *name);
-    let names: Vec<&str> = listed.iter().map(|(name, _)| *name).collect();
-    assert_eq!(names, ["copied.ngc", "first.ngc", "sent.ngc"]);
-    assert_eq!([listed[0].1, listed[1].1], [listed[2].1; 2]);
-
-    let cycles = before["cycles"].as_u64().unwrap();
-    let after = rpc.until(|status| status["cycles"].as_u64().unwrap() > cycles + 1000);
-    for same in ["activity", "program", "position_mm", "parts", "file", "job"] {
-        assert_eq!(after[same], before[same], "{same}");
-    }
-}
-
 #[test]
 fn programs_arrive_checked_and_nothing_else_does() {
     let control = Control::start("files", LOOPBACK);

@@ -1,4 +1,6 @@
 use super::*;
+use crate::store::Wish;
+use cell_link::message::{Order, Remote, Upload, What};
 use proptest::prelude::*;
 use std::path::Path;
 use std::sync::mpsc::{Receiver, sync_channel};
