@@ -4,6 +4,7 @@
 
 use super::document::Section;
 use super::types::{BusClock, EthercatNode, Identity, Mapped, Pdo, SyncClock};
+use cia402::profile::axis_of;
 use obd::device::{EsiDevice, EsiPdo, parse_esi};
 use std::path::Path;
 
@@ -48,17 +49,26 @@ pub(super) const NODE_OF_POWERLINK: [(&str, &str); 8] = [
     ("cross", "devices of EtherCAT do not hear each other"),
 ];
 /// Keys of a node that are EtherCAT's.
-pub(super) const NODE_OF_ETHERCAT: [(&str, &str); 5] = [
+pub(super) const NODE_OF_ETHERCAT: [(&str, &str); 6] = [
     ("alias", "is for EtherCAT: on POWERLINK the id is the address"),
     ("dc", "is for EtherCAT: nodes of POWERLINK follow the SoC"),
     ("shift_us", "is for EtherCAT: nodes of POWERLINK follow the SoC"),
     ("sync1_us", "is for EtherCAT: nodes of POWERLINK follow the SoC"),
+    (
+        "pdo_step",
+        "is for EtherCAT: a node of POWERLINK has one mapping object in each direction",
+    ),
     (
         "watchdog_ms",
         "is for EtherCAT: nodes of POWERLINK count SoCs, bus.soc_lost_max",
     ),
 ];
 
+/// From the PDO of one axis to that of the next, as drives usually have it, and most.
+const PDO_STEP: i64 = 0x10;
+const PDO_STEP_MAX: i64 = 0x40;
+/// Objects of axes begin here.
+const OF_AXES: u16 = 0x6000;
 /// Registers 0980h and 0981h: SYNC0 alone, SYNC0 and SYNC1.
 const SYNC0: u16 = 0x0300;
 const SYNC0_AND_1: u16 = 0x0700;
@@ -220,8 +230,10 @@ pub(super) fn node(
     let alias = section.optional_integer("alias", 1..=i64::from(u16::MAX));
     let clock = clock(section, around);
     let watchdog_ms = section.optional_integer("watchdog_ms", 0..=6_553);
-    let outputs = pdos(section, around.esi, true, outputs?);
-    let inputs = pdos(section, around.esi, false, inputs?);
+    let step = section.integer("pdo_step", 0..=PDO_STEP_MAX, PDO_STEP)?;
+    let step = if around.is_drive { step as u16 } else { 0 };
+    let outputs = pdos(section, around.esi, true, step, outputs?);
+    let inputs = pdos(section, around.esi, false, step, inputs?);
     Some(EthercatNode {
         alias: alias?.map(|alias| alias as u16),
         clock: clock?,
@@ -272,20 +284,45 @@ fn clock(section: &mut Section<'_, '_>, around: &Around<'_>) -> Option<Option<Sy
     }))
 }
 
-/// PDOs whose entries are these objects: those of the ESI file where they are so, else 1600h or 1A00h, written anew.
-fn pdos(section: &Section<'_, '_>, esi: Option<&Esi>, to_device: bool, wanted: &[Mapped]) -> Option<Vec<Pdo>> {
+/// PDOs whose entries are these objects: those of the ESI file where they are so, else one for each axis from 1600h or 1A00h on,
+/// written anew.
+fn pdos(
+    section: &Section<'_, '_>,
+    esi: Option<&Esi>,
+    to_device: bool,
+    step: u16,
+    wanted: &[Mapped],
+) -> Option<Vec<Pdo>> {
     if wanted.is_empty() {
         return Some(Vec::new());
     }
     if let Some(own) = esi.and_then(|esi| esi.cover(to_device, wanted)) {
         return Some(own);
     }
-    let (key, index) = if to_device {
+    let (key, first) = if to_device {
         ("outputs", 0x1600)
     } else {
         ("inputs", 0x1A00)
     };
-    if let Some(esi) = esi {
+    let parts = match step {
+        0 => vec![(0, wanted)],
+        _ => of_axes(wanted),
+    };
+    let mut axes: Vec<u8> = parts.iter().map(|(axis, _)| *axis).collect();
+    axes.sort_unstable();
+    if let Some(pair) = axes.windows(2).find(|pair| pair[0] == pair[1]) {
+        let axis = pair[0];
+        let rule = format!(
+            "must hold the objects of axis {axis} one behind the other: each axis has a PDO of its own (pdo_step = 0: one for all)"
+        );
+        section.wrong(key, rule);
+        return None;
+    }
+    let indices: Vec<u16> = parts.iter().map(|(axis, _)| first + step * u16::from(*axis)).collect();
+    for (esi, index) in esi
+        .iter()
+        .flat_map(|esi| indices.iter().map(move |index| (esi, *index)))
+    {
         let own = if to_device {
             &esi.device.rx_pdos
         } else {
@@ -305,11 +342,30 @@ fn pdos(section: &Section<'_, '_>, esi: Option<&Esi>, to_device: bool, wanted: &
             return None;
         }
     }
-    let entry = |object: &Mapped| u32::from(object.index) << 16 | u32::from(object.sub) << 8 | u32::from(object.bits);
-    Some(vec![Pdo {
+    let pdo = |(index, (_, objects)): (u16, (u8, &[Mapped]))| Pdo {
         index,
-        entries: wanted.iter().map(entry).collect(),
-    }])
+        entries: objects.iter().map(Mapped::entry).collect(),
+    };
+    Some(indices.into_iter().zip(parts).map(pdo).collect())
+}
+
+/// Objects one behind the other that are of the same axis, and which; those that are of none stand with the ones before them.
+fn of_axes(wanted: &[Mapped]) -> Vec<(u8, &[Mapped])> {
+    let mut parts = Vec::new();
+    let (mut from, mut axis) = (0, None);
+    for (at, object) in wanted.iter().enumerate() {
+        let own = axis_of(object.index).0;
+        let is_of_axis = object.index >= OF_AXES;
+        if is_of_axis && axis.is_some_and(|axis| axis != own) {
+            parts.push((axis.unwrap_or(0), &wanted[from..at]));
+            from = at;
+        }
+        if is_of_axis {
+            axis = Some(own);
+        }
+    }
+    parts.push((axis.unwrap_or(0), &wanted[from..]));
+    parts
 }
 
 /// `0x1A00 with 0x6041/16, 0x6064/32`

@@ -39,6 +39,44 @@ fn a_drive_follows_sync0_in_the_middle_and_maps_what_the_machine_file_has() {
     assert_eq!(own(drive).inputs[0].index, 0x1A00);
 }
 
+/// Each axis has a PDO of its own, as far behind that of the one before as the file says.
+#[test]
+fn pdos_of_axes_lie_as_far_apart_as_the_machine_file_says() {
+    let outputs = "outputs = [\"0x6040/16\", \"0x607A/32\", \"0x2001/16\", \"0x6840/16\", \"0x687A/32\"]\n";
+    let of = |step: &str| {
+        read(&machine(
+            "",
+            &format!("{outputs}{step}"),
+            "outputs = [\"0x6200:1/8\", \"0x7000:1/16\"]",
+        ))
+    };
+    let pdo = |index, entries: &[u32]| Pdo {
+        index,
+        entries: entries.to_vec(),
+    };
+    let first = [0x6040_0010, 0x607A_0020, 0x2001_0010];
+    let second = [0x6840_0010, 0x687A_0020];
+    for (step, index) in [("", 0x1610), ("pdo_step = 1", 0x1601), ("pdo_step = 64", 0x1640)] {
+        let config = of(step);
+        assert_eq!(
+            own(&config.bus.nodes[0]).outputs,
+            [pdo(0x1600, &first), pdo(index, &second)]
+        );
+        // Objects of a terminal are of no axis.
+        let terminal = pdo(0x1600, &[0x6200_0108, 0x7000_0110]);
+        assert_eq!(own(&config.bus.nodes[1]).outputs, [terminal]);
+    }
+    let all = [first.as_slice(), &second].concat();
+    assert_eq!(own(&of("pdo_step = 0").bus.nodes[0]).outputs, [pdo(0x1600, &all)]);
+    let mixed = "outputs = [\"0x6040/16\", \"0x6840/16\", \"0x607A/32\", \"0x687A/32\"]";
+    let [refused] = &messages(&machine("", mixed, ""))[..] else {
+        panic!("one message")
+    };
+    let rule = "must hold the objects of axis 0 one behind the other: each axis has a PDO of its own (pdo_step = 0: one for all)";
+    assert!(refused.ends_with(rule), "{refused}");
+    assert_eq!(messages(&machine("", &format!("{mixed}\npdo_step = 0"), "")), [""; 0]);
+}
+
 #[test]
 fn keys_of_ethercat_arrive() {
     let drive = "alias = 7\nshift_us = -20\nsync1_us = 100\nwatchdog_ms = 50";

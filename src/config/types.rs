@@ -269,6 +269,15 @@ impl BusKind {
         matches!(self, BusKind::Ethercat | BusKind::EthercatMemory)
     }
 
+    /// The protocol of its frames.
+    pub const fn protocol(self) -> &'static str {
+        match self {
+            BusKind::Powerlink | BusKind::Memory => "powerlink",
+            BusKind::Ethercat | BusKind::EthercatMemory => "ethercat",
+            BusKind::None => "none",
+        }
+    }
+
     /// Whether its wire is a network interface.
     pub const fn has_interface(self) -> bool {
         matches!(self, BusKind::Powerlink | BusKind::Ethercat)
@@ -483,6 +492,13 @@ pub struct Mapped {
     pub sub: u8,
     /// Length in bits: 8, 16, 32 or 64.
     pub bits: u8,
+}
+
+impl Mapped {
+    /// As it stands in a mapping object of EtherCAT: index << 16 | sub-index << 8 | bits.
+    pub fn entry(&self) -> u32 {
+        u32::from(self.index) << 16 | u32::from(self.sub) << 8 | u32::from(self.bits)
+    }
 }
 
 /// As it is written in a machine file.

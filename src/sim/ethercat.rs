@@ -378,30 +378,42 @@ fn octets(mapped: &[Mapped]) -> usize {
     mapped.iter().map(|object| usize::from(object.bits) / 8).sum()
 }
 
-/// PDOs of a node, at least one, what they map, and the object that assigns them: outputs, inputs.
-fn pdos(node: &Node) -> [(Vec<u16>, &[Mapped], u16); 2] {
+/// PDOs of a node, at least one, each with what it maps, and the object that assigns them: outputs, inputs. What the machine file does
+/// not tell apart, as a device file has it, lies in the first.
+fn pdos(node: &Node) -> [(Vec<Pdo>, u16); 2] {
     let own = node.ethercat.as_ref();
-    let indices = |pdos: Option<&Vec<Pdo>>, usual: u16| match pdos.map(Vec::as_slice) {
-        None | Some([]) => vec![usual],
-        Some(pdos) => pdos.iter().map(|pdo| pdo.index).collect(),
+    let parts = |pdos: Option<&Vec<Pdo>>, usual: u16, mapped: &[Mapped]| {
+        let mut pdos = pdos.cloned().unwrap_or_default();
+        if pdos.is_empty() {
+            pdos.push(Pdo {
+                index: usual,
+                entries: Vec::new(),
+            });
+        }
+        let told: usize = pdos.iter().map(|pdo| pdo.entries.len()).sum();
+        if told != mapped.len() {
+            pdos.iter_mut().for_each(|pdo| pdo.entries.clear());
+            pdos[0].entries = mapped.iter().map(Mapped::entry).collect();
+        }
+        pdos
     };
     [
-        (indices(own.map(|own| &own.outputs), 0x1600), &node.outputs, 0x1C12),
-        (indices(own.map(|own| &own.inputs), 0x1A00), &node.inputs, 0x1C13),
+        (parts(own.map(|own| &own.outputs), 0x1600, &node.outputs), 0x1C12),
+        (parts(own.map(|own| &own.inputs), 0x1A00, &node.inputs), 0x1C13),
     ]
 }
 
 /// Lines of the PDOs. They are kept as long as the process lives, once for each device.
 fn pdo_lines(node: &Node) -> Result<&'static [EntryDef], SimError> {
     let mut lines = Vec::new();
-    for (indices, mapped, _) in pdos(node) {
+    for ((pdos, _), mapped) in pdos(node).into_iter().zip([&node.outputs, &node.inputs]) {
         let octets = octets(mapped);
         if octets > PDO_OCTETS || mapped.len() > usize::from(u8::MAX) {
             let cause = format!("{octets} octets in one direction: a simulated device has room for {PDO_OCTETS}");
             return Err(SimError::new(node, cause));
         }
         let entries = PDO_ENTRIES.max(mapped.len() as u8);
-        for index in indices {
+        for Pdo { index, .. } in pdos {
             let count = EntryDef::rw(index, DataType::U8, "PDO mapping").limits(0, entries.into());
             let of_entries = EntryDef::rw(index, DataType::U32, "PDO mapping").subs(1, entries);
             lines.extend([count, of_entries]);
@@ -410,18 +422,20 @@ fn pdo_lines(node: &Node) -> Result<&'static [EntryDef], SimError> {
     Ok(lines.leak())
 }
 
-/// Assigns and maps what the machine file has; where there are several PDOs, all lies in the first.
+/// Assigns and maps what the machine file has.
 fn assign(objects: &mut ObjectStore, node: &Node) -> Result<(), AbortCode> {
-    for (indices, mapped, assignment) in pdos(node) {
-        let count = if mapped.is_empty() { 0 } else { indices.len() as u8 };
+    for (pdos, assignment) in pdos(node) {
+        let is_empty = pdos.iter().all(|pdo| pdo.entries.is_empty());
+        let count = if is_empty { 0 } else { pdos.len() as u8 };
         objects.preset(assignment, 0, &[count])?;
-        for (sub, index) in (1..).zip(indices.iter().take(count.into())) {
-            objects.preset(assignment, sub, &index.to_le_bytes())?;
+        for (sub, pdo) in (1..).zip(pdos.iter().take(count.into())) {
+            objects.preset(assignment, sub, &pdo.index.to_le_bytes())?;
         }
-        objects.preset(indices[0], 0, &[mapped.len() as u8])?;
-        for (sub, object) in (1..).zip(mapped) {
-            let entry = u32::from(object.index) << 16 | u32::from(object.sub) << 8 | u32::from(object.bits);
-            objects.preset(indices[0], sub, &entry.to_le_bytes())?;
+        for pdo in &pdos {
+            objects.preset(pdo.index, 0, &[pdo.entries.len() as u8])?;
+            for (sub, entry) in (1..).zip(&pdo.entries) {
+                objects.preset(pdo.index, sub, &entry.to_le_bytes())?;
+            }
         }
     }
     Ok(())

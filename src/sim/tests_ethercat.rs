@@ -21,8 +21,7 @@ fn ethercat_config() -> crate::config::Config {
 }
 
 fn process_data(index: u16, mapped: &[Mapped]) -> ProcessDataConfig<'static> {
-    let entry = |object: &Mapped| u32::from(object.index) << 16 | u32::from(object.sub) << 8 | u32::from(object.bits);
-    let entries: Vec<u32> = mapped.iter().map(entry).collect();
+    let entries: Vec<u32> = mapped.iter().map(Mapped::entry).collect();
     let pdos = vec![PdoConfig {
         index,
         entries: entries.leak(),
