@@ -235,7 +235,7 @@ fn beside_a_control(folder: &Path) {
     let said = (scan.status.code(), text(&scan));
     // At the far end it is heard; whoever answers there is heard, too.
     let far = bus(&["scan", "--interface", "plk1", "--listen", "0.5"]);
-    // Ours, and of no more use; the nodes stop for want of SoC.
+    // Ours, and of no more use; the nodes stop for want of frames.
     let _ = control.kill();
     let _ = control.wait();
     assert!(found, "never told: {expected}");

@@ -12,7 +12,7 @@ use super::socket::{self, Batch};
 use super::stamps::Stamps;
 use super::tally::{Tally, Window};
 use super::{AnalyserError, Capture, Place, socket_error};
-use crate::bus::frames::FrameKind;
+use crate::bus::frames::{FrameKind, is_ethercat};
 use crate::host::wait::to_next;
 use std::os::fd::OwnedFd;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
@@ -66,6 +66,7 @@ impl Ears {
 /// A frame that was read and waits until all that were stamped before it have been read too.
 struct Seen {
     kind: FrameKind,
+    is_ethercat: bool,
     stamps: Stamps,
     /// The kernel's stamp, or else the time of reading.
     order_ns: u64,
@@ -149,6 +150,7 @@ impl Measurement {
                         let incoming = frame.incoming && end == 0;
                         waiting.push(Seen {
                             kind: FrameKind::of(frame.octets),
+                            is_ethercat: is_ethercat(frame.octets),
                             stamps: frame.stamps,
                             order_ns: frame.stamps.kernel_ns.unwrap_or(look_ns),
                             incoming,
@@ -183,6 +185,7 @@ impl Measurement {
         let settled = self.waiting.partition_point(|seen| seen.order_ns <= until_ns);
         let settled = settled.max(self.waiting.len().saturating_sub(WAITING_MAX));
         for seen in self.waiting.drain(..settled) {
+            self.tally.is_of(seen.is_ethercat);
             match seen.unmeasured {
                 true => self.tally.add_unmeasured(seen.kind),
                 false => self.tally.add(seen.kind, seen.stamps, seen.incoming),
@@ -271,6 +274,7 @@ mod tests {
     fn seen(order_ns: u64, unmeasured: bool) -> Seen {
         Seen {
             kind: FrameKind::Soc,
+            is_ethercat: false,
             stamps: Stamps {
                 kernel_ns: Some(order_ns),
                 hardware_ns: None,

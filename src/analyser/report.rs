@@ -7,7 +7,8 @@ use crate::host::histogram::{Bucket, Summary};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// Frames by type of message.
+/// Frames by type of message, in the words of POWERLINK. Of EtherCAT, `soc` begins a cycle, `preq` is one more with process data, `pres`
+/// is on its way back, `asnd` is one of services.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FrameCounts {
     /// Start of cycle.
@@ -17,15 +18,18 @@ pub struct FrameCounts {
     /// Start of the asynchronous phase.
     pub soa: u64,
     pub asnd: u64,
-    /// POWERLINK frames of other types.
+    /// Frames of the bus of other types.
     pub other: u64,
-    /// Frames that are not POWERLINK; on a wire of its own there are none.
+    /// Frames that are not of the bus; on a wire of its own there are none.
     pub foreign: u64,
+    /// Of all these, frames of EtherCAT.
+    #[serde(default)]
+    pub ethercat: u64,
 }
 
 impl FrameCounts {
-    /// Frames of POWERLINK.
-    pub fn powerlink(&self) -> u64 {
+    /// Frames of the bus.
+    pub fn of_bus(&self) -> u64 {
         self.soc + self.preq + self.pres + self.soa + self.asnd + self.other
     }
 }
@@ -95,6 +99,14 @@ pub struct SocReport {
 }
 
 impl SocReport {
+    /// What the frame that begins a cycle is called.
+    pub fn begins(&self) -> &'static str {
+        match self.frames.ethercat {
+            0 => "SoC",
+            _ => "cycle frame",
+        }
+    }
+
     /// Everything that a reader of the figures has to know beside them, in sentences.
     pub fn remarks(&self) -> Vec<String> {
         let mut remarks = Vec::new();
@@ -102,12 +114,13 @@ impl SocReport {
             remarks.push(format!(
                 "{} of at least 1.5 cycles: {} not sent",
                 counted(self.overruns, "gap"),
-                counted(self.soc_missing, "SoC")
+                counted(self.soc_missing, self.begins())
             ));
         }
         if self.restarts > 0 {
             remarks.push(format!(
-                "the SoC paused {}, {:.3} s at most: not among the periods",
+                "the {} paused {}, {:.3} s at most: not among the periods",
+                self.begins(),
                 match self.restarts {
                     1 => "once".to_owned(),
                     times => format!("{times} times"),
@@ -140,7 +153,7 @@ fn counted(count: u64, what: &str) -> String {
 impl fmt::Display for SocReport {
     /// The table in the form in which such measurements are published.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let title = format!("SoC period at {}, µs", self.interface);
+        let title = format!("{} period at {}, µs", self.begins(), self.interface);
         writeln!(
             f,
             "{title:<28} {:>12} {:>12} {:>12} {:>12}",

@@ -93,6 +93,11 @@ impl Tally {
         }
     }
 
+    /// The frame that comes next is one of EtherCAT, or not.
+    pub(super) fn is_of(&mut self, ethercat: bool) {
+        self.frames.ethercat += u64::from(ethercat);
+    }
+
     /// Counts a frame whose stamp is not to be believed.
     pub(super) fn add_unmeasured(&mut self, kind: FrameKind) {
         self.add(kind, Stamps::default(), false);

@@ -72,8 +72,9 @@ fn periods_by_hand() {
         asnd: 1,
         other: 1,
         foreign: 2,
+        ethercat: 0,
     };
-    assert_eq!((report.frames, report.frames.powerlink()), (frames, 17));
+    assert_eq!((report.frames, report.frames.of_bus()), (frames, 17));
     assert_eq!(report.histogram.iter().map(|bucket| bucket.count).sum::<u64>(), 5);
     let table = "\
 SoC period at plk1, µs               mean    max range      std dev            n
@@ -220,6 +221,6 @@ proptest! {
         let report = tally.report("x");
         prop_assert!(!report.to_string().is_empty());
         let total = report.frames;
-        prop_assert_eq!(total.powerlink() + total.foreign, 2 * frames.len() as u64);
+        prop_assert_eq!(total.of_bus() + total.foreign, 2 * frames.len() as u64);
     }
 }

@@ -14,7 +14,7 @@ use motion::rt::{Order, SyncFault};
 use std::fmt;
 
 /// What every command says of a control whose cycle thread hung.
-pub const SILENCED: &str = "the network is silenced, because the cycle thread hung: drives stop by themselves for want of SoC; \
+pub const SILENCED: &str = "the network is silenced, because the cycle thread hung: drives stop by themselves for want of frames; \
                             this control ends and has to be restarted";
 
 /// Why the spindle is not at the angle of M19.
@@ -280,7 +280,7 @@ pub enum Reaction {
     /// Quick stop of the drives at once, spindle and coolant off; nothing moves again before the chain is closed and the stop is
     /// reset. Beats every other state.
     EmergencyStop,
-    /// Nothing can be steered any more: no SoC is sent, the drives stop by themselves for want of it; alarm.
+    /// Nothing can be steered any more: no cycle is sent, the drives stop by themselves for want of it; alarm.
     Silence,
 }
 
@@ -320,7 +320,7 @@ impl Reaction {
             Reaction::ControlledStop => "controlled stop",
             Reaction::QuickStop => "quick stop of the drives",
             Reaction::EmergencyStop => "emergency stop",
-            Reaction::Silence => "no SoC is sent any more",
+            Reaction::Silence => "no cycle is sent any more",
         }
     }
 }

@@ -177,7 +177,7 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
                 // It cannot be joined either: the end of the process is what is left.
                 let _ = writeln!(
                     std::io::stderr(),
-                    "isocnc: the cycle thread has stopped; the drives stop for want of SoC: {}",
+                    "isocnc: the cycle thread has stopped; the drives stop for want of frames: {}",
                     self.stalls.evidence(now_ns)
                 );
                 std::process::exit(i32::from(EXIT_RESTART));

@@ -61,7 +61,7 @@ fn told_of(live: &Snapshot, lines: u32, planned_s: f64) -> String {
     }
     let axis = |axis: Axis| live.position[axis];
     format!(
-        "{begin}  X {:8.3} Y {:8.3} Z {:8.3}  {:6.0} mm/min  SoC late {:.1} us at most",
+        "{begin}  X {:8.3} Y {:8.3} Z {:8.3}  {:6.0} mm/min  late by {:.1} us at most",
         axis(Axis::X),
         axis(Axis::Y),
         axis(Axis::Z),

@@ -395,7 +395,7 @@ fn run_on(
         }
         let figures = cycle
             .join()
-            .map_err(|_| anyhow!("the cycle thread panicked; the drives stop for want of SoC"));
+            .map_err(|_| anyhow!("the cycle thread panicked; the drives stop for want of frames"));
         drop(timeouts);
         Ok((figures?, probed_time_s?))
     })?;

@@ -6,7 +6,7 @@
 //! Nothing is ever sent. At a network tap or at any port of the hub every frame of the network is heard; a switch would hold
 //! back and reorder what is to be measured.
 
-use super::{Analyser, Place, SocReport, StampSource, Window};
+use super::{Analyser, FrameCounts, Place, SocReport, StampSource, Window};
 use crate::host::signals::StopSignal;
 use crate::host::terminal::{StatusLine, say};
 use anyhow::{Context, bail, ensure};
@@ -67,7 +67,7 @@ pub fn listen(wanted: &Wanted) -> anyhow::Result<ExitCode> {
         }
     };
     told(&format!(
-        "listening at {} for SoC frames; Ctrl-C ends\n",
+        "listening at {} for the frames that begin cycles: SoC of POWERLINK, FRMW beside LRW of EtherCAT; Ctrl-C ends\n",
         wanted.interface
     ));
     let cycle_us = match wanted.cycle_us {
@@ -149,16 +149,27 @@ fn round_cycle(median_us: f64) -> u32 {
 
 fn nothing_heard(report: &SocReport) -> String {
     let SocReport { interface, frames, .. } = report;
-    let seen = match (frames.soc, frames.powerlink(), frames.foreign) {
+    let seen = match (frames.soc, frames.of_bus(), frames.foreign) {
         (0, 0, 0) => "no frame at all".to_owned(),
-        (0, 0, foreign) => format!("no POWERLINK frame, {foreign} others"),
+        (0, 0, foreign) => format!("no frame of POWERLINK or EtherCAT, {foreign} others"),
+        (0, of_bus, _) if frames.ethercat > 0 && frames.pres == of_bus => {
+            format!("{of_bus} EtherCAT frames, all of them on their way back")
+        }
+        (0, _, _) if frames.preq > 0 && frames.ethercat > 0 => format!(
+            "{} EtherCAT frames with process data, none with the time of a reference clock (FRMW, ARMW) by which the first one of a \
+             cycle is known",
+            frames.preq
+        ),
+        (0, of_bus, _) if frames.ethercat > 0 => {
+            format!("{of_bus} EtherCAT frames, none with process data: the main device does not run cycles yet")
+        }
         (0, powerlink, _) => {
             format!("no SoC, {powerlink} other POWERLINK frames: the managing node does not run cycles yet")
         }
-        (soc, ..) => format!("{soc} SoC only, too few to measure"),
+        (soc, ..) => format!("{soc} {} only, too few to measure", report.begins()),
     };
     format!(
-        "{interface}: {seen}. Listen at a network tap or at a port of the hub, in the network of a managing node that runs"
+        "{interface}: {seen}. Listen at a network tap, or at a port of the hub of POWERLINK, where a control runs its cycles"
     )
 }
 
@@ -168,7 +179,8 @@ fn table(report: &SocReport) -> String {
     let cells = |cells: [String; 5]| cells.map(|cell| format!("{cell:>12}")).concat();
     let head = |names: [&str; 5]| cells(names.map(str::to_owned));
     let us = |value: f64| format!("{value:.3}");
-    let title = format!("SoC period at {}, µs", report.interface);
+    let begins = report.begins();
+    let title = format!("{begins} period at {}, µs", report.interface);
     let figures = [
         us(report.period_mean_us),
         us(report.period_range_us),
@@ -199,18 +211,11 @@ fn table(report: &SocReport) -> String {
     let frames = report.frames;
     let _ = write!(
         text,
-        "\nmeasured for {:.1} s; {} gaps of at least 1.5 cycles, {} SoC not sent\nstamps {stamps}\nframes: {} SoC, {} PReq, {} PRes, \
-         {} SoA, {} ASnd, {} other POWERLINK, {} not POWERLINK",
+        "\nmeasured for {:.1} s; {} gaps of at least 1.5 cycles, {} {begins} not sent\nstamps {stamps}\n{}",
         report.duration_s,
         report.overruns,
         report.soc_missing,
-        frames.soc,
-        frames.preq,
-        frames.pres,
-        frames.soa,
-        frames.asnd,
-        frames.other,
-        frames.foreign,
+        counted(&frames),
     );
     let remarks = report.remarks();
     // The first of them says what stands above already.
@@ -218,6 +223,29 @@ fn table(report: &SocReport) -> String {
         let _ = write!(text, "\n{remark}");
     }
     text
+}
+
+/// Frames by what they are.
+fn counted(frames: &FrameCounts) -> String {
+    let FrameCounts {
+        soc,
+        preq,
+        pres,
+        soa,
+        asnd,
+        other,
+        foreign,
+        ethercat,
+    } = frames;
+    match ethercat {
+        0 => format!(
+            "frames: {soc} SoC, {preq} PReq, {pres} PRes, {soa} SoA, {asnd} ASnd, {other} other POWERLINK, {foreign} not POWERLINK"
+        ),
+        _ => format!(
+            "frames: {soc} begin a cycle, {preq} more with process data, {asnd} of services, {other} other EtherCAT,\n  {pres} on \
+             their way back, {foreign} not EtherCAT"
+        ),
+    }
 }
 
 /// How it goes, as one line.

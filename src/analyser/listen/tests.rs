@@ -93,9 +93,50 @@ fn silence_is_explained() {
         })
     };
     assert!(heard(0, 0, 0).starts_with("eth1: no frame at all. Listen at a network tap"));
-    assert!(heard(0, 0, 7).starts_with("eth1: no POWERLINK frame, 7 others. "));
+    assert!(heard(0, 0, 7).starts_with("eth1: no frame of POWERLINK or EtherCAT, 7 others. "));
     assert!(heard(0, 4, 7).starts_with("eth1: no SoC, 4 other POWERLINK frames: the managing node"));
     assert!(heard(1, 4, 7).starts_with("eth1: 1 SoC only, too few to measure. "));
+}
+
+#[test]
+fn frames_of_ethercat_are_told_in_its_words() {
+    let of = |soc, preq, pres, asnd| SocReport {
+        frames: FrameCounts {
+            soc,
+            preq,
+            pres,
+            asnd,
+            ethercat: soc + preq + pres + asnd,
+            ..FrameCounts::default()
+        },
+        ..report()
+    };
+    for (report, told) in [
+        (
+            of(0, 0, 5, 0),
+            "eth1: 5 EtherCAT frames, all of them on their way back. ",
+        ),
+        (
+            of(0, 4, 5, 0),
+            "eth1: 4 EtherCAT frames with process data, none with the time of a reference clock",
+        ),
+        (
+            of(0, 0, 5, 2),
+            "eth1: 7 EtherCAT frames, none with process data: the main device does not run cycles yet",
+        ),
+        (of(1, 0, 1, 0), "eth1: 1 cycle frame only, too few to measure"),
+    ] {
+        let text = nothing_heard(&report);
+        assert!(text.starts_with(told), "{text}");
+    }
+    let text = table(&of(600_001, 0, 600_001, 7));
+    assert!(text.starts_with("cycle frame period at eth1, µs"), "{text}");
+    let frames = "\nframes: 600001 begin a cycle, 0 more with process data, 7 of services, 0 other EtherCAT,\n  600001 on their way \
+                  back, 0 not EtherCAT";
+    assert!(text.ends_with(frames), "{text}");
+    for word in ["SoC", "PReq", "PRes", "POWERLINK"] {
+        assert!(!text.contains(word), "{text}");
+    }
 }
 
 #[test]

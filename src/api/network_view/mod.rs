@@ -17,6 +17,9 @@ pub struct NetworkView {
     pub file: String,
     /// Network interface; "memory" for the wire in memory.
     pub interface: String,
+    /// "powerlink", "ethercat" or "none": whose words its states are.
+    #[serde(default)]
+    pub protocol: String,
     pub cycle_us: u32,
     /// AsyncSlotTimeout (0x1F8A/2), us.
     pub async_slot_timeout_us: u32,
@@ -91,6 +94,7 @@ impl NetworkView {
                 kind if kind.has_interface() => config.bus.interface.clone(),
                 kind => kind.name().into(),
             },
+            protocol: config.bus.kind.protocol().into(),
             cycle_us: config.cycle_us,
             async_slot_timeout_us: config.bus.async_slot_timeout_us,
             pres_lost_max: config.bus.pres_lost_max,

@@ -20,6 +20,11 @@ pub enum FrameKind {
     Foreign,
 }
 
+/// Whether a frame is one of EtherCAT.
+pub fn is_ethercat(frame: &[u8]) -> bool {
+    frame.get(12..14) == Some(&of_ethercat::ETHER_TYPE)
+}
+
 impl FrameKind {
     /// By the first octets of an Ethernet frame.
     pub fn of(frame: &[u8]) -> FrameKind {

@@ -98,13 +98,12 @@ pub(super) fn lead<T>(
     })
 }
 
-/// So many devices that are only asked.
-pub(super) fn asked(count: usize) -> Vec<DeviceConfig<'static>> {
-    let device = |position| DeviceConfig {
+/// The device at a position, from 1, that is only asked.
+pub(super) fn asked(position: u8) -> DeviceConfig<'static> {
+    DeviceConfig {
         goal: AlState::PreOp,
-        ..DeviceConfig::at(position)
-    };
-    (0..count as u16).map(device).collect()
+        ..DeviceConfig::at(u16::from(position) - 1)
+    }
 }
 
 impl Lead<'_, '_> {

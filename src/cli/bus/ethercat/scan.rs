@@ -5,11 +5,15 @@
 use super::{Found, Lead, asked, lead, refuse_other};
 use crate::bus;
 use crate::cli::bus::scan::ScanArgs;
+use crate::cli::bus::scan::propose::{self, Written};
 use crate::cli::bus::words;
-use crate::config::{self, Mapped};
+use crate::config::{self, Config, Identity, Mapped, Node};
 use crate::host::terminal;
+use crate::machine::modules::Modules;
 use crate::operator::refusal::Refusal;
 use anyhow::{Context, ensure};
+use ethercat::wire::sii::Identity as SiiIdentity;
+use obd::device::{EsiFile, parse_esi};
 use powerlink::link::Link;
 use serde_json::json;
 use std::io::Write;
@@ -31,6 +35,10 @@ pub(super) struct Module {
     exchanges: [Option<Vec<Mapped>>; 2],
     /// Why it tells nothing of itself.
     why: Option<String>,
+    /// Its name in the machine file; empty: by its kind and position.
+    node_name: String,
+    /// Its ESI file, as the machine file names it.
+    device_file: Option<String>,
 }
 
 /// Runs the command. Exit code 1: nobody answers, or a device does not come to PRE-OP.
@@ -46,7 +54,7 @@ pub(in crate::cli::bus) fn scan_on(
 ) -> anyhow::Result<ExitCode> {
     refuse_other(link, (args.listen * 1e9) as u64)?;
     let found = lead(link, mac, &[], |lead| lead.find())?;
-    let devices = asked(found.len());
+    let devices: Vec<_> = found.iter().map(|found| asked(found.position)).collect();
     let modules = lead(link, mac, &devices, |lead| {
         let why = lead.led(devices.len())?;
         let modules = found.iter().enumerate().map(|(device, found)| {
@@ -71,7 +79,9 @@ pub(in crate::cli::bus) fn scan_on(
     }
     let mut written = None;
     if let (Some(path), true) = (&args.write, trouble.is_empty()) {
-        written = Some(write(path, &modules, &args.interface)?);
+        let (text, differences) = write(path, modules.clone(), args)?;
+        trouble.extend(differences);
+        written = Some(text);
     }
     if as_json {
         let nodes = modules.iter().map(Module::json).collect::<Vec<_>>();
@@ -101,6 +111,8 @@ pub(super) fn ask(lead: &mut Lead<'_, '_>, device: usize, found: Found) -> anyho
         name: String::new(),
         exchanges: lead.octets(device).map(|octets| Some(plain(octets))),
         why: None,
+        node_name: String::new(),
+        device_file: None,
     };
     if !lead.has_objects(device) {
         // Of inputs and outputs that have no objects, those of the profile say what lies where.
@@ -162,6 +174,31 @@ impl Module {
         self.device_type.is_some_and(|of| of & 0xFFFF == PROFILE_DRIVE)
     }
 
+    fn usual_name(&self) -> String {
+        let kind = if self.is_drive() { "drive" } else { "io" };
+        format!("{kind}-{}", self.found.position)
+    }
+
+    /// What it is, where it is: by its alias where the machine file goes by that.
+    fn at(&self, config: &Config) -> (u8, Identity) {
+        let Found {
+            position,
+            identity,
+            alias,
+        } = self.found;
+        let mut nodes = config.bus.nodes.iter();
+        let by_alias = |node: &&Node| node.ethercat.as_ref().and_then(|own| own.alias) == Some(alias);
+        let id = nodes.find(by_alias).map_or(position, |node| node.id);
+        let identity = Identity {
+            device_type: self.device_type,
+            vendor_id: Some(identity.vendor),
+            product_code: Some(identity.product),
+            revision: Some(identity.revision),
+            serial: Some(identity.serial),
+        };
+        (id, identity)
+    }
+
     fn exchanges_nothing(&self) -> bool {
         self.exchanges
             .iter()
@@ -184,18 +221,21 @@ impl Module {
 
     /// Its `[[bus.node]]`.
     pub(super) fn text(&self) -> String {
-        let (profile, kind) = if self.is_drive() {
-            ("cia402", "drive")
-        } else {
-            ("io", "io")
-        };
+        let profile = if self.is_drive() { "cia402" } else { "io" };
         let identity = self.found.identity;
         let position = self.found.position;
+        let name = match self.node_name.as_str() {
+            "" => self.usual_name(),
+            name => name.to_owned(),
+        };
         let mut text = format!(
-            "[[bus.node]]\nid = {position}\nname = \"{kind}-{position}\"\nprofile = \"{profile}\"\nvendor_id = 0x{:08X}\n\
+            "[[bus.node]]\nid = {position}\nname = \"{name}\"\nprofile = \"{profile}\"\nvendor_id = 0x{:08X}\n\
              product_code = 0x{:08X}\n# revision = 0x{:08X}\n# serial = {}\n",
             identity.vendor, identity.product, identity.revision, identity.serial
         );
+        if let Some(file) = &self.device_file {
+            text += &format!("device_file = {}\n", toml::Value::from(file.as_str()));
+        }
         if self.is_drive() {
             text +=
                 "# What it exchanges is as the profile usually has it; its joint: [[joint]] with node = this id.\n\n";
@@ -257,22 +297,111 @@ pub(super) fn new_file(modules: &[Module], name: &str, interface: &str) -> Strin
     text
 }
 
-/// Writes the file, unless there is one: what was done.
-fn write(path: &Path, modules: &[Module], interface: &str) -> anyhow::Result<String> {
+/// Writes a machine file or adds to it: what was done, and what is otherwise than a file said that was there.
+fn write(path: &Path, mut modules: Vec<Module>, args: &ScanArgs) -> anyhow::Result<(String, Vec<String>)> {
     let file = path.display();
-    ensure!(
-        std::fs::symlink_metadata(path).is_err(),
-        "{file} is there already: nothing was written"
-    );
-    let stem = path.file_stem().and_then(|stem| stem.to_str());
-    let name = stem.filter(|stem| config::is_name(stem)).unwrap_or("machine");
-    let text = new_file(modules, name, interface);
+    let (mut names, mut before, mut differences) = (Vec::new(), None, Vec::new());
+    if std::fs::symlink_metadata(path).is_ok() {
+        let config = config::read(path).map_err(Refusal::from)?;
+        ensure!(
+            config.bus.kind.is_ethercat(),
+            "{file} is of another bus (bus.kind = \"{}\"): nothing was written",
+            config.bus.kind.name()
+        );
+        let is_known = |id: u8| config.bus.nodes.iter().any(|node| node.id == id);
+        // A coupler that the file leaves out is not missed there.
+        modules.retain(|module| is_known(module.at(&config).0) || !module.exchanges_nothing());
+        let found: Vec<(u8, Identity)> = modules.iter().map(|module| module.at(&config)).collect();
+        differences = Modules::new(&config).differences(&found);
+        if !args.add {
+            let text = format!(
+                "{file} is there already and was not changed: --add adds the devices that it does not have, and keeps all else\n"
+            );
+            return Ok((text, differences));
+        }
+        // What has moved is in the file already; what is added is no longer strange.
+        let has_moved = |id: u8| {
+            let place = format!("found at node {id}: set its id back");
+            differences.iter().any(|told: &String| told.contains(&place))
+        };
+        modules.retain(|module| {
+            let (id, _) = module.at(&config);
+            !is_known(id) && !has_moved(id)
+        });
+        let added = |told: &String| {
+            let mut ids = modules.iter().map(|module| module.found.position);
+            ids.any(|id| told.starts_with(&format!("node {id} is on the network")))
+        };
+        differences.retain(|told| !added(told));
+        if modules.is_empty() {
+            return Ok((propose::told(path, &Written::Unchanged), differences));
+        }
+        names.extend(config.bus.nodes.iter().map(|node| node.name.clone()));
+        before =
+            Some(files::read_text(path, files::read::TEXT_MAX).with_context(|| format!("{file}: cannot be read"))?);
+    } else {
+        modules.retain(|module| !module.exchanges_nothing());
+        ensure!(
+            !modules.is_empty(),
+            "no drive and no inputs or outputs answered: nothing to write"
+        );
+    }
+    for module in &mut modules {
+        let plain = module.usual_name();
+        let numbered = (2..).map(|number| format!("{plain}-{number}"));
+        let mut free = std::iter::once(plain.clone()).chain(numbered);
+        module.node_name = free.find(|name| !names.contains(name)).unwrap_or(plain);
+        names.push(module.node_name.clone());
+    }
+    let unused = match &args.devices {
+        Some(folder) => name_device_files(&mut modules, folder, path)?,
+        None => String::new(),
+    };
+    let count = modules.len();
+    let (text, written) = match before {
+        Some(before) => (
+            propose::added(&before, modules.iter().map(Module::text)),
+            Written::Added(count),
+        ),
+        None => {
+            let stem = path.file_stem().and_then(|stem| stem.to_str());
+            let name = stem.filter(|stem| config::is_name(stem)).unwrap_or("machine");
+            (new_file(&modules, name, &args.interface), Written::New(count))
+        }
+    };
     // Never a file that would be refused.
     let config = config::parse(&text, path).map_err(Refusal::from)?;
     bus::check(&config).map_err(Refusal::from)?;
     files::write(path, text).with_context(|| format!("{file}: cannot be written"))?;
-    let nodes = words::counted(config.bus.nodes.len() as u64, "node");
-    Ok(format!("{file} is written: {nodes}. Next: isocnc check {file}\n"))
+    Ok((propose::told(path, &written) + &unused, differences))
+}
+
+/// Names the ESI files of a folder that fit; which of them cannot be used, in words.
+fn name_device_files(modules: &mut [Module], folder: &Path, machine_file: &Path) -> anyhow::Result<String> {
+    let parse = |path: &str, octets: &[u8]| parse_esi(path, octets).ok();
+    let files = propose::device_files(folder, machine_file, &["xml"], parse)?;
+    let mut unused = String::new();
+    for module in modules {
+        let SiiIdentity {
+            vendor,
+            product,
+            revision,
+            ..
+        } = module.found.identity;
+        let fits = |(_, esi): &&(String, EsiFile)| esi.vendor == vendor && esi.find(product, Some(revision)).is_some();
+        let Some((file, _)) = files.iter().find(fits) else {
+            continue;
+        };
+        module.device_file = Some(file.clone());
+        let alone = new_file(std::slice::from_ref(module), "machine", "eth0");
+        if let Err(errors) = config::parse(&alone, machine_file) {
+            module.device_file = None;
+            let errors = errors.to_string();
+            let why = errors.lines().next().unwrap_or_default();
+            unused += &format!("{} is without device_file = {file:?}: {why}\n", module.usual_name());
+        }
+    }
+    Ok(unused)
 }
 
 fn table(interface: &str, modules: &[Module], out: &mut impl Write) -> std::io::Result<()> {

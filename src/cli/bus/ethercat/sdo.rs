@@ -1,6 +1,7 @@
 //! Objects of a device of EtherCAT on an interface where no control is at work.
 //!
-//! In:  the position of the device. Out: values. Each object is asked on its own, and the devices are left in INIT.
+//! In:  the position of the device. Out: values. Each object is asked on its own; this device alone is led to PRE-OP, and all are left
+//! in INIT.
 
 use super::{asked, lead};
 use crate::bus::sender::SoleSender;
@@ -14,8 +15,7 @@ pub(in crate::cli::bus) struct Wire {
     _sole: Option<SoleSender>,
     link: Box<dyn Link>,
     mac: [u8; 6],
-    device: usize,
-    count: usize,
+    position: u8,
 }
 
 impl Wire {
@@ -31,17 +31,16 @@ impl Wire {
     ) -> anyhow::Result<Wire> {
         let sole = interface.map(SoleSender::claim).transpose()?;
         let found = lead(&mut *link, mac, &[], |lead| lead.find())?;
-        let (device, count) = (usize::from(position) - 1, found.len());
+        let count = found.len();
         ensure!(
-            device < count,
+            (1..=count).contains(&usize::from(position)),
             "nothing is at position {position}: {count} devices answer ('isocnc bus scan --bus ethercat' shows them)"
         );
         Ok(Wire {
             _sole: sole,
             link,
             mac,
-            device,
-            count,
+            position,
         })
     }
 
@@ -54,18 +53,16 @@ impl Wire {
         object: (u16, u8),
         write: Option<&[u8]>,
     ) -> anyhow::Result<Result<Vec<u8>, SetupError>> {
-        let devices = asked(self.count);
-        lead(&mut *self.link, self.mac, &devices, |lead| {
-            let why = lead.led(devices.len())?;
-            if let Some((_, error)) = why.iter().find(|(device, _)| *device == self.device) {
-                anyhow::bail!("the device at position {}: {error}", self.device + 1);
+        let position = self.position;
+        lead(&mut *self.link, self.mac, &[asked(position)], |lead| {
+            if let Some((_, error)) = lead.led(1)?.first() {
+                anyhow::bail!("the device at position {position}: {error}");
             }
             ensure!(
-                lead.has_objects(self.device),
-                "the device at position {} has no mailbox, and so no objects",
-                self.device + 1
+                lead.has_objects(0),
+                "the device at position {position} has no mailbox, and so no objects"
             );
-            let result = lead.sdo(self.device, object, write)?;
+            let result = lead.sdo(0, object, write)?;
             lead.end()?;
             Ok(result)
         })

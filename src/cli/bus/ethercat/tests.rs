@@ -1,13 +1,23 @@
 //! Devices that are asked, with simulated ones at the other end of a link.
 
-use super::scan::{Module, ask, new_file};
+use super::scan::{Module, ask, new_file, scan_on};
 use super::*;
+use crate::bus::ethercat::setup;
+use crate::cli::bus::Protocol;
+use crate::cli::bus::scan::ScanArgs;
 use crate::config;
+use crate::machine::state::State;
+use crate::operator::console::Operator;
+use crate::operator::rehearsal::rehearse_on;
+use crate::sim::near_end::VirtualEthercat;
+use crate::sim::{NetConfig, SimMachine, VirtualNet};
 use ethercat::sub::models::{DriveModel, analog_terminal, coupler, digital_terminal};
-use ethercat::sub::{IdealMotor, Segment, SubDevice};
+use ethercat::sub::{IdealMotor, Segment, SubDevice, SubDeviceConfig, esi};
 use powerlink::link::{LinkError, Received};
 use std::collections::VecDeque;
 use std::path::Path;
+use std::process::ExitCode;
+use std::sync::Arc;
 
 /// A wire on virtual time: each frame comes back at once.
 struct Wire {
@@ -17,6 +27,18 @@ struct Wire {
 }
 
 impl Wire {
+    fn with(devices: impl IntoIterator<Item = SubDeviceConfig>) -> Wire {
+        let mut segment = Segment::new();
+        for device in devices {
+            segment.push(SubDevice::new(device, 0), 300);
+        }
+        Wire {
+            segment,
+            now_ns: 1_000_000,
+            answers: VecDeque::new(),
+        }
+    }
+
     fn new() -> Wire {
         let identity = |product| Identity {
             vendor: 2,
@@ -34,15 +56,7 @@ impl Wire {
             analog_terminal(identity(3)).expect("a terminal"),
             drive.build(vec![Box::new(IdealMotor::default())]).expect("a drive"),
         ];
-        let mut segment = Segment::new();
-        for device in devices {
-            segment.push(SubDevice::new(device, 0), 300);
-        }
-        Wire {
-            segment,
-            now_ns: 1_000_000,
-            answers: VecDeque::new(),
-        }
+        Wire::with(devices)
     }
 }
 
@@ -79,7 +93,7 @@ const MAC: [u8; 6] = [0x12, 0, 0, 0, 0, 1];
 fn modules() -> Vec<Module> {
     let mut wire = Wire::new();
     let found = lead(&mut wire, MAC, &[], |lead| lead.find()).expect("they answer");
-    let devices = asked(found.len());
+    let devices: Vec<_> = found.iter().map(|found| asked(found.position)).collect();
     lead(&mut wire, MAC, &devices, |lead| {
         assert_eq!(lead.led(devices.len())?, []);
         let modules = found.iter().enumerate();
@@ -155,4 +169,132 @@ fn another_main_device_is_heard_before_anything_is_sent() {
         other.to_string(),
         "another main device is at work (20:01:02:03:04:05): nothing was sent"
     );
+}
+
+/// What a scan with these arguments prints, and whether all was well.
+fn scanned(wire: &mut dyn Link, path: &Path, add: bool, devices: Option<&Path>) -> (String, bool) {
+    let args = ScanArgs {
+        interface: "eth7".into(),
+        bus: Protocol::Ethercat,
+        listen: 0.3,
+        answer_us: 2000,
+        write: Some(path.to_owned()),
+        add,
+        devices: devices.map(Path::to_owned),
+    };
+    let mut out = Vec::new();
+    let code = scan_on(wire, MAC, &args, false, &mut out).expect("the link");
+    let text = String::from_utf8(out).expect("text");
+    (text, format!("{code:?}") == format!("{:?}", ExitCode::SUCCESS))
+}
+
+/// A simulated machine at the other end, on virtual time.
+fn simulated(machine: &config::Config) -> VirtualNet {
+    VirtualNet::new(SimMachine::new(machine).expect("simulated"), NetConfig::clean(1))
+}
+
+#[test]
+fn a_file_that_a_scan_has_written_runs_on_the_devices_that_were_found() {
+    for text in [
+        include_str!("../../../../configs/mill3-ethercat.toml"),
+        include_str!("../../../../configs/double2-ethercat.toml"),
+    ] {
+        let machine = config::parse(text, Path::new("m.toml")).expect("a machine");
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("found.toml");
+        let (told, well) = scanned(&mut simulated(&machine), &path, false, None);
+        assert!(well && told.contains("is written"), "{told}");
+        let found = config::read(&path).unwrap_or_else(|errors| panic!("{errors}"));
+        crate::bus::check(&found).unwrap_or_else(|errors| panic!("{errors}"));
+        assert_eq!(found.bus.nodes.len(), machine.bus.nodes.len());
+        let plans = crate::bus::plan(&found);
+        let tables = setup::tables(&found, &plans);
+        let devices = setup::devices(&found, &plans, &tables);
+        let network = setup::network(&found, &devices);
+        let bus: VirtualEthercat<'_> =
+            crate::bus::ethercat::open::new(&found, &network, simulated(&machine), MAC, Arc::default())
+                .expect("it fits");
+        let bus: crate::sim::near_end::VirtualBus<'_> = Box::new(bus);
+        rehearse_on(&found, b"", bus, Operator::standing_by, |run| {
+            let up = run.run_until(10_000, |run| run.control.state() == State::Disabled)?;
+            assert!(up, "{:#?}", run.operator.journal());
+            Ok(())
+        })
+        .expect("a control");
+    }
+}
+
+#[test]
+fn a_scan_adds_what_a_file_does_not_have_and_names_what_is_otherwise() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("m.toml");
+    // By hand: a remark, a name, another device expected at 3; 4 is in the file as 9, found by its alias.
+    let by_hand = "schema = 1\n# my cabinet\n[machine]\nname = \"mine\"\nkinematics = \"none\"\n[bus]\n\
+                   kind = \"ethercat\"\ninterface = \"eth7\"\n\
+                   [[bus.node]]\nid = 3\nname = \"gauges\"\nprofile = \"io\"\nproduct_code = 5\n\
+                   [[bus.node]]\nid = 9\nname = \"x\"\nprofile = \"cia402\"\nalias = 77";
+    std::fs::write(&path, by_hand).expect("our folder");
+    let (told, well) = scanned(&mut Wire::new(), &path, false, None);
+    assert!(
+        !well && told.contains("is there already and was not changed: --add adds"),
+        "{told}"
+    );
+    assert_eq!(std::fs::read_to_string(&path).expect("a file"), by_hand);
+    let (told, well) = scanned(&mut Wire::new(), &path, true, None);
+    assert!(!well, "{told}");
+    let other = "gauges (node 3) is another device: expected product 0x00000005; found device type 0x00001389";
+    assert!(told.contains(other), "{told}");
+    assert!(told.contains("m.toml: 1 node added, all else kept."), "{told}");
+    // Neither the coupler nor what was added or is found by its alias is strange.
+    assert!(
+        !told.contains("not in the machine file") && !told.contains("missing"),
+        "{told}"
+    );
+    let written = std::fs::read_to_string(&path).expect("a file");
+    assert!(written.starts_with(by_hand), "{written}");
+    let config = config::read(&path).unwrap_or_else(|errors| panic!("{errors}"));
+    let nodes: Vec<_> = config
+        .bus
+        .nodes
+        .iter()
+        .map(|node| (node.id, node.name.as_str()))
+        .collect();
+    assert_eq!(nodes, [(3, "gauges"), (9, "x"), (2, "io-2")]);
+    let (told, _) = scanned(&mut Wire::new(), &path, true, None);
+    assert!(told.contains("m.toml has them all: not changed"), "{told}");
+    assert_eq!(std::fs::read_to_string(&path).expect("a file"), written);
+}
+
+#[test]
+fn esi_files_that_fit_are_named_and_those_that_cannot_be_used_are_told() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("m.toml");
+    std::fs::write(folder.path().join("maker.xml"), esi::text().expect("a file")).expect("our folder");
+    std::fs::write(folder.path().join("broken.xml"), "<EtherCATInfo>").expect("our folder");
+    let drive = DriveModel::default()
+        .build(vec![Box::new(IdealMotor::default())])
+        .expect("a drive");
+    let mut wire = Wire::with([drive, digital_terminal(esi::TERMINAL)]);
+    let (told, well) = scanned(&mut wire, &path, false, Some(folder.path()));
+    assert!(well, "{told}");
+    let text = std::fs::read_to_string(&path).expect("a file");
+    assert_eq!(text.matches("device_file = \"maker.xml\"").count(), 1, "{text}");
+    // Its entries are bits.
+    assert!(told.contains("io-2 is without device_file = \"maker.xml\": "), "{told}");
+    config::read(&path).unwrap_or_else(|errors| panic!("{errors}"));
+}
+
+/// Devices that nobody asks for stay where they are.
+#[test]
+fn only_the_device_that_is_asked_is_led_to_pre_op() {
+    let mut wire = Wire::new();
+    let states = lead(&mut wire, MAC, &[asked(3)], |lead| {
+        assert_eq!(lead.led(1)?, []);
+        let found = lead.sdo(0, (0x1018, 2), None)?;
+        assert_eq!(found, Ok(3_u32.to_le_bytes().to_vec()));
+        Ok(())
+    });
+    states.expect("it is led");
+    let states: Vec<AlState> = (0..4).map(|at| wire.segment.device(at).state()).collect();
+    assert_eq!(states, [AlState::Init, AlState::Init, AlState::PreOp, AlState::Init]);
 }

@@ -92,6 +92,64 @@ fn fetch(args: &NetworkArgs) -> anyhow::Result<Result<(NetworkView, Value), conf
     }
 }
 
+/// What a bus calls things.
+struct Terms {
+    /// State in which process data are exchanged.
+    operational: &'static str,
+    /// Process data to a node and from it.
+    payloads: [&'static str; 2],
+    /// Beside the counts of the cycle: what did not answer, and frames of no use.
+    unanswered: &'static str,
+    unusable: &'static str,
+    /// Columns of the table of states.
+    columns: [&'static str; 10],
+}
+
+const POWERLINK: Terms = Terms {
+    operational: "OPERATIONAL",
+    payloads: ["PReq, to the node", "PRes, from the node"],
+    unanswered: "silent in the asynchronous slot",
+    unusable: "unusable frame",
+    columns: [
+        ">id",
+        "name",
+        "state",
+        ">polls",
+        ">lost",
+        ">in row",
+        ">late",
+        ">PRes after",
+        ">boots",
+        ">given up",
+    ],
+};
+
+const ETHERCAT: Terms = Terms {
+    operational: "OP",
+    payloads: ["RxPDO, to the SubDevice", "TxPDO, from the SubDevice"],
+    unanswered: "mailbox frames lost",
+    unusable: "late frame",
+    columns: [
+        ">node",
+        "name",
+        "AL state",
+        ">cycles",
+        ">lost",
+        ">in row",
+        ">wrong WKC",
+        ">back after",
+        ">to OP",
+        ">given up",
+    ],
+};
+
+fn terms(view: &NetworkView) -> &'static Terms {
+    match view.protocol.as_str() {
+        "ethercat" => &ETHERCAT,
+        _ => &POWERLINK,
+    }
+}
+
 /// `node 3 (z-drive)`
 fn who(node: &NodeView) -> String {
     format!("node {} ({})", node.id, node.name)
@@ -115,7 +173,7 @@ fn troubles(view: &NetworkView, status: &Value) -> Vec<String> {
     if let Some(foreign) = &live.foreign {
         list.push(foreign.clone());
     }
-    if live.nmt_state != "OPERATIONAL" {
+    if live.nmt_state != terms(view).operational {
         let why = live.why.as_deref().unwrap_or("no reason is known");
         list.push(format!("the network is {}: {why}", live.nmt_state));
     }
@@ -249,15 +307,18 @@ fn state(view: &NetworkView, status: &Value, out: &mut impl Write) -> io::Result
 
 fn state_table(view: &NetworkView, out: &mut impl Write) -> io::Result<()> {
     if let Some(live) = &view.live {
+        let Terms {
+            unanswered, unusable, ..
+        } = terms(view);
         writeln!(
             out,
-            "{} of {} us; {} skipped, {} cut off; {} silent in the asynchronous slot, {}",
+            "{} of {} us; {} skipped, {} cut off; {} {unanswered}, {}",
             counted(live.cycles, "cycle"),
             view.cycle_us,
             live.cycles_skipped,
             live.cycles_overrun,
             live.async_timeouts,
-            counted(live.bad_frames, "unusable frame")
+            counted(live.bad_frames, unusable)
         )?;
     }
     let rows = view.nodes.iter().map(|node| {
@@ -269,7 +330,11 @@ fn state_table(view: &NetworkView, out: &mut impl Write) -> io::Result<()> {
                 live.polls.to_string(),
                 live.lost.to_string(),
                 live.lost_in_row_max.to_string(),
-                live.late.to_string(),
+                match view.protocol.as_str() {
+                    "ethercat" => live.refused,
+                    _ => live.late,
+                }
+                .to_string(),
                 format!("{:.1} us", live.response_max_us),
                 live.boots.to_string(),
                 live.faults.to_string(),
@@ -277,19 +342,7 @@ fn state_table(view: &NetworkView, out: &mut impl Write) -> io::Result<()> {
         }
         row
     });
-    let heading = [
-        ">id",
-        "name",
-        "state",
-        ">polls",
-        ">lost",
-        ">in row",
-        ">late",
-        ">PRes after",
-        ">boots",
-        ">given up",
-    ];
-    write!(out, "\n{}", table(&heading, rows))
+    write!(out, "\n{}", table(&terms(view).columns, rows))
 }
 
 /// What the nodes signalled, and what went wrong with them before.
@@ -339,8 +392,9 @@ fn mapping(view: &NetworkView, out: &mut impl Write) -> io::Result<()> {
                 .sum::<u64>()
                 .div_ceil(8)
         };
-        let left = format!("PReq, to the node: {}", counted(octets(&node.outputs), "octet"));
-        let right = format!("PRes, from the node: {}", counted(octets(&node.inputs), "octet"));
+        let [to_node, from_node] = terms(view).payloads;
+        let left = format!("{to_node}: {}", counted(octets(&node.outputs), "octet"));
+        let right = format!("{from_node}: {}", counted(octets(&node.inputs), "octet"));
         let cell = |object: Option<&MappedView>| {
             object.map_or(String::new(), |object| {
                 let first = object.offset_bits / 8;

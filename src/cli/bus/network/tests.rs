@@ -209,3 +209,65 @@ fn a_report_fits_a_page() {
     assert!(too_long.is_empty(), "{too_long:?}");
     assert!(text.contains("cycles begin up to 12.5 us late, 2 were left out\n"));
 }
+
+/// The demo machine on EtherCAT, all of it in OP.
+fn ethercat_view() -> NetworkView {
+    let machine = include_str!("../../../../configs/mill3-ethercat.toml");
+    let powerlink = view();
+    let mut view = NetworkView::from_config(&config::parse(machine, Path::new("demo.toml")).unwrap());
+    let live = powerlink.nodes[0].live.clone().unwrap();
+    for node in &mut view.nodes {
+        node.live = Some(NodeLive {
+            nmt_state: "OP".into(),
+            expected_nmt_state: "OP".into(),
+            stage: "at position 1".into(),
+            last_fault: None,
+            errors: Vec::new(),
+            errors_total: 0,
+            refused: 17,
+            ..live.clone()
+        });
+    }
+    view.live = Some(NetworkLive {
+        nmt_state: "OP".into(),
+        why: None,
+        ..powerlink.live.unwrap()
+    });
+    view
+}
+
+#[test]
+fn ethercat_is_told_in_its_own_words_and_op_is_no_trouble() {
+    let view = ethercat_view();
+    assert!(
+        troubles(&view, &status()).is_empty(),
+        "{:?}",
+        troubles(&view, &status())
+    );
+    let text = printed(report, &view, &status());
+    for word in [
+        "PReq",
+        "PRes",
+        "SoC",
+        "asynchronous",
+        "managing",
+        "NMT",
+        "OPERATIONAL",
+        "polls",
+        "POWERLINK",
+    ] {
+        assert!(!text.contains(word), "{word} is in\n{text}");
+    }
+    for line in [
+        "1234 cycles of 1000 us; 2 skipped, 1 cut off; 3 mailbox frames lost, 1 late frame",
+        "no trouble: every node is operational",
+        "   1  x-drive  OP          1200     4       2         17     41.2 us      1         0",
+        "  RxPDO, to the SubDevice: 11 octets            TxPDO, from the SubDevice: 17 octets",
+    ] {
+        assert!(text.lines().any(|own| own == line), "{line}\nis not in\n{text}");
+    }
+    let mut view = ethercat_view();
+    view.live.as_mut().unwrap().nmt_state = "INIT".into();
+    view.live.as_mut().unwrap().why = Some("reads EEPROMs".into());
+    assert_eq!(troubles(&view, &status()), ["the network is INIT: reads EEPROMs"]);
+}

@@ -3,7 +3,7 @@
 //! In:  an interface. Out: where a managing node is at work, what is heard of it and its nodes; else every node that answers
 //! an IdentRequest; a machine file of them (`propose`), or how they differ from one.
 
-mod propose;
+pub(super) mod propose;
 
 use super::Protocol;
 use super::station::{ForeignMaster, Found, Station, listen};
@@ -34,22 +34,22 @@ pub struct ScanArgs {
     pub(super) interface: String,
     /// What the interface carries
     #[arg(long, value_enum, default_value_t)]
-    bus: Protocol,
+    pub(super) bus: Protocol,
     /// Listen this long for a managing node before sending anything, and where there is one, to it
     #[arg(long, value_name = "S", default_value = "1", value_parser = super::listen_time)]
     pub(super) listen: f64,
     /// Give each node this long to answer
     #[arg(long, value_name = "US", default_value_t = 2000, value_parser = clap::value_parser!(u32).range(100..=1_000_000))]
-    answer_us: u32,
+    pub(super) answer_us: u32,
     /// Write a machine file of the nodes, their channels and names; what is there is never replaced
     #[arg(long, value_name = "FILE")]
     pub(super) write: Option<PathBuf>,
-    /// Add the nodes that FILE does not have, and keep all else; POWERLINK only
+    /// Add the nodes that FILE does not have, and keep all else
     #[arg(long, requires = "write")]
-    add: bool,
-    /// Folder of device files (XDD, XDC, EDS, DCF): those that fit are named in FILE; POWERLINK only
+    pub(super) add: bool,
+    /// Folder of device files (XDD, XDC, EDS, DCF; of EtherCAT ESI, XML): those that fit are named in FILE
     #[arg(long, value_name = "FOLDER", requires = "write")]
-    devices: Option<PathBuf>,
+    pub(super) devices: Option<PathBuf>,
 }
 
 /// Runs the command. Exit code 1: a managing node is at work, nobody answers, or two nodes have the same id.
@@ -60,10 +60,6 @@ pub(super) fn scan(args: &ScanArgs, as_json: bool, out: &mut impl Write) -> anyh
     let mut link = open(&args.interface, args.bus)?;
     let mac = link.mac();
     if args.bus == Protocol::Ethercat {
-        ensure!(
-            !args.add && args.devices.is_none(),
-            "--add and --devices are for POWERLINK: a machine file of EtherCAT is written anew, device_file is named by hand"
-        );
         let _sole = SoleSender::claim(&args.interface)?;
         return super::ethercat::scan::scan_on(&mut link, mac, args, as_json, out);
     }

@@ -28,7 +28,7 @@ const OBJECTS: [(u16, u8, bool, &str); 4] = [
 /// More objects of one kind than that are left to the user: payload and file stay small.
 const OBJECTS_MAX: u8 = 32;
 /// Largest device file that is looked at, octets.
-const DEVICE_FILE_MAX: u64 = 4 * 1024 * 1024;
+pub(in crate::cli::bus) const DEVICE_FILE_MAX: u64 = 4 * 1024 * 1024;
 
 /// A node as it will stand in the file.
 #[derive(Debug, PartialEq)]
@@ -126,18 +126,32 @@ pub(super) fn ask(
 /// # Errors
 /// The folder.
 pub(super) fn devices(folder: &Path, machine_file: &Path) -> anyhow::Result<Vec<(String, DeviceDescription)>> {
+    let parse = |path: &str, octets: &[u8]| device::parse(path, octets).ok();
+    device_files(folder, machine_file, &["xdd", "xdc", "eds", "dcf"], parse)
+}
+
+/// The same of any kind of device file.
+///
+/// # Errors
+/// The folder.
+pub(in crate::cli::bus) fn device_files<T>(
+    folder: &Path,
+    machine_file: &Path,
+    extensions: &[&str],
+    parse: impl Fn(&str, &[u8]) -> Option<T>,
+) -> anyhow::Result<Vec<(String, T)>> {
     let entries = std::fs::read_dir(folder).with_context(|| format!("{}: cannot be read", folder.display()))?;
     let mut paths: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
     paths.sort();
     let is_device = |path: &PathBuf| {
         let extension = path.extension().and_then(|extension| extension.to_str());
-        extension.is_some_and(|it| ["xdd", "xdc", "eds", "dcf"].contains(&it.to_ascii_lowercase().as_str()))
+        extension.is_some_and(|it| extensions.contains(&it.to_ascii_lowercase().as_str()))
     };
     let beside = machine_file.parent().filter(|parent| !parent.as_os_str().is_empty());
     let beside = beside.unwrap_or(Path::new(".")).canonicalize().unwrap_or_default();
     let read = |path: PathBuf| {
         let octets = files::read(&path, DEVICE_FILE_MAX).ok()?;
-        let device = device::parse(&path.display().to_string(), &octets).ok()?;
+        let device = parse(&path.display().to_string(), &octets)?;
         let whole = path.canonicalize().ok()?;
         let named = whole.strip_prefix(&beside).unwrap_or(&whole);
         Some((named.display().to_string(), device))
@@ -244,17 +258,17 @@ pub(super) fn new_file(modules: &[Module], name: &str, interface: &str) -> Strin
 }
 
 /// The text of a file with more nodes behind all that is there.
-pub(super) fn added(text: &str, modules: &[Module]) -> String {
+pub(in crate::cli::bus) fn added(text: &str, nodes: impl Iterator<Item = String>) -> String {
     let gap = if text.ends_with('\n') { "\n" } else { "\n\n" };
     let mut whole = format!("{text}{gap}# Added by `isocnc bus scan`.\n");
-    whole.extend(modules.iter().map(Module::text));
+    whole.extend(nodes);
     whole.truncate(whole.trim_end().len());
     whole.push('\n');
     whole
 }
 
 /// What becomes of a file.
-pub(super) enum Written {
+pub(in crate::cli::bus) enum Written {
     New(usize),
     Added(usize),
     Unchanged,
@@ -291,7 +305,10 @@ pub(super) fn write(path: &Path, add: bool, modules: Vec<Module>, interface: &st
             return Ok(Written::Unchanged);
         }
         let text = files::read_text(path, files::read::TEXT_MAX).with_context(|| format!("{file}: cannot be read"))?;
-        (added(&text, &modules), Written::Added(modules.len()))
+        (
+            added(&text, modules.iter().map(Module::text)),
+            Written::Added(modules.len()),
+        )
     } else {
         if modules.is_empty() {
             bail!("no drive and no inputs or outputs answered: nothing to write");
@@ -313,7 +330,7 @@ pub(super) fn write(path: &Path, add: bool, modules: Vec<Module>, interface: &st
 }
 
 /// What was done, in words.
-pub(super) fn told(path: &Path, written: &Written) -> String {
+pub(in crate::cli::bus) fn told(path: &Path, written: &Written) -> String {
     let (file, nodes) = (path.display(), |count: &usize| words::counted(*count as u64, "node"));
     let mut text = String::new();
     // A String takes everything.
