@@ -243,6 +243,7 @@ fn the_cycle_never_allocates() {
                 next_ns,
                 skipped,
                 pres_lost: report.lost,
+                phase_ns: report.time.late_ns(),
             });
             control.show_timing(recorder.timing());
         });

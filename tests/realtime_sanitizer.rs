@@ -261,6 +261,7 @@ fn watchdog_and_figures() {
                 next_ns: now_ns + 1_000_000,
                 skipped: 0,
                 pres_lost: 1,
+                phase_ns: Some(-20),
             });
             if windows.last().is_some() || tick == 20 {
                 windows.cut();

@@ -316,6 +316,18 @@ pub enum TimeReference {
         /// By how much this cycle began behind its date there, ns; below 0: before it.
         late_ns: i64,
     },
+    /// That of the bus, which has not told its time in this cycle.
+    Unheard,
+}
+
+impl TimeReference {
+    /// By how much this cycle began behind its date by the clock of the bus, ns, where that is known.
+    pub fn late_ns(self) -> Option<i64> {
+        match self {
+            TimeReference::Bus { late_ns } => Some(late_ns),
+            TimeReference::Ours | TimeReference::Unheard => None,
+        }
+    }
 }
 
 /// What one exchange took.

@@ -11,6 +11,7 @@ use crate::analyser::SocReport;
 use crate::host::histogram::Summary;
 use crate::host::latency::{GAP_NS, GapFigures};
 use crate::rt::cycle_stats::ThreadUsage;
+use crate::rt::phase::PhaseFigures;
 use crate::rt::timeout::Counters;
 use serde::{Deserialize, Serialize};
 
@@ -76,8 +77,11 @@ pub struct Settings {
     pub machine: String,
     /// The program that ran.
     pub program: String,
-    /// Interface of the managing node.
+    /// Interface of the control.
     pub interface: String,
+    /// "powerlink" or "ethercat"; of EtherCAT, SoC is the first frame of a cycle.
+    #[serde(default)]
+    pub protocol: String,
     /// Who is at the other end of the wire, and where the SoC was stamped.
     pub far_end: String,
     /// Cycles wanted in all rounds together.
@@ -90,6 +94,9 @@ pub struct Settings {
     pub priority: u8,
     /// Offset of the cycle from whole periods.
     pub phase_us: u32,
+    /// So long after the date of a cycle SYNC0 comes, where a clock of the bus leads nodes by it.
+    #[serde(default)]
+    pub sync0_us: Option<f64>,
     /// The cycle thread sleeps until this long before its date, then spins.
     pub spin_us: u32,
     /// What keeps the core awake.
@@ -169,6 +176,9 @@ pub struct ControlFigures {
     pub compute: Summary,
     /// From the end of computing to the next cycle's date.
     pub free: Summary,
+    /// How the dates of cycles lie to the clock of the bus, where that clock leads.
+    #[serde(default)]
+    pub phase: Option<PhaseFigures>,
     /// Page faults and preemptions of the cycle thread.
     pub thread: ThreadUsage,
     /// What the time-out thread counted from power-on to power-off.

@@ -19,6 +19,7 @@ use crate::machine::sequence::Outcome;
 use crate::machine::tables::Tables;
 use crate::operator::session;
 use crate::operator::session::{Program, Session, Task, Wire};
+use crate::rt::phase::sync0_us;
 use anyhow::bail;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -77,8 +78,8 @@ impl FarEnd<'_> {
     fn words(&self, is_ethercat: bool) -> String {
         match self {
             FarEnd::Private { .. } if is_ethercat => {
-                "simulated devices in a process of their own; the first frame of each cycle, here for the SoC, \
-                                       stamped by the kernel where it arrives, read by an analyser in a third process"
+                "simulated devices in a process of their own; the first frame of each cycle stamped by the kernel where it \
+                                       arrives, read by an analyser in a third process"
                     .into()
             }
             FarEnd::Private { .. } => {
@@ -157,6 +158,7 @@ fn empty_report(wanted: &Wanted<'_>, rounds: u32) -> JitterReport {
             machine: config.name.clone(),
             program: wanted.program.name.into(),
             interface: wanted.far_end.interface().into(),
+            protocol: config.bus.kind.protocol().into(),
             far_end: wanted.far_end.words(config.bus.kind.is_ethercat()),
             cycles: wanted.cycles,
             rounds,
@@ -164,6 +166,7 @@ fn empty_report(wanted: &Wanted<'_>, rounds: u32) -> JitterReport {
             timeout_us: config.rt.timeout_us,
             priority: config.rt.priority,
             phase_us: config.rt.phase_us(config.cycle_us),
+            sync0_us: sync0_us(config),
             spin_us: config.rt.spin_us(),
             keep_awake: String::new(),
             calibration: Vec::new(),
@@ -375,6 +378,7 @@ impl Measured<'_> {
             exchange: figures.exchange.summary(),
             compute: figures.compute.summary(),
             free: figures.free.summary(),
+            phase: figures.phase.figures(),
             thread: figures.thread,
             timeout_thread: ended.timeouts,
         };

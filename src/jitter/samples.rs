@@ -200,6 +200,8 @@ pub(crate) fn empty() -> JitterReport {
             machine: "mill3".into(),
             program: "generated, 100,000 lines".into(),
             interface: "plk0".into(),
+            protocol: "powerlink".into(),
+            sync0_us: None,
             far_end: "simulated drives in a process of their own; SoC stamped by the kernel at plk1".into(),
             cycles: 100_000,
             rounds: 5,

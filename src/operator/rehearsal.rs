@@ -16,6 +16,7 @@ use crate::operator::session::pin_reader;
 use crate::program::{Begin, Feeder, Progress, waits};
 use crate::rt::assemble::assemble;
 use crate::rt::cycle::MotionController;
+use crate::rt::phase::{Phase, PhaseFigures};
 use crate::rt::pins::capacity;
 use crate::rt::thread::{Steering, grid};
 use crate::sim::near_end::{VirtualBus, VirtualTime, with_virtual};
@@ -50,6 +51,7 @@ pub struct Rehearsal<'a, B = VirtualBus<'a>> {
     probed_time_s: Option<f64>,
     grid: Grid,
     steering: Steering,
+    phase: Phase,
     deadline_ns: u64,
     skipped: u64,
     cycles: u64,
@@ -115,6 +117,7 @@ pub fn rehearse_on<'a, B: VirtualTime, T>(
         probed_time_s: None,
         grid,
         steering: Steering::default(),
+        phase: Phase::default(),
         deadline_ns: grid.first_after(0),
         skipped: 0,
         cycles: 0,
@@ -145,6 +148,11 @@ impl<'a, B: VirtualTime> Rehearsal<'a, B> {
     /// Planned time of a program whose probing moves ended at a contact: of what was really to be run, s.
     pub fn probed_time_s(&self) -> Option<f64> {
         self.probed_time_s
+    }
+
+    /// How the dates of cycles have lain to the clock of the bus since the last call; `None`: it does not lead.
+    pub fn take_phase(&mut self) -> Option<PhaseFigures> {
+        std::mem::take(&mut self.phase).figures()
     }
 
     /// What the next program is to be: a client's, in place of the one that the run was built with. Its errors while it runs are
@@ -187,6 +195,9 @@ impl<'a, B: VirtualTime> Rehearsal<'a, B> {
             self.skipped,
             deadline_ns + self.grid.period_ns * 9 / 10,
         );
+        if let Some(late_ns) = report.time.late_ns() {
+            self.phase.record(late_ns);
+        }
         let now_ns = self.now_ns();
         let begun_ns = deadline_ns.saturating_add_signed(self.steering.shift_ns(report.time));
         let next = self.grid.next(begun_ns, now_ns);

@@ -18,6 +18,7 @@ use crate::plot::PathSample;
 use crate::program::Overview;
 use crate::program::real_time::RealTimeFactor;
 use crate::rt::cycle_stats::FiguresSummary;
+use crate::rt::phase::sync0_us;
 use crate::rt::timeout;
 use anyhow::Context;
 use motion::rt::Peaks;
@@ -107,6 +108,7 @@ impl<'a> Facts<'a> {
                 })
                 .collect(),
             cycle: figures.summary(),
+            sync0_us: sync0_us(self.config),
             timeout_thread: *timeouts,
             soc_period: self.soc_period,
             findings: findings.iter().map(ToString::to_string).collect(),
@@ -290,6 +292,8 @@ pub struct RunReport {
     pub nodes: Vec<NodeReport>,
     /// How the cycle thread ran, by its own clock.
     pub cycle: FiguresSummary,
+    /// So long after the date of a cycle SYNC0 comes, us; `None`: no node follows one.
+    pub sync0_us: Option<f64>,
     /// What the time-out thread counted.
     pub timeout_thread: timeout::Counters,
     /// SoC period at the far end of the wire, from kernel receive stamps.
@@ -420,7 +424,7 @@ impl fmt::Display for RunReport {
         }
         writeln!(
             f,
-            "cycles                 {}, {} left out, {} answers lost; SoC {:.1} us late on average, {:.1} at most",
+            "cycles                 {}, {} left out, {} answers lost; begun {:.1} us late on average, {:.1} at most",
             self.cycle.cycles,
             self.cycle.skipped,
             self.cycle.pres_lost,
@@ -437,6 +441,17 @@ impl fmt::Display for RunReport {
             self.cycle.free.mean_us,
             self.cycle.free.min_us,
         )?;
+        if let Some(phase) = &self.cycle.phase {
+            let (from, of) = match self.sync0_us {
+                Some(sync0_us) => ("SYNC0", sync0_us - phase.mean_us),
+                None => ("their times by the clock of the bus", -phase.mean_us),
+            };
+            writeln!(
+                f,
+                "phase to the bus       cycles begin {of:.2} us before {from}, std {:.2} us, range {:.2} us",
+                phase.std_us, phase.range_us
+            )?;
+        }
         if let Some(raised_us) = self.calibration.spin_raised_us {
             writeln!(
                 f,

@@ -6,6 +6,7 @@
 //! Nothing is cleared in real time: an ordinary thread hands in empty figures through a ring, the cycle thread takes them
 //! at the next cycle boundary and sends the full ones back.
 
+use super::phase::{Phase, PhaseFigures};
 use super::recent::{Recent, Second};
 use crate::host::histogram::{Jitter, Summary};
 use nix::sys::resource::{UsageWho, getrusage};
@@ -61,6 +62,8 @@ pub struct CycleTimes {
     pub skipped: u64,
     /// Answers of nodes (PRes) that did not come in time.
     pub pres_lost: u32,
+    /// By how much it began behind its date by the clock of the bus, ns, where that clock leads.
+    pub phase_ns: Option<i64>,
 }
 
 /// Everything recorded of a number of cycles. Some 90 KiB: on the heap.
@@ -84,6 +87,8 @@ pub struct CycleFigures {
     pub compute: Jitter,
     /// From there to the date of the next cycle; 0 where that had passed.
     pub free: Jitter,
+    /// How the dates lie to the clock of the bus, where that clock leads.
+    pub phase: Phase,
     /// What the cycle thread had to bear meanwhile.
     pub thread: ThreadUsage,
 }
@@ -109,6 +114,8 @@ pub struct FiguresSummary {
     pub compute: Summary,
     /// Time left up to the next cycle.
     pub free: Summary,
+    /// How the dates lie to the clock of the bus, where that clock leads.
+    pub phase: Option<PhaseFigures>,
     /// What the cycle thread had to bear.
     pub thread: ThreadUsage,
 }
@@ -126,6 +133,7 @@ impl CycleFigures {
             exchange: Jitter::new(0),
             compute: Jitter::new(0),
             free: Jitter::new(0),
+            phase: Phase::default(),
             thread: ThreadUsage::default(),
         })
     }
@@ -142,6 +150,7 @@ impl CycleFigures {
             exchange: self.exchange.summary(),
             compute: self.compute.summary(),
             free: self.free.summary(),
+            phase: self.phase.figures(),
             thread: self.thread,
         }
     }
@@ -293,6 +302,9 @@ impl Recorder {
             }
         }
         self.soc_before_ns = times.soc_ns;
+        if let Some(phase_ns) = times.phase_ns {
+            figures.phase.record(phase_ns);
+        }
 
         timing.compute_ns = times.ended_ns.saturating_sub(times.exchanged_ns);
         figures.compute.record(timing.compute_ns);
@@ -347,6 +359,7 @@ mod tests {
             next_ns: deadline_ns + PERIOD_NS,
             skipped: 0,
             pres_lost: 0,
+            phase_ns: None,
         }
     }
 

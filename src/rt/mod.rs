@@ -21,6 +21,7 @@ pub mod logic;
 pub mod loop_pins;
 pub mod override_pins;
 pub mod overrides;
+pub mod phase;
 pub mod pins;
 pub mod recent;
 pub mod shared;

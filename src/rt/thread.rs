@@ -35,8 +35,11 @@ pub struct Steering {
 impl Steering {
     /// By how much the next cycle begins later than a period behind this one, ns.
     pub fn shift_ns(&mut self, time: TimeReference) -> i64 {
-        let TimeReference::Bus { late_ns } = time else {
-            return 0;
+        let late_ns = match time {
+            TimeReference::Ours => return 0,
+            TimeReference::Bus { late_ns } => late_ns,
+            // The dates go on as the clocks have run apart so far.
+            TimeReference::Unheard => 0,
         };
         let wanted_ns = self.drift_ns - late_ns as f64 * STEER_SHARE;
         let shift_ns = wanted_ns.clamp(-STEER_MAX_NS, STEER_MAX_NS);
@@ -113,6 +116,7 @@ pub fn run<B: CyclicBus>(
             next_ns,
             skipped,
             pres_lost: report.lost,
+            phase_ns: report.time.late_ns(),
         });
         control.show_timing(recorder.timing());
         let begun_ns = deadline_ns.saturating_add_signed(steering.shift_ns(report.time));

@@ -113,6 +113,7 @@ pub fn run_paced<B: CyclicBus>(
             next_ns,
             skipped: 0,
             pres_lost: report.lost,
+            phase_ns: report.time.late_ns(),
         });
         control.show_timing(recorder.timing());
         deadline_ns = next_ns.saturating_add_signed(steering.shift_ns(report.time));

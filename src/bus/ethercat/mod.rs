@@ -376,7 +376,7 @@ impl<L: Link, const N: usize, const F: usize> CyclicBus for Ethercat<'_, L, N, F
         let time = match late_ns {
             Some(late_ns) if self.follows => TimeReference::Bus { late_ns },
             // Without this cycle's time the dates go on as the clocks have run apart so far.
-            None if self.follows && self.has_followed => TimeReference::Bus { late_ns: 0 },
+            None if self.follows && self.has_followed => TimeReference::Unheard,
             _ => TimeReference::Ours,
         };
         CycleReport {

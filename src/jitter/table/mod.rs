@@ -8,6 +8,7 @@ use super::ratios::{Ratios, period};
 use super::report::{JitterReport, Medians, Round};
 use super::words::{elided, ended, far_end_listened, grouped, pc, ratio, short_time, total, us, wrapped};
 use crate::host::histogram::Summary;
+use crate::rt::phase::PhaseFigures;
 use std::fmt::Write;
 
 /// Width of the text and of its first column.
@@ -24,13 +25,17 @@ const MICROMETRES_PER_US: f64 = 0.5;
 
 /// The whole report as text, without a line end after its last line.
 pub fn table(report: &JitterReport) -> String {
-    let mut text = Text::default();
+    let mut text = Text {
+        is_ethercat: report.settings.protocol == "ethercat",
+        ..Text::default()
+    };
     head(&mut text, report);
     if report.rounds.is_empty() {
         text.say("Nothing was measured.");
     } else {
         published(&mut text, report);
         lateness(&mut text, report);
+        phase(&mut text, report);
         inside(&mut text, report);
         missed(&mut text, report);
         ratios(&mut text, report);
@@ -40,7 +45,7 @@ pub fn table(report: &JitterReport) -> String {
         text.gap();
         text.say(&format!("note: {note}"));
     }
-    text.0.trim_end().to_owned()
+    text.lines.trim_end().to_owned()
 }
 
 fn head(text: &mut Text, report: &JitterReport) {
@@ -189,6 +194,33 @@ fn lateness(text: &mut Text, report: &JitterReport) {
     let mut told: Vec<&String> = report.rounds.iter().flat_map(|round| &round.floor.notes).collect();
     told.dedup();
     told.iter().for_each(|note| text.say(&format!("  {note}")));
+    text.gap();
+}
+
+/// How cycles lie to the pulses by which the drives live, where the clock of the bus leads.
+fn phase(text: &mut Text, report: &JitterReport) {
+    let phases = report.rounds.iter().filter_map(|round| round.control.phase.as_ref());
+    let phases: Vec<&PhaseFigures> = phases.collect();
+    if phases.is_empty() {
+        return;
+    }
+    text.row("Phase to the clock of the bus, µs", ["mean", "range", "std dev", "n"]);
+    let (name, behind_us) = match report.settings.sync0_us {
+        Some(sync0_us) => ("  cycle begins before SYNC0", sync0_us),
+        None => ("  cycle begins before its time there", 0.0),
+    };
+    let n = phases.iter().map(|phase| phase.n).fold(0, u64::saturating_add);
+    let mean_us = phases.iter().map(|phase| phase.mean_us * (phase.n as f64 / n as f64));
+    let worst = |of: fn(&PhaseFigures) -> f64| phases.iter().map(|phase| of(phase)).fold(0.0, f64::max);
+    text.row(
+        name,
+        [
+            format!("{:.3}", behind_us - mean_us.sum::<f64>()),
+            us(worst(|phase| phase.range_us)),
+            us(worst(|phase| phase.std_us)),
+            count(n),
+        ],
+    );
     text.gap();
 }
 
@@ -409,20 +441,33 @@ fn count(n: u64) -> String {
 
 /// Lines under each other.
 #[derive(Default)]
-struct Text(String);
+struct Text {
+    lines: String,
+    /// The bus is EtherCAT, which has no SoC.
+    is_ethercat: bool,
+}
 
 impl Text {
     fn line(&mut self, line: &str) {
-        self.0.push_str(line.trim_end());
-        self.0.push('\n');
+        self.lines.push_str(line.trim_end());
+        self.lines.push('\n');
+    }
+
+    /// In the words of the bus.
+    fn worded(&self, text: &str) -> String {
+        match self.is_ethercat {
+            true => text.replace("SoC", "frame"),
+            false => text.to_owned(),
+        }
     }
 
     fn row<const N: usize>(&mut self, name: &str, cells: [impl AsRef<str>; N]) {
-        self.line(&padded(name, cells));
+        self.line(&padded(&self.worded(name), cells));
     }
 
     /// A sentence, on several lines if it must; those that follow are indented by two more.
     fn say(&mut self, sentence: &str) {
+        let sentence = &self.worded(sentence);
         let indent = sentence.len() - sentence.trim_start().len();
         for (at, line) in wrapped(sentence, WIDTH - indent - 2).iter().enumerate() {
             let more = if at == 0 { 0 } else { 2 };
@@ -440,8 +485,8 @@ impl Text {
 
     /// An empty line, once.
     fn gap(&mut self) {
-        if !self.0.is_empty() && !self.0.ends_with("\n\n") {
-            self.0.push('\n');
+        if !self.lines.is_empty() && !self.lines.ends_with("\n\n") {
+            self.lines.push('\n');
         }
     }
 }

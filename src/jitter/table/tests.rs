@@ -52,6 +52,27 @@ fn figures_stand_under_their_names() {
         cells(&text, "  goal on a tuned PC, real card"),
         ["<", "12", "<", "1", "20,000,000"]
     );
+    assert!(!text.contains("clock of the bus"), "{text}");
+    report.settings.sync0_us = Some(500.0);
+    report.rounds[0].control.phase = Some(PhaseFigures {
+        n: 9,
+        mean_us: 0.25,
+        std_us: 0.125,
+        min_us: -0.5,
+        max_us: 1.0,
+        range_us: 1.5,
+    });
+    report.settings.protocol = "ethercat".into();
+    report.settings.far_end = "simulated devices".into();
+    let words = table(&report);
+    assert!(
+        !words.contains("SoC") && words.contains("frame period at the far end, µs"),
+        "{words}"
+    );
+    assert_eq!(
+        cells(&table(&report), "  cycle begins before SYNC0"),
+        ["499.750", "1.500", "0.125", "9"]
+    );
     assert_eq!(
         cells(&text, "  drives, motion, set-points"),
         ["3.200", "3.200", "4.800", "6.400", "1.600", "12.80"]
