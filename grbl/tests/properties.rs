@@ -174,26 +174,6 @@ fn a_flood_of_lines_is_answered_line_by_line() {
 }
 
 #[test]
-fn a_flood_of_real_time_octets_is_a_few_orders_at_a_time() {
-    let octets: Vec<u8> = (0..50_000_u32)
-        .map(|k| b"?!~\x84\x85\x90\x91\x95\x96\x99\x9a\xa0\x18"[k as usize % 13])
-        .collect();
-    let (_, most) = flood(&octets);
-    assert!(most < 20, "{most} orders at once");
-}
-
-proptest! {
-    #[test]
-    fn binary_is_taken_apart_without_harm(octets in prop::collection::vec(any::<u8>(), 0..20_000)) {
-        let (told, most) = flood(&octets);
-        prop_assert!(told.is_ascii());
-        // Each line may become orders; those of real-time octets are bounded.
-        let lines = octets.iter().filter(|octet| matches!(octet, b'\n' | b'\r')).count();
-        prop_assert!(most < 20 + lines, "{} orders at once, {} lines", most, lines);
-    }
-}
-
-#[test]
 fn numbers_of_errors_are_those_of_grbl() {
     assert_eq!(ErrorNumber::Unsupported as u8, 20);
     assert_eq!(ErrorNumber::Tool as u8, 38);

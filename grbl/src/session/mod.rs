@@ -94,32 +94,6 @@ pub enum Answer {
     },
 }
 
-/// Orders of which one is under way at a time: a sender may give them faster than they are carried out.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Once {
-    /// Which of both was wanted last counts.
-    HoldOrResume,
-    Stop,
-    StopJog,
-    Feed,
-    Rapid,
-    Spindle,
-}
-
-impl Once {
-    fn of(order: &Order) -> Option<Once> {
-        Some(match order {
-            Order::Hold | Order::Resume => Once::HoldOrResume,
-            Order::Stop => Once::Stop,
-            Order::StopJog => Once::StopJog,
-            Order::Feed(_) => Once::Feed,
-            Order::Rapid(_) => Once::Rapid,
-            Order::Spindle(_) => Once::Spindle,
-            _ => return None,
-        })
-    }
-}
-
 /// Why nothing is taken for the moment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Busy {
@@ -156,8 +130,6 @@ pub struct Session {
     waiting_inputs: VecDeque<Input>,
     output: Vec<u8>,
     orders: VecDeque<(u32, Order)>,
-    /// Orders under way of which there is one at a time, and what was wanted last meanwhile.
-    once: Vec<(Once, u32, Option<Order>)>,
     number: u32,
     status: Status,
     /// Orders of the status under way, and whether the sender waits for it.
@@ -205,7 +177,6 @@ impl Session {
             waiting_inputs: VecDeque::new(),
             output: Vec::new(),
             orders: VecDeque::new(),
-            once: Vec::new(),
             number: 0,
             status: Status::default(),
             asked: VecDeque::new(),
@@ -281,7 +252,6 @@ impl Session {
 
     /// What came of an order; `Err`: why the control has not carried it out.
     pub fn answered(&mut self, number: u32, answer: Result<Answer, String>) {
-        self.over(number);
         if let Some(at) = self.asked.iter().position(|(asked, _)| *asked == number) {
             let is_wanted = self.asked.remove(at).is_some_and(|(_, is_wanted)| is_wanted);
             if let Ok(Answer::Status(status)) = answer
@@ -369,31 +339,9 @@ impl Session {
     }
 
     fn give(&mut self, order: Order) -> u32 {
-        let kind = Once::of(&order);
-        let under_way = self.once.iter_mut().find(|(once, ..)| Some(*once) == kind);
-        if let Some((_, number, next)) = under_way {
-            *next = Some(order);
-            return *number;
-        }
         self.number = self.number.wrapping_add(1);
-        if let Some(kind) = kind {
-            self.once.push((kind, self.number, None));
-        }
         self.orders.push_back((self.number, order));
         self.number
-    }
-
-    /// An order is answered: what was wanted meanwhile goes out.
-    fn over(&mut self, number: u32) {
-        if let Some(at) = self.once.iter().position(|(_, under_way, _)| *under_way == number)
-            && let (.., Some(order)) = self.once.remove(at)
-        {
-            let is_hold = order == Order::Hold;
-            let next = self.give(order);
-            if is_hold && self.hold == Some(number) {
-                self.hold = Some(next);
-            }
-        }
     }
 
     fn say(&mut self, what: impl Display) {

@@ -581,25 +581,6 @@ fn behind_an_end_the_modes_are_those_of_the_beginning() {
 }
 
 #[test]
-fn of_holds_and_resumes_that_come_too_fast_the_last_one_counts() {
-    let mut bench = Bench::new();
-    bench.send("G1X10F100\n");
-    bench.status.activity = Activity::Running;
-    bench.send("?");
-    bench.ordered.clear();
-    bench.open.clear();
-    bench.send("!~~!~!");
-    assert_eq!(bench.ordered, [Order::Hold], "the others wait for its answer");
-    bench.answer(Ok(Answer::Done));
-    assert_eq!(bench.ordered, [Order::Hold, Order::Hold]);
-    bench.send("~");
-    bench.answer(Ok(Answer::Done));
-    assert_eq!(bench.ordered, [Order::Hold, Order::Hold, Order::Resume]);
-    bench.answer(Ok(Answer::Done));
-    assert_eq!(bench.open, []);
-}
-
-#[test]
 fn a_sender_that_says_nothing_for_days_is_served_as_before() {
     let mut bench = Bench::new();
     // Ten times a second, two days.
