@@ -261,6 +261,7 @@ fn cycle_ns<const NODES: usize>(
         next_ns: deadline_ns + period_ns,
         skipped: 0,
         pres_lost: report.lost,
+        phase_ns: None,
     });
     control.show_timing(recorder.timing());
     let ended = Instant::now();
