@@ -260,7 +260,7 @@ fn a_sender_that_floods_without_reading_gets_all_its_answers() {
     let mut sender = control.connect();
     sender.home();
     // The dwell keeps those behind it waiting. `?` are answered, too, as many as can be told.
-    let lines = 3000;
+    let lines = 600;
     let mut flood = "G4 P0.01\n".to_owned();
     for line in 1..lines {
         flood += ["\n", "$G\n", "!~G90\n", "?(x)\n"][line % 4];
@@ -274,6 +274,8 @@ fn a_sender_that_floods_without_reading_gets_all_its_answers() {
     }
     sends.join().unwrap();
     assert_eq!(sender.ask("$I"), "ok");
+    // Which of so many holds and resumes was carried out last is not promised.
+    sender.send("~");
     sender.wait_for("Idle");
 }
 
@@ -314,7 +316,7 @@ fn binary_octets_harm_nobody() {
         seed ^= seed << 17;
         seed as u8
     })
-    .take(100_000)
+    .take(10_000)
     .collect();
     let mut stream = sender.stream.try_clone().unwrap();
     let sends = std::thread::spawn(move || {

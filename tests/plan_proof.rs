@@ -377,9 +377,9 @@ fn digest(numbers: &[u64]) -> u64 {
 #[test]
 fn any_machine_gives_the_same_bits() {
     const DIGESTS: [(&str, [u64; 2]); 3] = [
-        ("mixed", [0x0629_0388_0FAC_6867, 0x4043_CEF5_3434_7694]),
-        ("rose", [0x3ABD_9C4A_2AB6_3708, 0x046C_2029_6587_557E]),
-        ("text", [0xE85C_C300_A641_861E, 0xB4D7_2C2D_8426_3B0D]),
+        ("mixed", [0x0629_0388_0FAC_6867, 0xF42D_9545_EF2B_7304]),
+        ("rose", [0x3ABD_9C4A_2AB6_3708, 0x9742_606F_7EDE_260E]),
+        ("text", [0xE85C_C300_A641_861E, 0x1118_8225_EC4F_6C15]),
     ];
     let found = DIGESTS.map(|(name, _)| {
         let text = proof_programs::find(name)

@@ -52,8 +52,9 @@ pub fn run(octets: &[u8]) {
         let text = line.strip_suffix(b"\n").unwrap_or(line);
         assert!(!text.contains(&b'\r'), "{}", text.escape_ascii());
     }
-    let told = answer.windows(SECRET.len()).any(|part| part == SECRET.as_bytes());
-    assert!(!told, "{}", answer.escape_ascii());
+    let has_secret = |octets: &[u8]| octets.windows(SECRET.len()).any(|part| part == SECRET.as_bytes());
+    // A host that is not ours is named in the answer.
+    assert!(!has_secret(&answer) || has_secret(&sent), "{}", answer.escape_ascii());
     assert_eq!(names(root.path()), ["measurements", "programs", "secret.ngc"]);
     assert_eq!(
         std::fs::read_to_string(root.path().join("secret.ngc")).expect("a file"),
