@@ -365,7 +365,8 @@ async fn give(programs: Arc<Programs>, name: String, headers: &HeaderMap) -> Res
     Ok(response)
 }
 
-/// A file that arrives; goes with this unless it has its name.
+/// A file that arrives; goes with this unless it has its name. What is under way at the disk holds it, too: a client that goes
+/// meanwhile leaves nothing behind.
 struct Arriving {
     programs: Arc<Programs>,
     name: String,
@@ -433,14 +434,13 @@ async fn receive(
             format!("the disk is full: {free} octets are free for programs"),
         );
     }
-    let arriving = Arriving::begin(&programs)?;
-    let own_name = arriving.name.clone();
-    let making = Arc::clone(&programs);
+    let arriving = Arc::new(Arriving::begin(&programs)?);
+    let making = Arc::clone(&arriving);
     let flags = OFlag::O_WRONLY | OFlag::O_CREAT | OFlag::O_EXCL | OFlag::O_NOFOLLOW | OFlag::O_CLOEXEC;
     let made = on_disk(move || {
         openat(
-            making.folder.as_fd(),
-            own_name.as_str(),
+            making.programs.folder.as_fd(),
+            making.name.as_str(),
             flags,
             Mode::from_bits_truncate(0o600),
         )
@@ -492,18 +492,17 @@ async fn receive(
     let outlook = checked
         .await
         .map_err(|why| Refusal(StatusCode::UNPROCESSABLE_ENTITY, why.replace(&own, &name)))?;
-    let (from, to) = (arriving.name.clone(), name.clone());
-    let renaming = Arc::clone(&programs);
+    let (renaming, to) = (Arc::clone(&arriving), name.clone());
     let renamed = on_disk(move || {
-        let folder = renaming.folder.as_fd();
+        let folder = renaming.programs.folder.as_fd();
         // A link in its place is replaced, a folder is not.
         if let Ok(found) = fstatat(folder, to.as_str(), AtFlags::AT_SYMLINK_NOFOLLOW)
             && SFlag::from_bits_truncate(found.st_mode & SFlag::S_IFMT.bits()) == SFlag::S_IFDIR
         {
             return Err(io::Error::from(Errno::EISDIR));
         }
-        renameat(folder, from.as_str(), folder, to.as_str())?;
-        renaming.folder.sync_all()
+        renameat(folder, renaming.name.as_str(), folder, to.as_str())?;
+        renaming.programs.folder.sync_all()
     });
     renamed.await??;
     tracing::info!(%name, octets, "a program has arrived");
