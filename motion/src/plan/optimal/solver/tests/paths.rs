@@ -180,9 +180,9 @@ fn check(path: &Bends, limits: &[JointLimits], feed: f64, dt: f64) -> Result<Pla
         return Err(format!("{:?}", planned.solved));
     }
     let between = planned.between(path, limits, 8);
-    // Set-points see means over several cycles; for a moment, and rarely, jerk is that little higher (`many_paths` tells how
-    // often, and how much).
-    if between[0] > 1.0 || between[1] > 1.0 || between[2] > 1.05 {
+    // Set-points see means over several cycles; for a moment, and rarely, jerk is that little higher: above 1.01 in 1 of the 2000
+    // of `many_paths` (1.014), 1.019 in the worst that was ever found.
+    if between[0] > 1.0 || between[1] > 1.0 || between[2] > 1.02 {
         return Err(format!("between checkpoints: {between:?}"));
     }
     Ok(planned)
