@@ -28,6 +28,9 @@ const TICK: Duration = Duration::from_millis(100);
 const UNREAD: Duration = Duration::from_secs(5);
 /// Octets that a sender has not read, with which nothing more of it is taken.
 const UNREAD_MAX: usize = 64 * 1024;
+/// Requests that the control has not answered yet, at which a sender waits in its socket: each of its octets may be one, and two that only
+/// write to each other would wait for ever.
+const ASKED_MAX: usize = 64;
 /// One that goes makes room for the next one within this.
 const GONE: Duration = Duration::from_millis(300);
 /// Turns that an unlock may take.
@@ -93,7 +96,7 @@ async fn serve_one(mut stream: TcpStream, panel: &Panel) -> Result<(), String> {
             took = Instant::now();
         }
         unread.extend(port.session.output());
-        let has_room = port.session.has_room() && unread.len() < UNREAD_MAX;
+        let has_room = port.session.has_room() && unread.len() < UNREAD_MAX && port.asked.len() < ASKED_MAX;
         tokio::select! {
             read = sent.read(&mut buffer), if has_room => match read.map_err(words)? {
                 0 => return Ok(()),

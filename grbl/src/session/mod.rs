@@ -475,7 +475,8 @@ impl Session {
             Input::Hold => self.hold(false),
             Input::Door => self.hold(true),
             Input::Resume => {
-                if matches!(self.status.activity, Activity::Held | Activity::Running) {
+                // The last status may be older than a hold.
+                if self.holds || matches!(self.status.activity, Activity::Held | Activity::Running) {
                     self.give(Order::Resume);
                 }
                 (self.holds, self.is_door) = (false, false);
