@@ -289,7 +289,7 @@ fn a_control_tells_that_retained_variables_are_not_kept_and_keeps_them_once_ther
         // However busy this PC is.
         .replace("\nlock_memory = true", "\noverruns_stop = 0\nlock_memory = true")
         .replace("pres_lost_max = 20", "pres_lost_max = 1000")
-        + "[[logic]]\nfile = \"cell.st\"\nperiod_ms = 10\n";
+        + "[[logic]]\nfile = \"cell.st\"\nperiod_ms = 10\noverruns_stop = 0\n";
     let Some(folder) = folder(&machine) else {
         return;
     };

@@ -18,7 +18,7 @@ END_PROGRAM
 
 fn start(folder: tempfile::TempDir, name: &str) -> Control {
     let control = Control::start_in(folder, name, Stdio::null(), |text| {
-        format!("{text}[[logic]]\nfile = \"cell.st\"\nperiod_ms = 10\n")
+        format!("{text}[[logic]]\nfile = \"cell.st\"\nperiod_ms = 10\noverruns_stop = 0\n")
     });
     control.wait_for("the network", |status| {
         status["power"] == "off" && status["step"] == "standing by"

@@ -40,6 +40,8 @@ pub struct LogicTask {
     pub safe: Vec<(String, i64)>,
     /// What goes wrong in a scan is a warning, and the outputs of the scan count.
     pub goes_on: bool,
+    /// Scans in a row that were not over when the next one was due, at which it stands; 0: never.
+    pub overruns_stop: u32,
     /// Share of its period that the longest scan may take.
     pub share_max: f64,
 }
@@ -210,6 +212,7 @@ fn task(section: &mut Section<'_, '_>, folder: &Path, cycle_us: Option<u32>, abo
     let name = name(section, file.as_deref(), above);
     let every = period(section, cycle_us);
     let goes_on = section.word("on_error", &[("safe", false), ("continue", true)], false);
+    let overruns_stop = section.integer("overruns_stop", 0..=1000, 3);
     let share = section.number("budget_percent", Bound::Within(1.0, 90.0), 50.0);
     let logic = file.as_deref().and_then(|file| compile(section, file));
     let addresses = addresses(section);
@@ -234,6 +237,7 @@ fn task(section: &mut Section<'_, '_>, folder: &Path, cycle_us: Option<u32>, abo
         alarms,
         safe: safe?,
         goes_on: goes_on?,
+        overruns_stop: overruns_stop? as u32,
         share_max: share? / 100.0,
     })
 }

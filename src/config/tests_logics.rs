@@ -118,6 +118,10 @@ fn what_is_wrong_with_a_program_or_its_keys_is_told_at_its_place() {
             "must be \"safe\" or \"continue\"",
         ),
         ("file = \"cell.st\"\nbudget_percent = 95\n", "must lie between 1 and 90"),
+        (
+            "file = \"cell.st\"\noverruns_stop = 1001\n",
+            "must lie between 0 and 1000",
+        ),
         ("", "is missing: a file of Structured Text"),
     ];
     for (keys, rule) in cases {

@@ -232,8 +232,8 @@ pub enum Fault {
         /// What, and where.
         error: LogicError,
     },
-    /// Three scans of a program in a row were not over when the next one was due.
-    LogicLate { task: usize },
+    /// Scans of a program in a row were not over when the next one was due, as many as its `overruns_stop`.
+    LogicLate { task: usize, scans: u32 },
     /// A program gives an alarm.
     LogicAlarm {
         task: usize,
@@ -624,8 +624,8 @@ impl Fault {
                     "the program stands, its outputs have their safe values; it begins anew behind an acknowledge"
                 }
             ),
-            Fault::LogicLate { task } => format!(
-                "{}: three scans in a row were not over when the next one was due; the program stands, its outputs have their safe \
+            Fault::LogicLate { task, scans } => format!(
+                "{}: {scans} scans in a row were not over when the next one was due; the program stands, its outputs have their safe \
                  values; it begins anew behind an acknowledge",
                 logic(task, None)
             ),

@@ -173,7 +173,7 @@ pub(crate) fn examples() -> Vec<Fault> {
         Fault::MainsLost,
         logic_error(false),
         logic_error(true),
-        Fault::LogicLate { task: 0 },
+        Fault::LogicLate { task: 0, scans: 3 },
         Fault::LogicAlarm { task: 0, text: 1 },
     ]);
     examples.extend(OF_LINKS.map(|error| Fault::LinkFailed { error }));

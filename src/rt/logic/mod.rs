@@ -10,7 +10,7 @@
 //!
 //! What a scan reads is of one cycle, and what it writes shows in one cycle: the next one, if the scan is over by then. The time of
 //! a scan is that of the cycles since the start. The thread never waits and is never woken: it looks at its clock whether a scan is due.
-//! A date at which the last scan is not over is left out and counted; three in a row, or something that goes wrong in a scan,
+//! A date at which the last scan is not over is left out and counted; three in a row (`overruns_stop`), or something that goes wrong in a scan,
 //! make a fault: the program stands and its outputs have their safe values until it is acknowledged. It then begins anew, with
 //! what is RETAIN.
 //!
@@ -37,9 +37,6 @@ use scanner::Program;
 use shared::{Exchange, NO_TEXT};
 use std::sync::Arc;
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
-
-/// Scans in a row that are not over in time before the program stands.
-const LATE_MAX: u32 = 3;
 
 /// All programs of a machine.
 pub struct Ports {
@@ -88,6 +85,8 @@ struct Port {
     published: u64,
     overruns: u64,
     late_in_row: u32,
+    /// So many in a row, and it stands; 0: never.
+    late_max: u32,
     /// The scan under way was not over at its next date.
     is_late: bool,
     goes_on: bool,
@@ -157,6 +156,7 @@ impl Ports {
                 published: 0,
                 overruns: 0,
                 late_in_row: 0,
+                late_max: task.overruns_stop,
                 is_late: false,
                 goes_on: task.goes_on,
                 standing: None,
@@ -353,9 +353,12 @@ impl Port {
         self.exchange.overruns.store(self.overruns, Relaxed);
         self.late_in_row += 1;
         self.is_late = true;
-        if self.late_in_row >= LATE_MAX && self.standing.is_none() {
+        if self.late_in_row == self.late_max && self.standing.is_none() {
             self.stand(Standing::Late);
-            self.fault = Some(Fault::LogicLate { task: self.number });
+            self.fault = Some(Fault::LogicLate {
+                task: self.number,
+                scans: self.late_max,
+            });
         }
     }
 

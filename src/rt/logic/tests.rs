@@ -206,7 +206,7 @@ fn a_scan_that_is_late_is_finished_and_three_late_ones_in_a_row_are_a_fault() {
     assert_eq!((played.number("n"), played.ports.take_fault()), (3.0, None));
     // Three times 15 ms in a row.
     scan_in_cycles(&mut played, 59, &|cycle| cycle % 20 == 15);
-    assert_eq!(played.ports.take_fault(), Some(Fault::LogicLate { task: 0 }));
+    assert_eq!(played.ports.take_fault(), Some(Fault::LogicLate { task: 0, scans: 3 }));
     assert_eq!((played.number("n"), played.number("task.stands")), (-7.0, 1.0));
     // Its late end changes nothing; an acknowledge lets it begin anew.
     scan_in_cycles(&mut played, 21, &|_| true);
@@ -216,7 +216,7 @@ fn a_scan_that_is_late_is_finished_and_three_late_ones_in_a_row_are_a_fault() {
     assert_eq!((played.number("n"), played.number("task.stands")), (2.0, 0.0));
     // One that never ends is found, too.
     scan_in_cycles(&mut played, 50, &|_| false);
-    assert_eq!(played.ports.take_fault(), Some(Fault::LogicLate { task: 0 }));
+    assert_eq!(played.ports.take_fault(), Some(Fault::LogicLate { task: 0, scans: 3 }));
 }
 
 const TEXTS: &str = "PROGRAM p VAR_INPUT k : INT; END_VAR VAR_OUTPUT alarm, said : STRING; END_VAR
