@@ -120,7 +120,7 @@ fn what_is_wrong_with_a_program_or_its_keys_is_told_at_its_place() {
         ("file = \"cell.st\"\nbudget_percent = 95\n", "must lie between 1 and 90"),
         (
             "file = \"cell.st\"\noverruns_stop = 1001\n",
-            "must lie between 0 and 1000",
+            "must be an integer from 0 to 1000",
         ),
         ("", "is missing: a file of Structured Text"),
     ];
