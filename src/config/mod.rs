@@ -10,6 +10,7 @@
 
 mod analog;
 mod bus;
+mod bus_types;
 mod cell;
 mod channels;
 mod compensation;

@@ -1,0 +1,319 @@
+//! The bus of a machine and its nodes, as checked as the rest of [`types`](super::types).
+
+use super::channels::Channel;
+use super::drive_profile::DriveProfile;
+use obd::device::{ConfigurationWrite, DeviceDescription};
+
+/// `[bus]`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Bus {
+    pub kind: BusKind,
+    /// Network interface of a real wire.
+    pub interface: String,
+    /// What carries frames to and from it.
+    pub link: BusLink,
+    /// AsyncSlotTimeout (1F8A:2), µs.
+    pub async_slot_timeout_us: u32,
+    /// Polls lost in a row that are ridden out; EtherCAT: cycles in a row without data of a device.
+    pub pres_lost_max: u32,
+    /// SoCs lost in a row that the nodes ride out with their last set-point before they stop by themselves (1C0B:3), counted where
+    /// the order of frames shows them. Without any frames they are counted after as many cycles more (1C14).
+    pub soc_lost_max: u32,
+    /// Cycles of a multiplexed round (1F98:7); 0: none.
+    pub multiplex_cycles: u8,
+    /// Longest ASnd, octets after the Ethernet header (1F98:8); it fits the asynchronous slot.
+    pub async_mtu: u16,
+    /// The PS flag of the SoC toggles every so many cycles (1F98:9); 0: never.
+    pub prescaler: u16,
+    /// TAP device by which programs of this PC reach the nodes over IP, in asynchronous slots; `None`: they do not.
+    pub tap: Option<String>,
+    /// How the network starts (1F80), served bits only; `None`: the defaults of the managing node.
+    pub startup: Option<u32>,
+    /// Whose clock the dates of cycles follow; POWERLINK: ours.
+    pub clock: BusClock,
+    /// Nodes in polling order.
+    pub nodes: Vec<Node>,
+}
+
+/// Which wire carries the bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BusKind {
+    /// Ethernet POWERLINK on a network interface.
+    Powerlink,
+    /// Ethernet POWERLINK frames through memory to the simulated machine in this process.
+    Memory,
+    /// EtherCAT on a network interface.
+    Ethercat,
+    /// EtherCAT frames through memory to the simulated machine in this process.
+    EthercatMemory,
+    /// There is no bus: all joints have step pulses.
+    None,
+}
+
+impl BusKind {
+    /// The words of the machine file.
+    pub const WORDS: [(&'static str, BusKind); 5] = [
+        ("powerlink", BusKind::Powerlink),
+        ("memory", BusKind::Memory),
+        ("ethercat", BusKind::Ethercat),
+        ("ethercat-memory", BusKind::EthercatMemory),
+        ("none", BusKind::None),
+    ];
+
+    /// The word of the machine file.
+    pub const fn name(self) -> &'static str {
+        match self {
+            BusKind::Powerlink => "powerlink",
+            BusKind::Memory => "memory",
+            BusKind::Ethercat => "ethercat",
+            BusKind::EthercatMemory => "ethercat-memory",
+            BusKind::None => "none",
+        }
+    }
+
+    /// Whether its frames are those of EtherCAT.
+    pub const fn is_ethercat(self) -> bool {
+        matches!(self, BusKind::Ethercat | BusKind::EthercatMemory)
+    }
+
+    /// The protocol of its frames.
+    pub const fn protocol(self) -> &'static str {
+        match self {
+            BusKind::Powerlink | BusKind::Memory => "powerlink",
+            BusKind::Ethercat | BusKind::EthercatMemory => "ethercat",
+            BusKind::None => "none",
+        }
+    }
+
+    /// Whether its wire is a network interface.
+    pub const fn has_interface(self) -> bool {
+        matches!(self, BusKind::Powerlink | BusKind::Ethercat)
+    }
+}
+
+/// Whose clock leads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BusClock {
+    /// That of a device, the first with a clock (distributed clocks): the cycle follows it.
+    Bus,
+    /// That of this PC.
+    Own,
+}
+
+/// What carries frames to and from a network interface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BusLink {
+    /// A packet socket with a ring shared with the kernel.
+    Raw,
+    /// libpnet: several system calls a frame.
+    Pnet,
+}
+
+/// Date and time of the software of a node (1F52).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stamp {
+    /// Days since 1984-01-01.
+    pub date: u32,
+    /// Milliseconds since midnight.
+    pub time: u32,
+}
+
+/// `[[bus.node]]`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Node {
+    /// Node id, 1 to 239, unique; EtherCAT: position on the bus, from 1.
+    pub id: u8,
+    /// Name for messages, unique; default `node-ID`.
+    pub name: String,
+    /// What it is.
+    pub profile: Profile,
+    /// Whether the machine needs it; default true.
+    pub mandatory: bool,
+    /// PRes time-out (1F92), µs.
+    pub pres_timeout_us: u32,
+    /// Identity that it must report (1F84 to 1F88); `None`: not checked.
+    pub identity: Identity,
+    /// PReq payload: objects that the control sends, in order.
+    pub outputs: Vec<Mapped>,
+    /// PRes payload: objects that the node sends, in order.
+    pub inputs: Vec<Mapped>,
+    /// How process data are exchanged.
+    pub exchange: Exchange,
+    /// Date and time that its software must have (1F53, 1F54); `None`: not checked.
+    pub software: Option<Stamp>,
+    /// Mapping version of its PDOs (1400:2, 1800:2); 0: not checked.
+    pub pdo_version: u8,
+    /// What is known of its kind of drive; everything above fits it.
+    pub drive: Option<DriveProfile>,
+    /// What its device file says; everything above fits it.
+    pub device: Option<DeviceDescription>,
+    /// Values that are written besides those that the control itself needs, in order.
+    pub writes: Vec<ConfigurationWrite>,
+    /// What it reads from the PRes of other nodes.
+    pub cross: Vec<Cross>,
+    /// Inputs and outputs that have a name.
+    pub channels: Vec<Channel>,
+    /// What only EtherCAT has; `None` on any other bus.
+    pub ethercat: Option<EthercatNode>,
+}
+
+/// A node of EtherCAT.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct EthercatNode {
+    /// Station alias of its EEPROM, by which it is found; `None`: by its position.
+    pub alias: Option<u16>,
+    /// Its clock and SYNC signals; `None`: it runs with the frames.
+    pub clock: Option<SyncClock>,
+    /// Watchdog of its outputs, ms; `None`: as it has it, 0: none.
+    pub watchdog_ms: Option<u16>,
+    /// PDOs to it, whose entries are [`Node::outputs`] (1C12).
+    pub outputs: Vec<Pdo>,
+    /// PDOs from it, whose entries are [`Node::inputs`] (1C13).
+    pub inputs: Vec<Pdo>,
+}
+
+/// A process data object of EtherCAT.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Pdo {
+    /// 16xx or 1Axx.
+    pub index: u16,
+    /// Entries that are written into it: index << 16 | sub-index << 8 | bits; empty: it stays as the device has it.
+    pub entries: Vec<u32>,
+}
+
+/// SYNC signals of a device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SyncClock {
+    /// Registers 0980 and 0981: 0300 SYNC0, 0700 SYNC0 and SYNC1.
+    pub activate: u16,
+    /// SYNC0 comes so long after the date of the cycle, ns.
+    pub shift_ns: i32,
+    /// SYNC1 comes so long after SYNC0, ns.
+    pub sync1_ns: u32,
+}
+
+/// How a node exchanges process data.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Exchange {
+    /// A PReq and a PRes in each cycle.
+    Polled,
+    /// A PReq and a PRes in this cycle of a round only, from 1.
+    Multiplexed(u8),
+    /// No PReq: its outputs stand in the PRes of the managing node, and its PRes follows at a time of its own.
+    Chained,
+    /// None at all.
+    AsyncOnly,
+}
+
+/// Cross traffic: an object of one node that another reads from its PRes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Cross {
+    /// Index into [`Bus::nodes`] of the node that sends it.
+    pub from: usize,
+    /// Object of that node; it stands among its inputs.
+    pub read: Mapped,
+    /// Object of this node that takes the value; of the same length.
+    pub into: Mapped,
+}
+
+/// Expected values of the IdentResponse; `None`: not checked.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Identity {
+    /// 1000.
+    pub device_type: Option<u32>,
+    /// 1018:1.
+    pub vendor_id: Option<u32>,
+    /// 1018:2.
+    pub product_code: Option<u32>,
+    /// 1018:3.
+    pub revision: Option<u32>,
+    /// 1018:4.
+    pub serial: Option<u32>,
+}
+
+impl Identity {
+    /// Whether a device that reports `found` is the one that is wanted.
+    pub fn fits(&self, found: &Identity) -> bool {
+        let fits = |wanted: Option<u32>, found: Option<u32>| wanted.is_none() || wanted == found;
+        fits(self.device_type, found.device_type)
+            && fits(self.vendor_id, found.vendor_id)
+            && fits(self.product_code, found.product_code)
+            && fits(self.revision, found.revision)
+            && fits(self.serial, found.serial)
+    }
+
+    /// What is known of a device by one of its objects; `None`: the object is no part of an identity.
+    pub fn of_object(object: (u16, u8), value: u32) -> Option<Identity> {
+        let mut known = Identity::default();
+        let part = match object {
+            (0x1000, 0) => &mut known.device_type,
+            (0x1018, 1) => &mut known.vendor_id,
+            (0x1018, 2) => &mut known.product_code,
+            (0x1018, 3) => &mut known.revision,
+            (0x1018, 4) => &mut known.serial,
+            _ => return None,
+        };
+        *part = Some(value);
+        Some(known)
+    }
+
+    /// Whether something is wanted of the device.
+    pub fn is_checked(&self) -> bool {
+        *self != Identity::default()
+    }
+}
+
+/// What is known, in words; "any device" where nothing is.
+impl std::fmt::Display for Identity {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let hex = [
+            ("device type", self.device_type),
+            ("vendor", self.vendor_id),
+            ("product", self.product_code),
+            ("revision", self.revision),
+        ];
+        let hex = hex
+            .iter()
+            .filter_map(|(name, value)| Some(format!("{name} {:#010X}", (*value)?)));
+        let serial = self.serial.map(|serial| format!("serial {serial}"));
+        let words: Vec<String> = hex.chain(serial).collect();
+        match words.is_empty() {
+            true => f.write_str("any device"),
+            false => f.write_str(&words.join(", ")),
+        }
+    }
+}
+
+/// Profile of a node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Profile {
+    Cia402,
+    /// Digital inputs and outputs (CiA 401).
+    Io,
+}
+
+/// One object in a PDO: `"0x60FE:1/32"`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Mapped {
+    pub index: u16,
+    pub sub: u8,
+    /// Length in bits: 8, 16, 32 or 64.
+    pub bits: u8,
+}
+
+impl Mapped {
+    /// As it stands in a mapping object of EtherCAT: index << 16 | sub-index << 8 | bits.
+    pub fn entry(&self) -> u32 {
+        u32::from(self.index) << 16 | u32::from(self.sub) << 8 | u32::from(self.bits)
+    }
+}
+
+/// As it is written in a machine file.
+impl std::fmt::Display for Mapped {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self.sub {
+            0 => write!(f, "0x{:04X}/{}", self.index, self.bits),
+            sub => write!(f, "0x{:04X}:{sub}/{}", self.index, self.bits),
+        }
+    }
+}
