@@ -67,6 +67,9 @@ enum Command {
         /// Says which class a machine is of.
         #[arg(long, value_name = "NAME=CLASS")]
         class: Option<String>,
+        /// Takes a machine that is not reached off the list, with its journal and its times.
+        #[arg(long, value_name = "NAME", conflicts_with = "class")]
+        forget: Option<String>,
     },
     /// Sends a program to a machine, which checks it. Nothing runs by that.
     Upload {
@@ -232,10 +235,22 @@ fn carry_out(command: Command) -> anyhow::Result<()> {
             names: name,
             page,
         }),
-        Command::Machines { dir, class: None } => answer(&dir, &Ask::Machines, machines),
+        Command::Machines {
+            dir,
+            forget: Some(machine),
+            ..
+        } => answer(&dir, &Ask::Forget { machine }, |gone| {
+            let name = word(&gone["machine"]);
+            format!(
+                "{name} is off the list; with a certificate that counts it is back once it speaks: \
+                 isocnc-cell ca revoke {name} --dir CA\n"
+            )
+        }),
+        Command::Machines { dir, class: None, .. } => answer(&dir, &Ask::Machines, machines),
         Command::Machines {
             dir,
             class: Some(class),
+            ..
         } => {
             let (machine, class) = class.split_once('=').context("--class: expected NAME=CLASS")?;
             let ask = Ask::SetClass {

@@ -251,6 +251,19 @@ impl Store {
             .execute("UPDATE machine SET class = ?2 WHERE name = ?1", [name, class])
     }
 
+    /// A machine that is here no more, with its journal and its times; what it made for orders stays.
+    pub fn forget_machine(&self, name: &str) -> Outcome<()> {
+        for sql in [
+            "DELETE FROM journal WHERE machine = ?1",
+            "DELETE FROM stored WHERE machine = ?1",
+            "DELETE FROM time_used WHERE machine = ?1",
+            "DELETE FROM machine WHERE name = ?1",
+        ] {
+            self.db.execute(sql, [name])?;
+        }
+        Ok(())
+    }
+
     /// What does not change of a machine.
     pub fn set_described(&self, name: &str, described: &Value) -> Outcome<()> {
         let sql = "UPDATE machine SET described = ?2 WHERE name = ?1";

@@ -21,7 +21,7 @@ pub use people::Ask;
 use crate::store::{Attempt, Known, Store};
 use cell_link::message::{Envelope, Journal, OrderState, Phase, Since, State, Stored, Topic, Use};
 use serde_json::{Value, json};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::time::Duration;
 
 /// A control that says nothing for so long is not there, s.
@@ -168,12 +168,16 @@ impl Core {
         for attempt in self.store.open_attempts()? {
             open.insert(attempt.machine.clone(), attempt);
         }
+        let known = self.store.machines()?;
+        // One that came in the transaction comes again; in memory alone, nothing of its journal would be kept.
+        let names: HashSet<&str> = known.iter().map(|known| known.name.as_str()).collect();
+        self.machines.retain(|name, _| names.contains(name.as_str()));
         for Known {
             name,
             class,
             described,
             journal,
-        } in self.store.machines()?
+        } in known
         {
             let attempt = open.remove(&name).map(|attempt| (attempt, 0.0));
             let machine = self.machines.entry(name).or_default();
@@ -230,16 +234,21 @@ impl Core {
     fn forget(&mut self, ticket: u64, why: &str) {
         let reply = match self.asked.remove(&ticket) {
             Some(Asked::Journal(machine)) => {
-                self.machines.entry(machine).or_default().is_asked_journal = false;
+                if let Some(machine) = self.machines.get_mut(&machine) {
+                    machine.is_asked_journal = false;
+                }
                 None
             }
             Some(Asked::Described(machine)) => {
-                self.machines.entry(machine).or_default().is_asked_described = false;
+                if let Some(machine) = self.machines.get_mut(&machine) {
+                    machine.is_asked_described = false;
+                }
                 None
             }
             Some(Asked::Upload { machine, reply, .. }) => {
-                let machine = self.machines.entry(machine).or_default();
-                machine.uploads = machine.uploads.saturating_sub(1);
+                if let Some(machine) = self.machines.get_mut(&machine) {
+                    machine.uploads = machine.uploads.saturating_sub(1);
+                }
                 reply
             }
             Some(Asked::Attempt(_, _, reply)) => reply,
@@ -286,7 +295,9 @@ impl Core {
     fn machine(&mut self, name: &str) -> Outcome<Option<&mut Machine>> {
         if !self.machines.contains_key(name) {
             if self.machines.len() >= MACHINES_MAX {
-                tracing::warn!("{name}: {MACHINES_MAX} machines are known, which are the most");
+                tracing::warn!(
+                    "{name}: {MACHINES_MAX} machines are known, which are the most: isocnc-cell machines --forget NAME"
+                );
                 return Ok(None);
             }
             self.store.add_machine(name)?;
@@ -297,6 +308,8 @@ impl Core {
 
     fn event(&mut self, event: Event, now: f64) -> Outcome<()> {
         match event {
+            // Of one that is off the list.
+            Event::Alive(name, false) if !self.machines.contains_key(&name) => {}
             Event::Alive(name, is_alive) => {
                 let Some(machine) = self.machine(&name)? else {
                     return Ok(());

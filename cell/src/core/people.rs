@@ -4,7 +4,7 @@
 
 use super::{Asked, Core, Machine, Outcome, Reply};
 use crate::store::{OrderIs, Wish};
-use cell_link::message::{Order, Topic, Upload, Use, What, is_program};
+use cell_link::message::{Order, OrderState, Phase, Topic, Upload, Use, What, is_program};
 use serde_json::{Value, json};
 
 /// Entries of a journal in one answer.
@@ -24,6 +24,11 @@ pub enum Ask {
         machine: String,
         /// Name of the class.
         class: String,
+    },
+    /// Takes a machine that is not reached off the list.
+    Forget {
+        /// Name of the machine.
+        machine: String,
     },
     /// Sends a program to a machine.
     Upload {
@@ -102,6 +107,7 @@ impl Core {
                     Ok(json!({}))
                 }
             },
+            Ask::Forget { machine } => self.forget_machine(&machine, now)?,
             Ask::Upload { machine, name, content } => {
                 let upload = Upload::of(&name, &content);
                 match upload.verify(&content).and_then(|()| self.there(&machine, now)) {
@@ -176,6 +182,32 @@ impl Core {
         }
         self.is_queue_due = true;
         Ok(Ok(json!({ "order": id })))
+    }
+
+    /// What it was doing for an order counts as cut off: its part is made elsewhere.
+    fn forget_machine(&mut self, name: &str, now: f64) -> Outcome<Result<Value, String>> {
+        match self.machines.get(name) {
+            None => return Ok(Err(unknown(name))),
+            Some(machine) if machine.is_there(now) => {
+                return Ok(Err(format!(
+                    "{name} is reached, and would be back at once: end its control, or revoke its certificate first: \
+                     isocnc-cell ca revoke {name} --dir CA"
+                )));
+            }
+            Some(_) => {}
+        }
+        if let Some((attempt, _)) = self.machines.get(name).and_then(|machine| machine.attempt.clone()) {
+            let cut_off = OrderState {
+                id: attempt.id,
+                phase: Phase::Interrupted,
+                note: "the machine was taken off the list".into(),
+                took_s: None,
+            };
+            self.attempt_is(name, &cut_off, now)?;
+        }
+        self.store.forget_machine(name)?;
+        self.machines.remove(name);
+        Ok(Ok(json!({ "machine": name })))
     }
 
     fn there(&self, name: &str, now: f64) -> Result<(), String> {

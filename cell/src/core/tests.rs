@@ -444,6 +444,89 @@ fn a_full_disk_refuses_and_loses_nothing() {
 }
 
 #[test]
+fn a_machine_that_came_with_a_batch_that_was_undone_comes_again() {
+    let mut shop = Shop::new(&["a"]);
+    shop.second();
+    let mut new = Fake::default();
+    new.note("alarm", "hot");
+    shop.fakes.insert("b".into(), new);
+    let store = &shop.core.as_ref().unwrap().store;
+    store.limit(store.pages());
+    let (sender, answer) = sync_channel(1);
+    let wish = Wish {
+        program: "p.ngc".into(),
+        count: 1,
+        ..Wish::default()
+    };
+    let add = Ask::Add {
+        wish,
+        content: vec![b'x'; 100_000],
+    };
+    let reply: Reply = Box::new(move |answer| sender.send(answer).unwrap());
+    shop.give(vec![Event::Alive("b".into(), true), Event::Ask(add, reply)]);
+    assert!(answer.recv().unwrap().unwrap_err().contains("full"));
+    shop.core.as_ref().unwrap().store.limit(100_000);
+    shop.second();
+    let overview = shop.ask(Ask::Overview).unwrap();
+    assert_eq!(overview["alarms"][0]["text"], "hot", "{overview}");
+    shop.restart();
+    assert_eq!(shop.core.as_ref().unwrap().machines["b"].journal, 1);
+}
+
+#[test]
+fn a_machine_that_is_gone_is_taken_off_the_list_and_its_part_is_made_elsewhere() {
+    let mut shop = Shop::new(&["a", "b"]);
+    shop.fakes.get_mut("a").unwrap().note("alarm", "hot");
+    shop.fakes.get_mut("b").unwrap().is_down = true;
+    shop.second();
+    let id = shop.order(1, Wish::default());
+    assert_eq!(shop.fakes["a"].orders.len(), 1);
+    let forget = |shop: &mut Shop| shop.ask(Ask::Forget { machine: "a".into() });
+    let refused = forget(&mut shop).unwrap_err();
+    assert!(
+        refused.contains("a is reached") && refused.contains("ca revoke a"),
+        "{refused}"
+    );
+    shop.fakes.get_mut("a").unwrap().is_down = true;
+    shop.fakes.get_mut("b").unwrap().is_down = false;
+    for _ in 0..10 {
+        shop.second();
+    }
+    assert_eq!(shop.fakes["b"].orders.len(), 0, "a may have made it");
+    assert_eq!(forget(&mut shop), Ok(json!({ "machine": "a" })));
+    shop.second();
+    shop.end_all(Phase::Completed);
+    shop.second();
+    let order = shop.of_order(id);
+    assert_eq!(
+        (&order["state"], &order["completed"], &order["failed"]),
+        (&json!("done"), &json!(1), &json!(1))
+    );
+    assert_eq!(shop.fakes["b"].orders.len(), 1);
+    let gone = |overview: &Value| {
+        let parts = ["machines", "alarms", "times"].map(|part| overview[part].as_array().unwrap());
+        let of = |one: &Value| one["name"] == "a" || one["machine"] == "a";
+        !parts.iter().any(|part| part.iter().any(of))
+    };
+    shop.give(vec![Event::Alive("a".into(), false)]);
+    let overview = shop.ask(Ask::Overview).unwrap();
+    assert!(gone(&overview), "{overview}");
+    assert!(forget(&mut shop).unwrap_err().contains("no machine"));
+    shop.restart();
+    shop.give(vec![Event::Alive("a".into(), false)]);
+    // It speaks again: as a new one, of which all is told; what it made meanwhile counts no more.
+    shop.fakes.get_mut("a").unwrap().is_down = false;
+    shop.give(vec![Event::Alive("a".into(), true)]);
+    shop.second();
+    let told = shop.ask(Ask::Journal {
+        machine: "a".into(),
+        since: Some(0),
+    });
+    assert_eq!(told.unwrap()["entries"], json!(shop.fakes["a"].journal));
+    assert_eq!(shop.of_order(id)["completed"], 1);
+}
+
+#[test]
 fn time_is_counted_by_what_it_is_spent_on() {
     let mut shop = Shop::new(&["a"]);
     shop.second();
