@@ -1,4 +1,5 @@
-//! Supervisor and controls are processes that are killed at any moment: no order is lost, none is carried out twice.
+//! Supervisor and controls are processes that are killed at any moment, lose a fifth of their packets, or have a full disk: no order is
+//! lost, none is carried out twice.
 //!
 //! `ISOCNC_KILLS=100 cargo test -p isocnc-cell --test kills -- --nocapture` kills as often; the seed is printed.
 
@@ -9,6 +10,11 @@ use cell::store::Wish;
 use cell_link::carrier::Identity;
 use cell_link::message::Remote;
 use cell_link::simulated::{Simulated, runs};
+use nix::mount::{MsFlags, mount};
+use nix::sched::{CloneFlags, unshare};
+use serde_json::Value;
+use std::fs::File;
+use std::io::Write;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -39,7 +45,10 @@ fn be_a_process() {
             names: Vec::new(),
             page: None,
         };
-        serve::run(&settings, &stop, || Ok(())).unwrap();
+        if let Err(error) = serve::run(&settings, &stop, || Ok(())) {
+            eprintln!("{error:#}");
+            std::process::exit(1);
+        }
         return;
     }
     let state = folder.join(&name);
@@ -97,6 +106,110 @@ fn random(seed: &mut u64, below: u64) -> u64 {
     *seed % below
 }
 
+/// An order of parts that take 0.2 s, by a program with this behind it.
+fn add(count: u32, more: &str) -> Ask {
+    let wish = Wish {
+        program: "part.ngc".into(),
+        count,
+        ..Wish::default()
+    };
+    let content = format!("(takes 0.2)\n{more}").into_bytes();
+    Ask::Add { wish, content }
+}
+
+/// A shop of such processes.
+struct Shop {
+    folder: tempfile::TempDir,
+    address: SocketAddr,
+    names: Vec<&'static str>,
+    processes: Vec<Process>,
+}
+
+impl Shop {
+    /// `prepare` gets the state folder of the supervisor before that begins.
+    fn begin(prepare: impl FnOnce(&Path)) -> Shop {
+        let folder = tempfile::tempdir().unwrap();
+        prepare(&folder.path().join("state"));
+        let ca = Ca::init(&folder.path().join("ca")).unwrap();
+        for name in MACHINES {
+            ca.issue(name).unwrap();
+        }
+        let address = std::net::TcpListener::bind("127.0.0.1:0")
+            .unwrap()
+            .local_addr()
+            .unwrap();
+        let names: Vec<&str> = ["supervisor"].into_iter().chain(MACHINES).collect();
+        let begin = |name: &&str| Process::begin(name, folder.path(), address);
+        Shop {
+            processes: names.iter().map(begin).collect(),
+            folder,
+            address,
+            names,
+        }
+    }
+
+    /// Asks until there is an answer.
+    fn ask(&self, ask: &Ask) -> Value {
+        let begun = Instant::now();
+        loop {
+            match serve::ask(&self.state(), ask) {
+                Ok(answer) => return answer,
+                Err(error) => assert!(begun.elapsed() < LONG, "{error:#}"),
+            }
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    fn state(&self) -> PathBuf {
+        self.folder.path().join("state")
+    }
+
+    /// Begins one of the processes again.
+    fn begin_again(&mut self, at: usize) {
+        self.processes[at] = Process::begin(self.names[at], self.folder.path(), self.address);
+    }
+
+    fn order(&self, count: u32) -> i64 {
+        self.ask(&add(count, ""))["order"].as_i64().unwrap()
+    }
+
+    fn order_is(&self, id: i64) -> Value {
+        let queue = self.ask(&Ask::Queue);
+        let mut orders = queue["orders"].as_array().unwrap().iter();
+        orders.find(|order| order["id"] == id).unwrap().clone()
+    }
+
+    /// The order once all its parts are made.
+    fn done(&self, id: i64) -> Value {
+        let begun = Instant::now();
+        loop {
+            let found = self.order_is(id);
+            if found["state"] == "held" {
+                // Somebody has looked.
+                self.ask(&Ask::Resume { order: id });
+            }
+            if found["state"] == "done" {
+                return found;
+            }
+            assert!(begun.elapsed() < LONG, "{found}");
+            std::thread::sleep(Duration::from_millis(200));
+        }
+    }
+
+    /// How often a program was run; no id twice.
+    fn runs(&self) -> usize {
+        let all = MACHINES
+            .iter()
+            .map(|name| runs(&self.folder.path().join(name)).unwrap());
+        let mut all: Vec<String> = all.flatten().collect();
+        let count = all.len();
+        all.sort();
+        all.dedup();
+        assert_eq!(all.len(), count, "an id ran twice");
+        count
+    }
+}
+
 #[test]
 fn no_order_is_lost_or_doubled_whoever_is_killed() {
     if std::env::var(BE).is_ok() {
@@ -106,75 +219,19 @@ fn no_order_is_lost_or_doubled_whoever_is_killed() {
     let mut seed: u64 =
         std::env::var("ISOCNC_SEED").map_or_else(|_| u64::from(std::process::id()) | 1, |text| text.parse().unwrap());
     println!("{kills} kills, seed {seed}");
-    let folder = tempfile::tempdir().unwrap();
-    let ca = Ca::init(&folder.path().join("ca")).unwrap();
-    for name in MACHINES {
-        ca.issue(name).unwrap();
-    }
-    let address = std::net::TcpListener::bind("127.0.0.1:0")
-        .unwrap()
-        .local_addr()
-        .unwrap();
-    let names: Vec<&str> = ["supervisor"].into_iter().chain(MACHINES).collect();
-    let mut processes: Vec<Process> = names
-        .iter()
-        .map(|name| Process::begin(name, folder.path(), address))
-        .collect();
-    let state = folder.path().join("state");
+    let mut shop = Shop::begin(|_| ());
     let count = 3 * kills;
-    let order = |ask: &Ask| {
-        let begun = Instant::now();
-        loop {
-            match serve::ask(&state, ask) {
-                Ok(answer) => return answer,
-                Err(error) => assert!(begun.elapsed() < LONG, "{error:#}"),
-            }
-            std::thread::sleep(Duration::from_millis(50));
-        }
-    };
-    let wish = Wish {
-        program: "part.ngc".into(),
-        count,
-        ..Wish::default()
-    };
-    let id = order(&Ask::Add {
-        wish,
-        content: b"(takes 0.2)\n".to_vec(),
-    })["order"]
-        .clone();
+    let id = shop.order(count);
     let mut killed = [0; 4];
     for _ in 0..kills {
         std::thread::sleep(Duration::from_millis(200 + random(&mut seed, 1500)));
-        let at = random(&mut seed, names.len() as u64) as usize;
-        processes[at].kill();
+        let at = random(&mut seed, shop.names.len() as u64) as usize;
+        shop.processes[at].kill();
         killed[at] += 1;
-        processes[at] = Process::begin(names[at], folder.path(), address);
+        shop.begin_again(at);
     }
-    let begun = Instant::now();
-    let done = loop {
-        let queue = order(&Ask::Queue);
-        let found = queue["orders"][0].clone();
-        assert_eq!(found["id"], id);
-        if found["state"] == "held" {
-            // Somebody has looked.
-            order(&Ask::Resume {
-                order: id.as_i64().unwrap(),
-            });
-        }
-        if found["state"] == "done" {
-            break found;
-        }
-        assert!(begun.elapsed() < LONG, "{found}");
-        std::thread::sleep(Duration::from_millis(200));
-    };
-    let mut all: Vec<String> = MACHINES
-        .iter()
-        .flat_map(|name| runs(&folder.path().join(name)).unwrap())
-        .collect();
-    let begun_runs = all.len();
-    all.sort();
-    all.dedup();
-    assert_eq!(all.len(), begun_runs, "an id ran twice");
+    let done = shop.done(id);
+    let begun_runs = shop.runs();
     assert_eq!(done["completed"], count);
     // Every run is known: completed, or cut off by a kill.
     let failed = done["failed"].as_u64().unwrap() as usize;
@@ -183,6 +240,144 @@ fn no_order_is_lost_or_doubled_whoever_is_killed() {
         "{begun_runs} runs, {done}"
     );
     println!(
-        "killed {killed:?} of {names:?}: {count} parts completed, {failed} cut off, {begun_runs} runs, no id twice"
+        "killed {killed:?} of {:?}: {count} parts completed, {failed} cut off, {begun_runs} runs, no id twice",
+        shop.names
     );
+}
+
+fn system(command: &str) -> Result<String, String> {
+    let mut words = command.split(' ');
+    let output = Command::new(words.next().unwrap()).args(words).output();
+    let output = output.map_err(|cause| format!("{command}: {cause}"))?;
+    match output.status.success() {
+        true => Ok(String::from_utf8_lossy(&output.stdout).into_owned()),
+        false => Err(format!("{command}: {}", String::from_utf8_lossy(&output.stderr))),
+    }
+}
+
+/// This thread and the processes that it begins are in a network of their own, which loses a fifth of the packets of TCP.
+fn enter_network_that_loses() -> Result<(), String> {
+    unshare(CloneFlags::CLONE_NEWNET).map_err(|errno| format!("a network of its own: {errno}"))?;
+    system("ip link set lo up")?;
+    system("iptables -A INPUT -p tcp -m statistic --mode random --probability 0.2 -j DROP")?;
+    system("iptables -A INPUT -p tcp -j ACCEPT").map(drop)
+}
+
+#[test]
+fn packets_that_are_lost_disturb_nobody() {
+    if std::env::var(BE).is_ok() {
+        return;
+    }
+    if let Err(why) = enter_network_that_loses() {
+        println!("SKIPPED: {why}");
+        return;
+    }
+    let begun = Instant::now();
+    let shop = Shop::begin(|_| ());
+    let done = shop.done(shop.order(12));
+    assert_eq!(
+        (&done["completed"], &done["failed"], shop.runs()),
+        (&Value::from(12), &Value::from(0), 12)
+    );
+    let took = begun.elapsed();
+    for name in MACHINES {
+        let file = shop.folder.path().join(name).join("sim-journal.jsonl");
+        let journal = std::fs::read_to_string(file).unwrap();
+        let journal: Vec<Value> = journal
+            .lines()
+            .map(|line| serde_json::from_str(line).unwrap())
+            .collect();
+        let begun = Instant::now();
+        loop {
+            let since = Some(0);
+            let told = shop.ask(&Ask::Journal {
+                machine: name.into(),
+                since,
+            });
+            if told["entries"] == Value::from(journal.clone()) {
+                break;
+            }
+            assert!(begun.elapsed() < LONG, "{told}");
+            std::thread::sleep(Duration::from_millis(200));
+        }
+    }
+    let counters = system("iptables -nvxL INPUT").unwrap();
+    let rules = counters.lines().skip(2);
+    let packets = rules.map(|rule| rule.split_whitespace().next().unwrap().parse().unwrap());
+    let [lost, passed] = packets.collect::<Vec<u64>>()[..] else {
+        panic!("{counters}")
+    };
+    assert!(lost > 0, "{counters}");
+    println!(
+        "12 parts in {:.1} s, {lost} packets lost, {passed} passed",
+        took.as_secs_f64()
+    );
+}
+
+/// Leaves no room; the file that takes it.
+fn fill(disk: &Path) -> PathBuf {
+    let filler = disk.join("filler");
+    let mut file = File::create(&filler).unwrap();
+    while file.write_all(&[0; 4096]).is_ok() {}
+    filler
+}
+
+#[test]
+fn a_full_disk_is_told_and_nothing_that_was_answered_is_lost() {
+    if std::env::var(BE).is_ok() {
+        return;
+    }
+    if !nix::unistd::geteuid().is_root() {
+        println!("SKIPPED: only root can make a small disk");
+        return;
+    }
+    unshare(CloneFlags::CLONE_NEWNS).unwrap();
+    let none = None::<&str>;
+    mount(none, "/", none, MsFlags::MS_REC | MsFlags::MS_PRIVATE, none).unwrap();
+    let mut shop = Shop::begin(|state| {
+        std::fs::create_dir(state).unwrap();
+        mount(none, state, Some("tmpfs"), MsFlags::empty(), Some("size=32m,mode=700")).unwrap();
+    });
+    let first = shop.order(9);
+    let begun = Instant::now();
+    while shop.order_is(first)["completed"] == 0 {
+        assert!(begun.elapsed() < LONG);
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let filler = fill(&shop.state());
+    // More than the journal of the database has room for already.
+    let large = add(3, &"(x)\n".repeat(5 << 18));
+    let refused = serve::ask(&shop.state(), &large).unwrap_err().to_string();
+    assert!(
+        refused.contains("the store has not taken it") && refused.contains("full"),
+        "{refused}"
+    );
+    // Parts are ended meanwhile.
+    std::thread::sleep(Duration::from_secs(2));
+    shop.processes[0].kill();
+    shop.begin_again(0);
+    let begun = Instant::now();
+    loop {
+        if let Some(status) = shop.processes[0].0.try_wait().unwrap() {
+            assert!(!status.success());
+            break;
+        }
+        if serve::ask(&shop.state(), &Ask::Machines).is_ok() {
+            shop.processes[0].kill();
+            break;
+        }
+        assert!(begun.elapsed() < LONG, "it neither runs nor ends");
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    std::fs::remove_file(filler).unwrap();
+    shop.begin_again(0);
+    let second = shop.ask(&large)["order"].as_i64().unwrap();
+    for (id, count) in [(first, 9), (second, 3)] {
+        let done = shop.done(id);
+        assert_eq!(
+            (&done["completed"], &done["failed"]),
+            (&Value::from(count), &Value::from(0))
+        );
+    }
+    assert_eq!(shop.runs(), 12);
 }
