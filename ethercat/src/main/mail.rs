@@ -2,8 +2,10 @@
 //!
 //! In:  an object and its value. Out: datagrams; the value, or why there is none; emergencies.
 //!
-//! A mail whose answer did not come back is sent once more with the same number, so that a device that has it drops the second. A
-//! mail of the device that was lost behind its mailbox is asked for by the repeat bit of the SyncManager.
+//! A mail is sent with the same number until a frame comes back that says that the mailbox has taken it; a device that has it already
+//! drops the second. A mailbox that is full takes nothing, and does not tell whose mail is in it: of a device that waits for its own mail
+//! to be fetched, one is fetched in between. A mail of the device that was lost behind its mailbox is asked for by the repeat bit of the
+//! SyncManager.
 //!
 //! An SDO that was given up may still be answered, and its answer has nothing but object and direction to tell it from that to the next
 //! one. So the next one waits until a question of another object is answered: a device answers one behind the other.
@@ -34,7 +36,7 @@ enum Phase {
     /// Nothing is to be done.
     Idle,
     /// A mail is to be sent; it may have been before.
-    Send { again: bool },
+    Send,
     /// A mail is to be fetched.
     Fetch,
     /// The last mail is to be asked for once more.
@@ -79,6 +81,8 @@ pub(super) struct Mailbox {
     boxes: Mailboxes,
     phase: Phase,
     transfer: Option<Transfer>,
+    /// The mailbox has taken the mail of this transfer that was sent last.
+    taken: bool,
     /// Numbers of the last mail that was sent and of the last that came.
     sent: u8,
     came: u8,
@@ -98,6 +102,7 @@ impl Mailbox {
             boxes,
             phase: Phase::Idle,
             transfer: None,
+            taken: false,
             sent: 0,
             came: 0,
             repeat: false,
@@ -130,8 +135,9 @@ impl Mailbox {
 
     fn send_next(&mut self) {
         self.sent = next_counter(self.sent);
+        self.taken = false;
         self.not_before_ns = 0;
-        self.go_to(Phase::Send { again: false });
+        self.go_to(Phase::Send);
     }
 
     /// Looks whether a mail is there that nobody asked for.
@@ -201,7 +207,7 @@ impl Mailbox {
         let manager = register::sync_manager(MAIL_IN);
         match self.phase {
             Phase::Idle => return Ok(false),
-            Phase::Send { .. } => {
+            Phase::Send => {
                 let area = self.boxes.receive;
                 let at = writer.push(
                     Command::Fpwr,
@@ -279,32 +285,38 @@ impl Mailbox {
 
     /// The frame with the datagram was lost.
     pub(super) fn lost(&mut self) {
-        self.phase = match self.phase {
-            Phase::Send { .. } => Phase::Send { again: true },
-            // It may have been in there.
-            Phase::Fetch => Phase::Repeat,
-            other => other,
-        };
+        if self.phase == Phase::Fetch {
+            // A mail may have been in there.
+            self.phase = Phase::Repeat;
+        }
     }
 
     /// The datagram came back. `sink`: where a value goes that is read.
     pub(super) fn answer(&mut self, now_ns: u64, working_counter: u16, data: &[u8], sink: &mut [u8]) -> Outcome {
         match self.phase {
             Phase::Idle => {}
-            Phase::Send { again } => {
-                if working_counter > 0 || again {
-                    // A second one that finds the mailbox full: the first one is in there.
-                    self.phase = Phase::Fetch;
-                }
+            Phase::Send => {
+                self.taken = working_counter > 0;
+                self.phase = Phase::Fetch;
                 self.not_before_ns = now_ns + self.pause_ns;
             }
-            Phase::Fetch if working_counter == 0 => {
-                if self.transfer.is_none() {
-                    self.phase = Phase::Idle;
+            Phase::Fetch => {
+                let outcome = match working_counter {
+                    0 => {
+                        self.not_before_ns = now_ns + self.pause_ns;
+                        Outcome::Nothing
+                    }
+                    _ => self.mail(data, sink),
+                };
+                if self.phase == Phase::Fetch {
+                    self.phase = match self.transfer {
+                        None => Phase::Idle,
+                        Some(_) if self.taken => Phase::Fetch,
+                        Some(_) => Phase::Send,
+                    };
                 }
-                self.not_before_ns = now_ns + self.pause_ns;
+                return outcome;
             }
-            Phase::Fetch => return self.mail(data, sink),
             Phase::Repeat if self.repeat_unknown => {
                 if let (1.., Some(activate)) = (working_counter, data.get(1)) {
                     self.repeat = activate & 2 != 0;
@@ -334,9 +346,6 @@ impl Mailbox {
 
     /// A mail has come.
     fn mail(&mut self, data: &[u8], sink: &mut [u8]) -> Outcome {
-        if self.transfer.is_none() {
-            self.phase = Phase::Idle;
-        }
         let Ok(mail) = Mail::parse(data) else {
             return Outcome::Nothing;
         };

@@ -129,6 +129,8 @@ pub struct SubDevice {
     queue: VecDeque<Vec<u8>>,
     /// Counter of the last mail that came, and of the last that left.
     counters: (u8, u8),
+    /// What is in the mailbox, and what was fetched from it last.
+    posted: Vec<u8>,
     last_mail: Vec<u8>,
     pulses: u32,
     period_ns: u32,
@@ -165,6 +167,7 @@ impl SubDevice {
             mail_due_ns: None,
             queue: VecDeque::new(),
             counters: (0, 0),
+            posted: Vec::new(),
             last_mail: Vec::new(),
             pulses: 0,
             period_ns: config.period_ns,
@@ -189,9 +192,8 @@ impl SubDevice {
         self.objects = self.config.objects.clone();
         self.server = Server::new(self.config.abilities);
         (self.state, self.error, self.powered) = (AlState::Init, false, true);
-        (self.request, self.to_op, self.mail_due_ns) = (None, None, None);
-        self.queue.clear();
-        self.counters = (0, 0);
+        (self.request, self.to_op) = (None, None);
+        self.clear_mails();
         self.pulses = 0;
         self.cycle_ns = now_ns;
         self.fresh_outputs = false;
@@ -353,9 +355,11 @@ impl SubDevice {
         if process != 0 && matches!(self.state, AlState::SafeOp | AlState::Op) {
             self.fall(AlState::PreOp, AlStatusCode::SYNC_MANAGER);
         }
-        if events.repeat && self.state != AlState::Init && !self.last_mail.is_empty() {
-            self.put_mail(self.last_mail.clone());
-            self.esc.acknowledge_repeat(MAILBOX_IN);
+        if events.emptied && !self.esc.is_full(MAILBOX_IN) && !self.posted.is_empty() {
+            self.last_mail = core::mem::take(&mut self.posted);
+        }
+        if events.repeat && self.state != AlState::Init {
+            self.repeat_mail();
         }
         if events.written & 1 << MAILBOX_OUT != 0 && self.has_mailbox && self.state != AlState::Init {
             self.mail_due_ns = Some(now_ns + self.config.mail_ns);
@@ -625,10 +629,7 @@ impl SubDevice {
         }
         if state == AlState::Init {
             self.server.reset();
-            self.queue.clear();
-            self.mail_due_ns = None;
-            self.counters = (0, 0);
-            self.last_mail.clear();
+            self.clear_mails();
         }
         if matches!(state, AlState::Init | AlState::PreOp) {
             self.outputs = ProcessData::default();
@@ -750,10 +751,12 @@ impl SubDevice {
             && self.esc.sync_manager(MAILBOX_IN).is_active()
             && let Some(mut mail) = self.queue.pop_front()
         {
-            self.counters.1 = mailbox::next_counter(self.counters.1);
-            mail[5] = mail[5] & 0x0F | self.counters.1 << 4;
-            self.put_mail(mail.clone());
-            self.last_mail = mail;
+            // One that has made room for a repetition has its number.
+            if mail[5] & 0x70 == 0 {
+                self.counters.1 = mailbox::next_counter(self.counters.1);
+                mail[5] |= self.counters.1 << 4;
+            }
+            self.put_mail(mail);
         }
     }
 
@@ -762,6 +765,27 @@ impl SubDevice {
         let octets = area.len().min(mail.len());
         area[..octets].copy_from_slice(&mail[..octets]);
         self.esc.set_full(MAILBOX_IN, true);
+        self.posted = mail;
+    }
+
+    /// The mail that was fetched last comes once more, and behind it what is in the mailbox.
+    fn repeat_mail(&mut self) {
+        if !self.last_mail.is_empty() {
+            let waiting = core::mem::take(&mut self.posted);
+            if !waiting.is_empty() && waiting != self.last_mail {
+                self.queue.push_front(waiting);
+            }
+            self.put_mail(self.last_mail.clone());
+        }
+        self.esc.acknowledge_repeat(MAILBOX_IN);
+    }
+
+    fn clear_mails(&mut self) {
+        self.queue.clear();
+        self.mail_due_ns = None;
+        self.counters = (0, 0);
+        self.posted.clear();
+        self.last_mail.clear();
     }
 
     fn take_mail(&mut self) {

@@ -37,6 +37,8 @@ impl Random {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fate {
     Passes,
+    /// It is lost before it comes to any device.
+    LostOut,
     /// It is lost on its way back.
     Lost,
     /// It comes back so much later, ns.
@@ -246,14 +248,18 @@ impl World {
     /// A frame leaves, now.
     fn send(&mut self, mut octets: Vec<u8>, cyclic: bool) {
         (self.tap)(self.now_ns, &octets);
+        let fate = (self.fate)(&mut self.random, cyclic);
+        if fate == Fate::LostOut {
+            return;
+        }
         let Some(answer) = self.segment.receive(self.now_ns, &mut octets) else {
             return;
         };
         let at_ns = answer.at_ns;
         (self.tap)(at_ns, &octets);
-        match (self.fate)(&mut self.random, cyclic) {
+        match fate {
             Fate::Passes => self.on_way.push((at_ns, octets)),
-            Fate::Lost => {}
+            Fate::LostOut | Fate::Lost => {}
             Fate::Late(ns) => self.on_way.push((at_ns + ns, octets)),
             Fate::Twice => {
                 self.on_way.push((at_ns, octets.clone()));

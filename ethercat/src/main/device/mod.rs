@@ -121,6 +121,14 @@ impl Step {
         Step::Settle,
         Step::ToOp,
     ];
+
+    /// Its datagrams are mails.
+    fn has_mails(self) -> bool {
+        matches!(
+            self,
+            Step::Quickest | Step::StartValues | Step::MapOutputs | Step::MapInputs | Step::Checks | Step::Run
+        )
+    }
 }
 
 /// What a device has become, for the network.
@@ -194,6 +202,8 @@ pub(super) struct Device<'a> {
     not_before_ns: u64,
     /// The state was asked for; its answer is awaited.
     asked: bool,
+    /// The step whose datagram is under way, or was last.
+    asked_in: Step,
     counts: (u8, u8),
     reader: Reader,
     mailbox: Mailbox,
@@ -227,6 +237,7 @@ impl<'a> Device<'a> {
             until_ns: u64::MAX,
             not_before_ns: 0,
             asked: false,
+            asked_in: Step::Address,
             counts: (0, 0),
             reader: Reader::new(),
             mailbox: Mailbox::new(Mailboxes::default(), 0),
@@ -590,6 +601,7 @@ impl<'a> Device<'a> {
         if now.ns < self.not_before_ns {
             return Ok(false);
         }
+        self.asked_in = self.step;
         let at = |register: u16| register::station(self.station(), register);
         let mut read =
             |register: u16, octets: usize| writer.push(Command::Fprd, index, at(register), octets).map(|_| true);
@@ -632,9 +644,7 @@ impl<'a> Device<'a> {
                 let octets = SyncManager::LEN * usize::from(self.counts.1);
                 writer.push(Command::Fpwr, index, at(register::SYNC_MANAGER), octets)?;
             }
-            Step::Quickest | Step::StartValues | Step::MapOutputs | Step::MapInputs | Step::Checks | Step::Run => {
-                return self.ask_mailbox(now, orders, writer, index);
-            }
+            step if step.has_mails() => return self.ask_mailbox(now, orders, writer, index),
             _ => {
                 if let Some(state) = self.target() {
                     let control = AlControl {
@@ -659,12 +669,9 @@ impl<'a> Device<'a> {
         Ok(true)
     }
 
-    /// The frame with its datagram was lost.
+    /// The frame with its datagram was lost, or is not looked at.
     pub(super) fn lost(&mut self) {
-        if matches!(
-            self.step,
-            Step::Quickest | Step::StartValues | Step::MapOutputs | Step::MapInputs | Step::Checks | Step::Run
-        ) {
+        if self.asked_in.has_mails() {
             self.mailbox.lost();
         }
     }
@@ -677,11 +684,14 @@ impl<'a> Device<'a> {
         data: &[u8],
         orders: &mut Orders,
     ) -> Option<Notice> {
+        if self.asked_in != self.step {
+            // It answers what is not asked any more.
+            self.lost();
+            return None;
+        }
         let acted = working_counter > 0;
         match self.step {
-            Step::Quickest | Step::StartValues | Step::MapOutputs | Step::MapInputs | Step::Checks | Step::Run => {
-                return self.mailed(now, working_counter, data, orders);
-            }
+            step if step.has_mails() => return self.mailed(now, working_counter, data, orders),
             Step::Find => return self.was_found(now, acted, data),
             Step::FindPosition => return self.was_at_position(now, acted, data),
             _ if !acted => {
