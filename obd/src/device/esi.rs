@@ -3,7 +3,10 @@
 //! In:  the text. Out: the devices of the file; mistakes in the [`Log`]. Names are compared without their namespace; elements and
 //! attributes that are not known are skipped, as the schema is extended by every edition.
 //!
-//! Not read: modules and slots, groups, pictures, EEPROM data, object dictionaries, which the device itself can tell.
+//! A modular device has slots, and modules that stand in them (ETG.5001). A module that the maker puts into a slot by default is taken as
+//! there: its PDOs are those of the device then, moved by the number of the slot. A slot that is left open is named.
+//!
+//! Not read: groups, pictures, EEPROM data, object dictionaries, which the device itself can tell; start-up commands of modules.
 
 use super::error::Log;
 use super::value::integer;
@@ -15,6 +18,8 @@ use std::vec::Vec;
 
 /// Most bits of a PDO: those of the data that one datagram can carry.
 const PDO_BITS_MAX: u32 = 1486 * 8;
+/// Most slots of a device.
+const SLOTS_MAX: u32 = 256;
 /// Longest value of a start-up command, octets.
 const DATA_MAX: usize = 4096;
 
@@ -54,6 +59,8 @@ pub struct EsiDevice {
     pub coe: Option<EsiCoe>,
     /// Modes of its distributed clocks; the first one is the maker's own choice.
     pub op_modes: Vec<EsiOpMode>,
+    /// The first slot of which the file does not tell the module, so that process data are not known: in words, with its line.
+    pub open_slot: Option<String>,
 }
 
 /// What a SyncManager or an FMMU is for.
@@ -243,11 +250,18 @@ fn read(text: &str, log: &mut Log<'_>) -> Option<EsiFile> {
     let vendor = child(root, "Vendor");
     let number = vendor.and_then(|vendor| child(vendor, "Id"));
     let vendor_id = reader.needed(number, root, "Vendor Id", 0..=u32::MAX.into());
-    let devices = child(root, "Descriptions").and_then(|all| child(all, "Devices"));
+    let descriptions = child(root, "Descriptions");
+    let modules = descriptions.and_then(|all| child(all, "Modules"));
+    let modules: Vec<Module<'_, '_>> = modules
+        .into_iter()
+        .flat_map(|modules| named(modules, "Module"))
+        .filter_map(|module| reader.module(module))
+        .collect();
+    let devices = descriptions.and_then(|all| child(all, "Devices"));
     let devices: Vec<EsiDevice> = devices
         .into_iter()
         .flat_map(|devices| named(devices, "Device"))
-        .filter_map(|device| reader.device(device))
+        .filter_map(|device| reader.device(device, &modules))
         .collect();
     if devices.is_empty() {
         let rule = "is missing: at least one device with a product code";
@@ -312,6 +326,19 @@ fn is_set(node: Node<'_, '_>, attribute: &str) -> bool {
     matches!(node.attribute(attribute), Some("1" | "true"))
 }
 
+/// A module, and where it stands in the file.
+struct Module<'a, 'i> {
+    ident: u32,
+    node: Node<'a, 'i>,
+}
+
+/// By how much objects of a module lie behind those of the same module in the first slot.
+#[derive(Clone, Copy, Debug, Default)]
+struct Shift {
+    pdo: u32,
+    object: u32,
+}
+
 struct Reader<'r, 't> {
     log: &'r mut Log<'t>,
 }
@@ -347,6 +374,27 @@ impl Reader<'_, '_> {
         }
     }
 
+    /// The index in an element, which has to be there: moved where it depends on the slot. 0, a gap, stays.
+    fn moved(
+        &mut self,
+        node: Option<Node<'_, '_>>,
+        parent: Node<'_, '_>,
+        what: &str,
+        range: RangeInclusive<i128>,
+        by: u32,
+    ) -> Option<u16> {
+        let number = self.needed(node, parent, what, range.clone())?;
+        let node = node.filter(|node| number != 0 && is_set(*node, "DependOnSlot"));
+        let index = number + node.map_or(0, |_| i128::from(by));
+        if !range.contains(&index) {
+            let rule = std::format!("becomes 0x{index:X} by the number of its slot, which is none");
+            let (at, text) = node.map_or((parent.range().start, ""), |node| (text_at(node), words(node)));
+            self.log.wrong(at, what, Some(text), rule);
+            return None;
+        }
+        Some(index as u16)
+    }
+
     /// The number in an element, if it is there.
     fn number(&mut self, parent: Node<'_, '_>, name: &'static str, range: RangeInclusive<i128>) -> Option<i128> {
         let node = child(parent, name).filter(|node| !words(*node).is_empty())?;
@@ -362,7 +410,7 @@ impl Reader<'_, '_> {
         self.range(attribute.range_value().start, &what, attribute.value(), &range)
     }
 
-    fn device(&mut self, node: Node<'_, '_>) -> Option<EsiDevice> {
+    fn device(&mut self, node: Node<'_, '_>, modules: &[Module<'_, '_>]) -> Option<EsiDevice> {
         const ANY: RangeInclusive<i128> = 0..=u32::MAX as i128;
         let Some(kind) = child(node, "Type") else {
             self.log.wrong(node.range().start, "Device Type", None, "is missing");
@@ -387,14 +435,19 @@ impl Reader<'_, '_> {
             product,
             revision,
             fmmus: named(node, "Fmmu").map(usage).collect(),
-            rx_pdos: self.pdos(node, "RxPdo", 0x1600..=0x17FF, sync_managers.len()),
-            tx_pdos: self.pdos(node, "TxPdo", 0x1A00..=0x1BFF, sync_managers.len()),
+            rx_pdos: Vec::new(),
+            tx_pdos: Vec::new(),
             coe: child(node, "Mailbox")
                 .and_then(|mailbox| child(mailbox, "CoE"))
                 .map(|coe| self.coe(coe)),
             op_modes: Vec::new(),
+            open_slot: None,
             sync_managers,
         };
+        self.all_pdos(node, &mut device, Shift::default());
+        if let Some(slots) = child(node, "Slots") {
+            self.slots(slots, &mut device, modules);
+        }
         if let Some(dc) = child(node, "Dc") {
             device.op_modes = named(dc, "OpMode").filter_map(|mode| self.op_mode(mode)).collect();
         }
@@ -416,24 +469,82 @@ impl Reader<'_, '_> {
         }
     }
 
+    /// The number of a module; one without is left out.
+    fn module<'a, 'i>(&mut self, node: Node<'a, 'i>) -> Option<Module<'a, 'i>> {
+        let kind = child(node, "Type").filter(|kind| kind.attribute("ModuleIdent").is_some())?;
+        let ident = self.attribute(kind, "ModuleIdent", 0..=u32::MAX.into())? as u32;
+        Some(Module { ident, node })
+    }
+
+    /// Puts the modules that are usual into the slots of a device.
+    fn slots(&mut self, slots: Node<'_, '_>, device: &mut EsiDevice, modules: &[Module<'_, '_>]) {
+        const STEP: RangeInclusive<i128> = 0..=0xFFFF;
+        const COUNT: RangeInclusive<i128> = 0..=255;
+        let steps = ["SlotPdoIncrement", "SlotIndexIncrement"];
+        let of_all = steps.map(|name| self.attribute(slots, name, STEP));
+        let mut number = 0;
+        for slot in named(slots, "Slot") {
+            let own = steps.map(|name| self.attribute(slot, name, STEP));
+            let [pdo_step, object_step] = [0, 1].map(|at| own[at].or(of_all[at]).unwrap_or(0) as u32);
+            let least = self.attribute(slot, "MinInstances", COUNT).unwrap_or(0) as u32;
+            let most = self.attribute(slot, "MaxInstances", COUNT).unwrap_or(1) as u32;
+            if number + most.max(least).max(1) > SLOTS_MAX {
+                let rule = std::format!("is beyond the {SLOTS_MAX} slots that a device can have");
+                self.log.wrong(slot.range().start, "Slot", Some(&name_of(slot)), rule);
+                return;
+            }
+            let idents: Vec<Node<'_, '_>> = named(slot, "ModuleIdent").collect();
+            let usual = idents.iter().find(|ident| is_set(**ident, "Default"));
+            // Where one has to be and there is one only, it is that.
+            let only = idents.first().filter(|_| idents.len() == 1 && least > 0);
+            let Some(chosen) = usual.or(only) else {
+                let line = self.log.line(slot.range().start);
+                let told = std::format!("slot {:?} in line {line}", name_of(slot));
+                device.open_slot.get_or_insert(told);
+                number += most.max(least).max(1);
+                continue;
+            };
+            let ident = self.needed(Some(*chosen), slot, "Slot ModuleIdent", 0..=u32::MAX.into());
+            let Some(ident) = ident.map(|ident| ident as u32) else {
+                continue;
+            };
+            let Some(module) = modules.iter().find(|module| module.ident == ident) else {
+                let rule = "is no module of this file";
+                self.log
+                    .wrong(text_at(*chosen), "Slot ModuleIdent", Some(words(*chosen)), rule);
+                continue;
+            };
+            for place in 0..least.max(1) {
+                let shift = Shift {
+                    pdo: pdo_step * (number + place),
+                    object: object_step * (number + place),
+                };
+                self.all_pdos(module.node, device, shift);
+            }
+            number += most.max(least).max(1);
+        }
+    }
+
+    /// Adds the PDOs of a device, or of a module of it.
+    fn all_pdos(&mut self, node: Node<'_, '_>, device: &mut EsiDevice, shift: Shift) {
+        let managers = device.sync_managers.len();
+        self.pdos(node, "RxPdo", 0x1600..=0x17FF, managers, shift, &mut device.rx_pdos);
+        self.pdos(node, "TxPdo", 0x1A00..=0x1BFF, managers, shift, &mut device.tx_pdos);
+    }
+
     fn pdos(
         &mut self,
-        device: Node<'_, '_>,
+        parent: Node<'_, '_>,
         name: &'static str,
         indices: RangeInclusive<i128>,
         managers: usize,
-    ) -> Vec<EsiPdo> {
-        let mut pdos: Vec<EsiPdo> = Vec::new();
-        for node in named(device, name) {
-            let number = self.needed(
-                child(node, "Index"),
-                node,
-                &std::format!("{name} Index"),
-                indices.clone(),
-            );
-            let Some(index) = number.map(|index| index as u16) else {
-                continue;
-            };
+        shift: Shift,
+        pdos: &mut Vec<EsiPdo>,
+    ) {
+        for node in named(parent, name) {
+            let what = std::format!("{name} Index");
+            let number = self.moved(child(node, "Index"), node, &what, indices.clone(), shift.pdo);
+            let Some(index) = number else { continue };
             if pdos.iter().any(|pdo| pdo.index == index) {
                 let what = std::format!("{name} 0x{index:04X}");
                 self.log
@@ -442,11 +553,11 @@ impl Reader<'_, '_> {
             }
             let last = managers.saturating_sub(1) as i128;
             let sync_manager = self.attribute(node, "Sm", 0..=last).map(|number| number as u8);
-            let excluded =
-                named(node, "Exclude").filter_map(|other| self.needed(Some(other), node, "Exclude", 0..=0xFFFF));
-            let excluded = excluded.map(|other| other as u16).collect();
+            let excluded = named(node, "Exclude")
+                .filter_map(|other| self.moved(Some(other), node, "Exclude", 0..=0xFFFF, shift.pdo))
+                .collect();
             let entries = named(node, "Entry")
-                .filter_map(|entry| self.entry(entry, index))
+                .filter_map(|entry| self.entry(entry, index, shift))
                 .collect();
             let pdo = EsiPdo {
                 index,
@@ -464,16 +575,15 @@ impl Reader<'_, '_> {
             }
             pdos.push(pdo);
         }
-        pdos
     }
 
-    fn entry(&mut self, node: Node<'_, '_>, pdo: u16) -> Option<EsiEntry> {
+    fn entry(&mut self, node: Node<'_, '_>, pdo: u16, shift: Shift) -> Option<EsiEntry> {
         let what = |field: &str| std::format!("PDO 0x{pdo:04X} Entry {field}");
-        let index = self.needed(child(node, "Index"), node, &what("Index"), 0..=0xFFFF)?;
+        let index = self.moved(child(node, "Index"), node, &what("Index"), 0..=0xFFFF, shift.object)?;
         let bits = self.needed(child(node, "BitLen"), node, &what("BitLen"), 1..=255)?;
         let sub = self.number(node, "SubIndex", 0..=255).unwrap_or(0);
         Some(EsiEntry {
-            index: index as u16,
+            index,
             sub: sub as u8,
             bits: bits as u8,
             name: name_of(node),

@@ -2,6 +2,7 @@
 
 use super::*;
 use proptest::prelude::*;
+use std::format;
 use std::string::ToString;
 use std::vec;
 use std::vec::Vec;
@@ -197,6 +198,121 @@ fn numbers_are_decimal_or_hexadecimal() {
     }
 }
 
+/// A coupler with three slots: outputs that are usual, inputs of which one has to be there, and a place that is left open.
+const MODULAR: &str = r##"<?xml version="1.0"?>
+<EtherCATInfo Version="1.11">
+  <Vendor><Id>#x0000FACE</Id><Name>Maker</Name></Vendor>
+  <Descriptions>
+    <Devices><Device Physics="YY">
+      <Type ProductCode="#x00001000" RevisionNo="#x1">COUPLER</Type>
+      <Sm StartAddress="#x1000">MBoxOut</Sm><Sm StartAddress="#x1080">MBoxIn</Sm>
+      <Sm StartAddress="#x1100">Outputs</Sm><Sm StartAddress="#x1400">Inputs</Sm>
+      <TxPdo Fixed="1" Sm="3"><Index>#x1AFF</Index><Name>State</Name>
+        <Entry><Index>#xF100</Index><SubIndex>1</SubIndex><BitLen>16</BitLen><Name>State</Name><DataType>UINT</DataType></Entry>
+      </TxPdo>
+      <Mailbox><CoE PdoAssign="1"/></Mailbox>
+      <Slots SlotPdoIncrement="1" SlotIndexIncrement="#x10">
+        <Slot MinInstances="0" MaxInstances="1"><Name>Outputs</Name>
+          <ModuleIdent>#x20</ModuleIdent><ModuleIdent Default="1">#x21</ModuleIdent></Slot>
+        <Slot MinInstances="2" MaxInstances="2"><Name>Inputs</Name><ModuleIdent>#x20</ModuleIdent></Slot>
+      </Slots>
+    </Device></Devices>
+    <Modules>
+      <Module><Type ModuleIdent="#x20">DI4</Type><Name>Inputs</Name>
+        <TxPdo Fixed="1" Sm="3"><Index DependOnSlot="1">#x1A00</Index><Exclude DependOnSlot="true">#x1A80</Exclude>
+          <Entry><Index DependOnSlot="1">#x6000</Index><SubIndex>1</SubIndex><BitLen>4</BitLen><DataType>BIT4</DataType></Entry>
+          <Entry><Index>0</Index><BitLen>4</BitLen></Entry>
+        </TxPdo>
+      </Module>
+      <Module><Type ModuleIdent="#x21">AO1</Type><Name>Output</Name>
+        <RxPdo Fixed="1" Sm="2"><Index DependOnSlot="1">#x1600</Index>
+          <Entry><Index DependOnSlot="1">#x7000</Index><SubIndex>17</SubIndex><BitLen>16</BitLen><DataType>INT</DataType></Entry>
+        </RxPdo>
+      </Module>
+    </Modules>
+  </Descriptions>
+</EtherCATInfo>
+"##;
+
+#[test]
+fn modules_that_are_usual_stand_in_their_slots() {
+    let esi = parse_esi("d", MODULAR.as_bytes()).unwrap();
+    let device = &esi.devices[0];
+    let mapped = |pdos: &[EsiPdo]| -> Vec<(u16, Vec<u32>)> {
+        let of = |pdo: &EsiPdo| (pdo.index, pdo.entries.iter().map(EsiEntry::mapping).collect());
+        pdos.iter().map(of).collect()
+    };
+    assert_eq!(mapped(&device.rx_pdos), [(0x1600, vec![0x7000_1110])]);
+    let inputs = [
+        (0x1AFF, vec![0xF100_0110]),
+        // The second and the third slot.
+        (0x1A01, vec![0x6010_0104, 0x0000_0004]),
+        (0x1A02, vec![0x6020_0104, 0x0000_0004]),
+    ];
+    assert_eq!(mapped(&device.tx_pdos), inputs);
+    assert_eq!((device.octets(true), device.octets(false)), (2, 4));
+    let excluded: Vec<&[u16]> = device.tx_pdos.iter().map(|pdo| &pdo.excluded[..]).collect();
+    assert_eq!(excluded, [&[][..], &[0x1A81], &[0x1A82]]);
+    assert_eq!(device.open_slot, None);
+    // Which module is in there is not told.
+    let open = MODULAR.replace(" Default=\"1\"", "");
+    let esi = parse_esi("d", open.as_bytes()).unwrap();
+    assert_eq!(esi.devices[0].open_slot.as_deref(), Some("slot \"Outputs\" in line 14"));
+    assert_eq!(esi.devices[0].rx_pdos, []);
+}
+
+#[test]
+fn slots_that_cannot_be_are_refused_at_their_places() {
+    for (old, new, told) in [
+        (
+            "<ModuleIdent Default=\"1\">#x21",
+            "<ModuleIdent Default=\"1\">#x22",
+            "d:15: Slot ModuleIdent = \"#x22\": is no module of this file",
+        ),
+        (
+            "SlotPdoIncrement=\"1\"",
+            "SlotPdoIncrement=\"0\"",
+            "d:21: TxPdo 0x1A00: stands twice in the device",
+        ),
+        (
+            "SlotPdoIncrement=\"1\"",
+            "SlotPdoIncrement=\"512\"",
+            "d:21: TxPdo Index = \"#x1A00\": becomes 0x1C00 by the number of its slot, which is none",
+        ),
+        (
+            "SlotIndexIncrement=\"#x10\"",
+            "SlotIndexIncrement=\"#xFFFF\"",
+            "d:22: PDO 0x1A01 Entry Index = \"#x6000\": becomes 0x15FFF by the number of its slot, which is none",
+        ),
+        (
+            "ModuleIdent=\"#x20\"",
+            "ModuleIdent=\"?\"",
+            "d:20: Type ModuleIdent = \"?\": expected an integer from 0 to 4294967295, decimal or #x",
+        ),
+        ("MaxInstances=\"2\"", "MaxInstances=\"255\"", ""),
+        (
+            "MinInstances=\"0\" MaxInstances=\"1\"",
+            "MinInstances=\"0\" MaxInstances=\"255\"",
+            "d:16: Slot = \"Inputs\": is beyond the 256 slots that a device can have",
+        ),
+    ] {
+        assert!(MODULAR.contains(old), "{old}");
+        let without_column = |line: String| {
+            let parts: Vec<&str> = line.splitn(4, ':').collect();
+            format!("{}:{}:{}", parts[0], parts[1], parts[3])
+        };
+        let lines: Vec<String> = mistakes(&MODULAR.replacen(old, new, 1))
+            .into_iter()
+            .map(without_column)
+            .collect();
+        if told.is_empty() {
+            assert_eq!(lines, [""; 0], "{old} -> {new}");
+            continue;
+        }
+        assert!(lines.iter().any(|line| line == told), "{old} -> {new}: {lines:#?}");
+    }
+}
+
 proptest! {
     #[test]
     fn any_octets_are_read_or_refused(octets in prop::collection::vec(any::<u8>(), 0..300)) {
@@ -206,9 +322,10 @@ proptest! {
     /// A file whose text is cut, doubled or changed somewhere.
     #[test]
     fn any_change_of_a_file_is_read_or_refused(
-        at in 0..SIMULATED.len(), length in 0_usize..200, octets in prop::collection::vec(any::<u8>(), 0..20)
+        at in 0..SIMULATED.len(), length in 0_usize..200, octets in prop::collection::vec(any::<u8>(), 0..20), is_modular: bool
     ) {
-        let mut file = SIMULATED.as_bytes().to_vec();
+        let mut file = if is_modular { MODULAR } else { SIMULATED }.as_bytes().to_vec();
+        let at = at % file.len();
         let end = (at + length).min(file.len());
         file.splice(at..end, octets);
         match parse_esi("d", &file) {
