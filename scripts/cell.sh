@@ -165,9 +165,14 @@ try says ' held ' "$cell" machines --dir state
 try says ' idle ' "$cell" machines --dir state
 echo "held and stopped by the supervisor, which may do nothing else"
 
+refused 'is reached, and would be back at once' "$cell" machines --forget mill-1 --dir state
 "$cell" ca revoke mill-1 --dir ca
 try refusals 'mill-1.1 is revoked'
 try says 'not reached; it works on alone' "$cell" machines --dir state
 curl -s "$page/overview" | python3 -c 'import json, sys; [print("page:", one["text"]) for one in json.load(sys.stdin)["refusals"]]'
 "$isocnc" status --machine "$name" >out 2>&1 || fail "the control does not bear it: $(cat out)"
+"$cell" machines --forget mill-1 --dir state
+[ -z "$("$cell" machines --dir state)" ] || fail "it is on the list still: $("$cell" machines --dir state)"
+refused 'no machine' "$cell" machines --forget mill-1 --dir state
+refused 'no machine' "$cell" journal mill-1 --dir state
 echo "all as it should be"

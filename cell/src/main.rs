@@ -51,13 +51,13 @@ enum Command {
         #[arg(long)]
         ca: PathBuf,
         /// Where controls connect.
-        #[arg(long, value_name = "ADDR:PORT")]
+        #[arg(long, value_name = "ADDR:PORT", value_parser = place)]
         listen: SocketAddr,
         /// Another name or address by which controls reach this PC.
         #[arg(long, value_name = "NAME")]
         name: Vec<String>,
         /// Where the page is.
-        #[arg(long, value_name = "ADDR:PORT")]
+        #[arg(long, value_name = "ADDR:PORT", value_parser = place)]
         page: Option<SocketAddr>,
     },
     /// All machines, and how they are.
@@ -184,19 +184,34 @@ fn travel(text: &str) -> Result<(char, f64), String> {
         let (axis, length) = text.split_once('=')?;
         let mut letters = axis.chars();
         match (letters.next(), letters.next()) {
-            (Some(letter), None) => Some((letter.to_ascii_uppercase(), length.parse().ok()?)),
+            (Some(letter), None) => {
+                let length = length.parse().ok().filter(|length: &f64| length.is_finite())?;
+                Some((letter.to_ascii_uppercase(), length))
+            }
             _ => None,
         }
     };
     parse().ok_or_else(|| "expected an axis and a length, like X=300".into())
 }
 
+/// An address that others are told: its port stays the same.
+fn place(text: &str) -> Result<SocketAddr, String> {
+    let place: SocketAddr = text
+        .parse()
+        .map_err(|_| "expected an address and a port, like 192.168.1.10:7447")?;
+    match place.port() {
+        0 => Err("port 0 is another one each time".into()),
+        _ => Ok(place),
+    }
+}
+
 fn main() -> ExitCode {
     match carry_out(Cli::parse().command) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
+            let lines: Vec<String> = format!("{error:#}").lines().map(plain).collect();
             // Nobody else can be told.
-            let _ = writeln!(io::stderr(), "error: {error:#}");
+            let _ = writeln!(io::stderr(), "error: {}", lines.join("\n"));
             ExitCode::FAILURE
         }
     }
@@ -270,7 +285,7 @@ fn carry_out(command: Command) -> anyhow::Result<()> {
                 let time = stored["outlook"]["planned_time_s"].as_f64().unwrap_or_default();
                 let warning = stored["outlook"]["warning"]
                     .as_str()
-                    .map(|text| format!("warning: {text}\n"));
+                    .map(|text| format!("warning: {}\n", plain(text)));
                 let (program, machine) = (word(&stored["program"]), word(&stored["machine"]));
                 format!(
                     "{program} is on {machine}, and right; it takes {time:.0} s\n{}",
@@ -408,8 +423,19 @@ fn answer(dir: &Dir, ask: &Ask, text: impl Fn(&Value) -> String) -> anyhow::Resu
     }
 }
 
-fn word(value: &Value) -> &str {
-    value.as_str().unwrap_or_default()
+/// Text of others, which may be meant for a terminal.
+fn plain(text: &str) -> String {
+    let plain = |letter: char| if letter.is_control() { ' ' } else { letter };
+    text.chars().map(plain).collect()
+}
+
+fn word(value: &Value) -> String {
+    plain(value.as_str().unwrap_or_default())
+}
+
+/// How wide a column must be.
+fn width<'v>(values: impl Iterator<Item = &'v Value>) -> usize {
+    values.filter_map(Value::as_str).map(str::len).max().unwrap_or(0)
 }
 
 fn all<'v>(value: &'v Value, key: &str) -> impl Iterator<Item = &'v Value> {
@@ -418,6 +444,8 @@ fn all<'v>(value: &'v Value, key: &str) -> impl Iterator<Item = &'v Value> {
 
 fn machines(answer: &Value) -> String {
     let mut text = String::new();
+    let names = width(all(answer, "machines").map(|machine| &machine["name"]));
+    let classes = width(all(answer, "machines").map(|machine| &machine["class"]));
     for machine in all(answer, "machines") {
         let state = &machine["state"];
         let how = match machine["alive"] == true {
@@ -427,10 +455,11 @@ fn machines(answer: &Value) -> String {
         // Writing to a string does not fail.
         let _ = writeln!(
             text,
-            "{:32} {:10} {:8} {how}",
+            "{:names$} {:classes$} {:8} {}",
             word(&machine["name"]),
             word(&machine["class"]),
-            word(&machine["use"])
+            word(&machine["use"]),
+            plain(how)
         );
     }
     text
@@ -440,8 +469,8 @@ fn journal(answer: &Value) -> String {
     all(answer, "entries")
         .map(|entry| {
             format!(
-                "{:6} {:8} {}\n",
-                entry["seq"],
+                "{:>6} {:8} {}\n",
+                entry["seq"].to_string(),
                 word(&entry["kind"]),
                 word(&entry["text"])
             )
@@ -455,7 +484,7 @@ fn queue(answer: &Value) -> String {
         let (done, count, under_way) = (&order["completed"], &order["count"], &order["under_way"]);
         let _ = writeln!(
             text,
-            "order {:4} {:24} {done} of {count} parts, {under_way} under way, {} failed: {} {}",
+            "order {} {} {done} of {count} parts, {under_way} under way, {} failed: {} {}",
             order["id"],
             word(&order["program"]),
             order["failed"],
@@ -471,11 +500,13 @@ fn queue(answer: &Value) -> String {
             );
         }
     }
+    let names = width(all(answer, "attempts").map(|attempt| &attempt["machine"]));
+    let programs = width(all(answer, "attempts").map(|attempt| &attempt["program"]));
     for attempt in all(answer, "attempts") {
         let (phase, note) = (word(&attempt["phase"]), word(&attempt["note"]));
         let _ = writeln!(
             text,
-            "{:32} {:24} {phase} {note}",
+            "{:names$} {:programs$} {phase} {note}",
             word(&attempt["machine"]),
             word(&attempt["program"])
         );
@@ -498,5 +529,23 @@ fn plan(file: &Path, axes: Option<u32>, json: bool) -> anyhow::Result<()> {
     match json {
         true => say(&(serde_json::to_string_pretty(&judged)? + "\n")),
         false => say(&plan::table(&judged)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn a_list_fits_the_terminal_and_tells_it_nothing() {
+        let machine = |name: &str, alarm: &str| json!({ "name": name, "class": "", "use": "alarm", "alive": true, "state": { "alarm": alarm } });
+        let told = json!({ "machines": [machine("mill-1", "hot\u{1b}[2J\nmill-9 ready"), machine("b", "cold")] });
+        assert_eq!(
+            machines(&told),
+            "mill-1  alarm    hot [2J mill-9 ready\nb       alarm    cold\n"
+        );
+        let entry = json!({ "entries": [{ "seq": 1, "kind": "note", "text": "a\rb" }] });
+        assert_eq!(journal(&entry), "     1 note     a b\n");
     }
 }

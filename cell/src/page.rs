@@ -11,11 +11,28 @@ use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
+use hyper::server::conn::http1;
+use hyper_util::rt::{TokioIo, TokioTimer};
+use hyper_util::service::TowerToHyperService;
 use serde_json::{Value, json};
 use std::io;
 use std::net::{IpAddr, SocketAddr, TcpListener};
+use std::pin::pin;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::net::TcpStream;
+use tokio::sync::Semaphore;
+use tokio::time::timeout;
 
 const POLICY: &str = "default-src 'self'; object-src 'none'; base-uri 'none'; frame-ancestors 'none'; form-action 'none'; img-src 'self' data:";
+/// Connections at the same time: files of this process are for controls.
+const CONNECTIONS_MAX: usize = 64;
+/// Whoever has not said by then what is wanted has gone.
+const HEAD_WAIT: Duration = Duration::from_secs(10);
+/// Longest head of a request, octets.
+const HEAD_MAX: usize = 16 << 10;
+/// Then a connection ends, between two requests: a browser makes another one.
+const LONGEST: Duration = Duration::from_secs(60);
 /// What `web/build.mjs` has made: path, kind, text.
 const FILES: [(&str, &str, &str); 5] = [
     ("/", "text/html; charset=utf-8", include_str!("../dist/index.html")),
@@ -49,15 +66,53 @@ pub(crate) fn begin(address: SocketAddr, desk: Desk) -> io::Result<()> {
         .max_blocking_threads(4)
         .build()?;
     let serve = move || {
-        let served = runtime.block_on(async {
+        let served: io::Result<()> = runtime.block_on(async {
             let listener = tokio::net::TcpListener::from_std(listener)?;
-            axum::serve(listener, router(desk)).await
+            serve(listener, router(desk)).await
         });
         if let Err(cause) = served {
             tracing::error!("the page has ended: {cause}");
         }
     };
     std::thread::Builder::new().name("page".into()).spawn(serve).map(drop)
+}
+
+async fn serve(listener: tokio::net::TcpListener, router: Router) -> io::Result<()> {
+    let places = Arc::new(Semaphore::new(CONNECTIONS_MAX));
+    loop {
+        let stream = match listener.accept().await {
+            Ok((stream, _)) => stream,
+            Err(cause) => {
+                // Too many files, or somebody who has gone already: the next may be taken.
+                tracing::warn!("a connection to the page could not be taken: {cause}");
+                tokio::time::sleep(Duration::from_millis(100)).await;
+                continue;
+            }
+        };
+        let Ok(place) = Arc::clone(&places).try_acquire_owned() else {
+            continue;
+        };
+        let router = router.clone();
+        tokio::spawn(async move {
+            converse(stream, router).await;
+            drop(place);
+        });
+    }
+}
+
+/// Requests and answers of one connection, until its end.
+async fn converse(stream: TcpStream, router: Router) {
+    let served = http1::Builder::new()
+        .timer(TokioTimer::new())
+        .header_read_timeout(HEAD_WAIT)
+        .max_buf_size(HEAD_MAX)
+        .serve_connection(TokioIo::new(stream), TowerToHyperService::new(router));
+    let mut served = pin!(served);
+    if timeout(LONGEST, served.as_mut()).await.is_err() {
+        served.as_mut().graceful_shutdown();
+        // Whoever does not read the last answer by then has gone.
+        let _ = timeout(HEAD_WAIT, served).await;
+    }
 }
 
 fn router(desk: Desk) -> Router {
@@ -123,6 +178,63 @@ async fn journal(State(desk): State<Desk>, Path(machine): Path<String>) -> Respo
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::io::{Read, Write};
+    use std::time::Instant;
+
+    /// Where it listens, without a supervisor behind it.
+    fn page() -> SocketAddr {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let address = listener.local_addr().unwrap();
+        listener.set_nonblocking(true).unwrap();
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_all()
+            .build()
+            .unwrap();
+        let hello = Router::new().route("/", get(async || "hello"));
+        std::thread::spawn(move || {
+            runtime.block_on(async { serve(tokio::net::TcpListener::from_std(listener).unwrap(), hello).await })
+        });
+        address
+    }
+
+    /// The answer to this, all of it.
+    fn answer(address: SocketAddr, request: &[u8]) -> String {
+        let mut stream = std::net::TcpStream::connect(address).unwrap();
+        // It may have answered, or gone, before it has all.
+        let _ = stream.write_all(request);
+        let mut answer = Vec::new();
+        let _ = stream.read_to_end(&mut answer);
+        String::from_utf8_lossy(&answer).into_owned()
+    }
+
+    #[test]
+    fn who_never_ends_is_left_and_takes_no_place_of_others_for_long() {
+        let address = page();
+        let hello = b"GET / HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n";
+        assert!(answer(address, hello).ends_with("hello"));
+        let endless = [b"GET / HTTP/1.1\r\nX: ".to_vec(), vec![b'x'; 4 * HEAD_MAX]].concat();
+        let refused = answer(address, &endless);
+        assert!(!refused.contains("hello"), "{refused}");
+        // All places are taken by some who say nothing; until they are sent away the next one is.
+        let begun = Instant::now();
+        let silent: Vec<_> = (0..CONNECTIONS_MAX)
+            .map(|_| std::net::TcpStream::connect(address).unwrap())
+            .collect();
+        let told = answer(address, hello);
+        if begun.elapsed() < HEAD_WAIT {
+            assert_eq!(told, "");
+        }
+        while !answer(address, hello).ends_with("hello") {
+            assert!(begun.elapsed() < Duration::from_secs(120));
+            std::thread::sleep(Duration::from_millis(100));
+        }
+        // They are still here, and heard nothing but their end.
+        for mut stream in silent {
+            let mut told = String::new();
+            let _ = stream.read_to_string(&mut told);
+            assert!(!told.contains("hello"), "{told}");
+        }
+    }
 
     #[test]
     fn pages_of_other_names_are_not_ours() {

@@ -66,7 +66,8 @@ pub enum OrderIs {
 }
 
 impl OrderIs {
-    fn word(self) -> &'static str {
+    /// As it is written.
+    pub fn word(self) -> &'static str {
         match self {
             OrderIs::Open => "open",
             OrderIs::Done => "done",
@@ -312,7 +313,9 @@ impl Store {
         let sql = "SELECT entry FROM journal WHERE machine = ?1 AND seq > ?2
             AND book = (SELECT book FROM machine WHERE name = ?1) ORDER BY seq LIMIT ?3";
         let mut rows = self.db.prepare(sql)?;
-        let entries = rows.query_map(params![machine, since as i64, most], |row| row.get::<_, String>(0))?;
+        // Numbers beyond those of the table are behind all of it.
+        let since = i64::try_from(since).unwrap_or(i64::MAX);
+        let entries = rows.query_map(params![machine, since, most], |row| row.get::<_, String>(0))?;
         entries
             .map(|entry| Ok(serde_json::from_str(&entry?).unwrap_or_default()))
             .collect()

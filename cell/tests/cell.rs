@@ -274,6 +274,21 @@ fn what_happened_without_a_supervisor_is_told_to_the_next_one() {
 }
 
 #[test]
+fn a_journal_that_is_too_long_for_a_message_comes_in_several() {
+    let shop = Shop::new();
+    let mill = shop.control("mill", Remote::Run);
+    let text = "x".repeat(100_000);
+    for _ in 0..60 {
+        mill.of.alarm(&text);
+    }
+    let supervisor = shop.supervisor();
+    until("all of it", || {
+        machine(&supervisor.of, "mill")?;
+        (journal(&supervisor.of, "mill").len() == 61).then_some(())
+    });
+}
+
+#[test]
 fn an_order_of_parts_is_made_by_several_machines() {
     let shop = Shop::new();
     let supervisor = shop.supervisor();
@@ -373,6 +388,31 @@ fn a_machine_speaks_for_itself_alone() {
     until("good", || machine(&supervisor.of, "good"));
     let liar = cell_link::carrier::connect(&shop.address.to_string(), &shop.identity("liar")).unwrap();
     assert!(!speaks(&liar, &supervisor.of));
+    drop(good);
+}
+
+#[test]
+fn a_message_without_end_is_not_heard_and_disturbs_nobody() {
+    use cell_link::message::{MESSAGE_MAX, Topic};
+    use cell_link::zenoh::Wait;
+    use cell_link::zenoh::qos::CongestionControl;
+    let shop = Shop::new();
+    shop.ca.issue("endless").unwrap();
+    let good = shop.control("good", Remote::Run);
+    let supervisor = shop.supervisor();
+    let desk = &supervisor.of;
+    until("good", || machine(desk, "good"));
+    let endless = cell_link::carrier::connect(&shop.address.to_string(), &shop.identity("endless")).unwrap();
+    for _ in 0..4 {
+        let put = endless.put(Topic::State.key("endless"), vec![b' '; 8 * MESSAGE_MAX]);
+        // The link may have been closed by then.
+        let _ = put.congestion_control(CongestionControl::Block).wait();
+    }
+    // What goes down may be longer than what comes up.
+    until("a program", || {
+        upload(desk, "good", &"(x)\n".repeat(MESSAGE_MAX / 2)).ok()
+    });
+    assert!(machine(desk, "endless").is_none());
     drop(good);
 }
 

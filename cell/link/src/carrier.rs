@@ -5,6 +5,7 @@
 //! A star: the supervisor listens as a router, controls are its clients. No multicast, no gossip, TLS 1.3 with certificates of both
 //! sides and nothing else. Only the supervisor's certificate may serve (extended key usage), so no machine can stand in its place.
 
+use crate::message::{MESSAGE_MAX, PROGRAM_MAX};
 use serde_json::{Value, json};
 use std::net::{SocketAddr, TcpStream, ToSocketAddrs};
 use std::os::unix::fs::MetadataExt;
@@ -19,6 +20,9 @@ const PEM_MAX: u64 = 64 << 10;
 const REACH: Duration = Duration::from_secs(2);
 /// A link that says nothing for so long is over, ms.
 const LEASE_MS: u64 = 4000;
+
+/// What Zenoh says beside a message, octets, and more.
+const BESIDE: usize = 64 << 10;
 
 /// Files of one side.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -71,15 +75,16 @@ pub fn machine_of(common_name: &str) -> Option<&str> {
     (is_number && crate::message::is_machine(machine)).then_some(machine)
 }
 
-/// Keys of Zenoh's configuration that both sides have.
-fn common(mode: &str, tls: Value) -> Value {
+/// Keys of Zenoh's configuration that both sides have; what comes is `longest` octets at the most.
+fn common(mode: &str, longest: usize, tls: Value) -> Value {
     json!({
         "mode": mode,
         "scouting": { "multicast": { "enabled": false }, "gossip": { "enabled": false } },
         "timestamping": { "enabled": false },
         "adminspace": { "enabled": false },
         "transport": {
-            "link": { "protocols": ["tls"], "tx": { "lease": LEASE_MS }, "tls": tls },
+            "link": { "protocols": ["tls"], "tx": { "lease": LEASE_MS }, "rx": { "max_message_size": longest },
+                      "tls": tls },
             "unicast": { "max_sessions": 600, "accept_pending": 600, "max_links": 1 },
         },
     })
@@ -144,6 +149,7 @@ fn open(config: &Value) -> Result<Session, CarrierError> {
 pub fn connect(address: &str, identity: &Identity) -> Result<Session, CarrierError> {
     let mut config = common(
         "client",
+        PROGRAM_MAX + BESIDE,
         json!({
             "root_ca_certificate": path(&identity.ca)?,
             "enable_mtls": true,
@@ -188,6 +194,7 @@ fn why_not(address: &str, said: &str) -> String {
 pub fn listen(address: SocketAddr, identity: &Identity, machines: &[String]) -> Result<Session, CarrierError> {
     let mut config = common(
         "router",
+        MESSAGE_MAX + BESIDE,
         json!({
             "root_ca_certificate": path(&identity.ca)?,
             "enable_mtls": true,
@@ -256,7 +263,7 @@ mod tests {
 
     #[test]
     fn what_is_told_to_zenoh_is_what_it_knows() {
-        let mut config = common("router", json!({ "enable_mtls": true }));
+        let mut config = common("router", 1 << 20, json!({ "enable_mtls": true }));
         config["access_control"] = access(&["a.1".into(), "b.2".into()]);
         zenoh::Config::from_json5(&config.to_string()).unwrap();
         let gone = Identity {

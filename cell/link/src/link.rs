@@ -13,8 +13,8 @@ use crate::carrier::{self, Identity};
 use crate::control::{Control, Refused};
 use crate::ledger::{Ledger, Line};
 use crate::message::{
-    ENTRIES_MAX, Envelope, Journal, Order, OrderState, Phase, Remote, Since, State, Stored, Topic, Upload, What, is_id,
-    sum,
+    ENTRIES_MAX, Envelope, Journal, MESSAGE_MAX, Order, OrderState, Phase, Remote, Since, State, Stored, Topic, Upload,
+    What, is_id, sum,
 };
 use crate::store;
 use serde::Serialize;
@@ -40,6 +40,8 @@ const NAP: Duration = Duration::from_millis(250);
 const SHORT_NAP: Duration = Duration::from_millis(5);
 /// Between two tries to reach a supervisor that was never there.
 const RETRY: Duration = Duration::from_secs(1);
+/// Entries of a journal in one message, octets: with what is around them it is none that is too long.
+const ENTRIES_OCTETS: usize = MESSAGE_MAX / 2;
 /// Questions that wait to be answered.
 const QUESTIONS: usize = 64;
 /// Programs and runs that wait: each may hold a whole program.
@@ -464,7 +466,13 @@ fn journal(control: &mut dyn Control, since: u64) -> Result<Journal, Refused> {
         _ => Vec::new(),
     };
     entries.retain(|entry| seq(entry).is_some_and(|seq| seq <= on_disk));
-    entries.truncate(ENTRIES_MAX);
+    let mut octets = 0;
+    let fits = |entry: &&Value| {
+        octets += entry.to_string().len();
+        octets <= ENTRIES_OCTETS
+    };
+    let fitting = entries.iter().take_while(fits).count();
+    entries.truncate(fitting.clamp(1, ENTRIES_MAX));
     Ok(Journal {
         since,
         more: entries.last().and_then(seq).is_some_and(|told| told < last),

@@ -126,7 +126,9 @@ impl Machine {
 pub struct Core {
     store: Store,
     machines: HashMap<String, Machine>,
-    asked: HashMap<u64, Asked>,
+    /// What was asked, and until when there may be an answer.
+    asked: HashMap<u64, (Asked, f64)>,
+    now: f64,
     last_ticket: u64,
     said: u64,
     times_due_s: f64,
@@ -150,6 +152,7 @@ impl Core {
             store,
             machines: HashMap::new(),
             asked: HashMap::new(),
+            now: 0.0,
             last_ticket: 0,
             said: 0,
             times_due_s: 0.0,
@@ -191,6 +194,7 @@ impl Core {
 
     /// Takes events, and does what is due at `now` (s since 1970); gives questions to controls. Answers to people have left.
     pub fn take(&mut self, events: Vec<Event>, now: f64) -> Vec<Question> {
+        self.now = now;
         let mut events = events.into_iter();
         let done = self.store.begin().and_then(|()| {
             for event in events.by_ref() {
@@ -232,7 +236,7 @@ impl Core {
 
     /// A question that does not leave.
     fn forget(&mut self, ticket: u64, why: &str) {
-        let reply = match self.asked.remove(&ticket) {
+        let reply = match self.asked.remove(&ticket).map(|(asked, _)| asked) {
             Some(Asked::Journal(machine)) => {
                 if let Some(machine) = self.machines.get_mut(&machine) {
                     machine.is_asked_journal = false;
@@ -280,7 +284,8 @@ impl Core {
         asked: Asked,
     ) {
         self.last_ticket += 1;
-        self.asked.insert(self.last_ticket, asked);
+        let until = self.now + wait.as_secs_f64() + ASK_AGAIN_S;
+        self.asked.insert(self.last_ticket, (asked, until));
         self.questions.push(Question {
             ticket: self.last_ticket,
             machine: machine.to_owned(),
@@ -413,7 +418,9 @@ impl Core {
         }
         let mut last = machine.journal;
         for entry in &journal.entries {
-            let Some(seq) = entry["seq"].as_u64().filter(|seq| *seq > last) else {
+            // The store has no greater numbers than those of i64.
+            let seq = entry["seq"].as_i64().and_then(|seq| u64::try_from(seq).ok());
+            let Some(seq) = seq.filter(|seq| *seq > last) else {
                 continue;
             };
             self.store.add_entry(name, seq, entry)?;
@@ -434,7 +441,7 @@ impl Core {
             let envelope = Envelope::from_octets(&answer?).map_err(|bad| bad.to_string())?;
             Ok(envelope.body)
         }
-        let Some(asked) = self.asked.remove(&ticket) else {
+        let Some((asked, _)) = self.asked.remove(&ticket) else {
             return Ok(());
         };
         match asked {
@@ -532,6 +539,12 @@ impl Core {
     }
 
     fn due(&mut self, now: f64) -> Outcome<()> {
+        // Where answers come too fast, some are dropped.
+        let lost = |(ticket, (_, until)): (&u64, &(Asked, f64))| (now > *until).then_some(*ticket);
+        let lost: Vec<u64> = self.asked.iter().filter_map(lost).collect();
+        for ticket in lost {
+            self.answer(ticket, Err("no answer".into()), now)?;
+        }
         self.ask_again(now)?;
         if now >= self.times_due_s {
             self.times_due_s = now + TIMES_S;

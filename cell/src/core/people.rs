@@ -174,7 +174,7 @@ impl Core {
             return Ok(Err(format!("there is no order {id}: isocnc-cell queue")));
         };
         if !from.contains(&order.state) {
-            return Ok(Err(format!("order {id} is {}", serde_json::json!(order.state))));
+            return Ok(Err(format!("order {id} is {}", order.state.word())));
         }
         self.store.set_order(id, to, "")?;
         for machine in self.machines.values_mut() {

@@ -141,7 +141,7 @@ impl Core {
     /// Asks about attempts of which nothing was heard for a while.
     pub(super) fn ask_again(&mut self, now: f64) -> Outcome<()> {
         let under_way: HashSet<&String> = (self.asked.values())
-            .filter_map(|asked| match asked {
+            .filter_map(|(asked, _)| match asked {
                 Asked::Attempt(_, id, _) => Some(id),
                 _ => None,
             })
@@ -218,7 +218,7 @@ impl Core {
     }
 
     pub(super) fn uploads_of(&self, id: i64) -> usize {
-        let of = |asked: &&Asked| matches!(asked, Asked::Upload { order: Some(order), .. } if *order == id);
+        let of = |(asked, _): &&(Asked, f64)| matches!(asked, Asked::Upload { order: Some(order), .. } if *order == id);
         self.asked.values().filter(of).count()
     }
 }

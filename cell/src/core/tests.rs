@@ -65,7 +65,7 @@ impl Fake {
                 say(Journal {
                     since,
                     entries,
-                    more: self.journal.len() as u64 > since + 3,
+                    more: self.journal.len() as u64 > since.saturating_add(3),
                     last: self.journal.len() as u64,
                 })
             }
@@ -112,8 +112,12 @@ struct Shop {
     file: std::path::PathBuf,
     fakes: HashMap<String, Fake>,
     now: f64,
-    /// Questions of which the answer is lost.
+    /// Questions of which the answer is lost, and that is told; or not even that.
     loses: bool,
+    swallows: bool,
+    /// What was said and answered so far: it may come once more, at any time.
+    said: Vec<(String, State)>,
+    answered: Vec<(u64, Vec<u8>)>,
     supervisors: u64,
     _folder: tempfile::TempDir,
 }
@@ -128,6 +132,9 @@ impl Shop {
             fakes: names.iter().map(|name| ((*name).to_owned(), Fake::default())).collect(),
             now: 1000.0,
             loses: false,
+            swallows: false,
+            said: Vec::new(),
+            answered: Vec::new(),
             supervisors: 0,
             _folder: folder,
         };
@@ -138,6 +145,8 @@ impl Shop {
     /// Another supervisor over the same store; whatever the earlier one had under way is gone.
     fn restart(&mut self) {
         self.core = None;
+        // Its links were others.
+        self.answered.clear();
         self.supervisors += 1;
         let (supervisor, mut number) = (self.supervisors, 0);
         let ids = Box::new(move || {
@@ -168,6 +177,12 @@ impl Shop {
                     continue;
                 }
                 let answer = fake.answer(&question);
+                if let Ok(octets) = &answer {
+                    self.answered.push((question.ticket, octets.clone()));
+                }
+                if self.swallows {
+                    continue;
+                }
                 if !self.loses {
                     events.push(Event::Answer(question.ticket, answer));
                 } else {
@@ -184,12 +199,10 @@ impl Shop {
     fn second(&mut self) {
         self.now += 1.0;
         let states = self.names().into_iter().filter(|name| !self.fakes[name].is_down);
-        let states = states.map(|name| {
-            let state = self.fakes[&name].state();
-            Event::State(name, Box::new(state))
-        });
-        let states = states.collect();
-        self.give(states);
+        let states: Vec<(String, State)> = states.map(|name| (name.clone(), self.fakes[&name].state())).collect();
+        self.said.extend(states.clone());
+        let event = |(name, state)| Event::State(name, Box::new(state));
+        self.give(states.into_iter().map(event).collect());
     }
 
     fn ask(&mut self, ask: Ask) -> Result<Value, String> {
@@ -565,6 +578,9 @@ enum Mishap {
     KillSupervisor,
     KillControl(usize),
     Lose(bool),
+    Swallow(bool),
+    /// Something that was said or answered comes once more.
+    Late(usize),
 }
 
 fn mishap() -> impl Strategy<Value = Mishap> {
@@ -575,6 +591,8 @@ fn mishap() -> impl Strategy<Value = Mishap> {
         2 => Just(Mishap::KillSupervisor),
         2 => (0usize..3).prop_map(Mishap::KillControl),
         1 => any::<bool>().prop_map(Mishap::Lose),
+        1 => any::<bool>().prop_map(Mishap::Swallow),
+        3 => any::<usize>().prop_map(Mishap::Late),
     ]
 }
 
@@ -601,10 +619,20 @@ proptest! {
                     shop.give(vec![Event::Alive(name.clone(), false), Event::Alive(name, true)]);
                 }
                 Mishap::Lose(loses) => shop.loses = loses,
+                Mishap::Swallow(swallows) => shop.swallows = swallows,
+                Mishap::Late(at) => {
+                    let (name, state) = shop.said[at % shop.said.len()].clone();
+                    let mut late = vec![Event::State(name, Box::new(state))];
+                    if let Some((ticket, octets)) = shop.answered.get(at % shop.answered.len().max(1)) {
+                        late.push(Event::Answer(*ticket, Ok(octets.clone())));
+                    }
+                    shop.give(late);
+                }
             }
         }
-        shop.loses = false;
-        for _ in 0..60 {
+        (shop.loses, shop.swallows) = (false, false);
+        // A question of which nothing is heard is asked again after a minute.
+        for _ in 0..130 {
             shop.second();
             shop.end_all(Phase::Completed);
             if shop.of_order(id)["state"] == "held" {
@@ -621,6 +649,116 @@ proptest! {
         prop_assert_eq!(ids.len(), runs);
         let completed = all.filter(|order| order.phase == Phase::Completed).count();
         prop_assert_eq!(completed as u32, count);
+        for (name, fake) in &shop.fakes {
+            let stored = shop.core.as_ref().unwrap().store.journal(name, 0, 1000).unwrap();
+            prop_assert_eq!(&stored, &fake.journal, "{}", name);
+        }
+    }
+}
+
+/// What comes from a machine.
+#[derive(Clone, Debug)]
+enum Said {
+    State(String, Box<State>),
+    Journal(String, Journal),
+    Answer(u64, Vec<u8>),
+    Alive(String, bool),
+}
+
+impl Said {
+    fn event(self) -> Event {
+        match self {
+            Said::State(name, state) => Event::State(name, state),
+            Said::Journal(name, journal) => Event::Journal(name, journal),
+            Said::Answer(ticket, octets) => Event::Answer(ticket, Ok(octets)),
+            Said::Alive(name, is_alive) => Event::Alive(name, is_alive),
+        }
+    }
+}
+
+fn forged() -> impl Strategy<Value = Said> {
+    let number = || prop_oneof![0u64..4, any::<u64>(), Just(u64::MAX), Just(1 << 63)];
+    let name = || prop_oneof![Just("a".to_owned()), Just("never-seen".to_owned())];
+    let phase = prop_oneof![
+        Just(Phase::Unknown),
+        Just(Phase::Refused),
+        Just(Phase::Running),
+        Just(Phase::Completed),
+        Just(Phase::Failed)
+    ];
+    let order = |(id, phase)| OrderState {
+        id,
+        phase,
+        note: "\u{1b}[2J".into(),
+        took_s: Some(-1e300),
+    };
+    let order = (prop_oneof![Just("s1-1".to_owned()), ".{0,9}"], phase).prop_map(order);
+    let state = (name(), number(), number(), proptest::option::of(order)).prop_map(|(name, boot, journal, order)| {
+        let state = State {
+            boot,
+            journal,
+            order,
+            is_ready: true,
+            remote: Remote::Run,
+            ..State::default()
+        };
+        Said::State(name, Box::new(state))
+    });
+    let entry = (number(), any::<f64>(), ".{0,9}").prop_map(
+        |(seq, at, text)| json!({ "seq": seq, "unix_s": at, "kind": "alarm", "text": text, "acknowledges": [[seq], {}] }),
+    );
+    let entry = prop_oneof![entry, Just(Value::Null), Just(json!([[]]))];
+    let entries = proptest::collection::vec(entry, 0..4);
+    let journal = (name(), number(), entries, any::<bool>(), number());
+    prop_oneof![
+        state,
+        journal.prop_map(|(name, since, entries, more, last)| {
+            let journal = Journal {
+                since,
+                entries,
+                more,
+                last,
+            };
+            Said::Journal(name, journal)
+        }),
+        (0u64..40, proptest::collection::vec(any::<u8>(), 0..20))
+            .prop_map(|(ticket, octets)| Said::Answer(ticket, octets)),
+        (name(), any::<bool>()).prop_map(|(name, is_alive)| Said::Alive(name, is_alive)),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// A machine that lies harms itself alone: the store takes it, people are answered, the others make their parts.
+    #[test]
+    fn what_a_machine_forges_is_its_own_affair(events in proptest::collection::vec(forged(), 0..60)) {
+        let mut shop = Shop::new(&["b", "c"]);
+        shop.fakes.insert("a".into(), Fake { refuses: true, ..Fake::default() });
+        shop.fakes.insert("never-seen".into(), Fake { is_down: true, ..Fake::default() });
+        for name in ["b", "c"] {
+            shop.fakes.get_mut(name).unwrap().note("alarm", "true");
+        }
+        shop.second();
+        let id = shop.order(4, Wish::default());
+        for event in events {
+            shop.give(vec![event.event()]);
+            shop.ask(Ask::Overview).unwrap();
+            shop.ask(Ask::Machines).unwrap();
+        }
+        for _ in 0..130 {
+            shop.second();
+            shop.end_all(Phase::Completed);
+        }
+        let order = shop.of_order(id);
+        prop_assert_eq!(&order["state"], &json!("done"), "{}", order);
+        for name in ["b", "c"] {
+            let stored = shop.core.as_ref().unwrap().store.journal(name, 0, 1000).unwrap();
+            prop_assert_eq!(&stored, &shop.fakes[name].journal, "{}", name);
+        }
+        // It is known again from its own store.
+        shop.restart();
+        shop.ask(Ask::Overview).unwrap();
     }
 }
 
