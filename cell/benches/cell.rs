@@ -211,26 +211,32 @@ fn main() {
 
     let sleep_s = number("ISOCNC_CELL_SLEEP_S", 10);
     let pid = Pid::from_raw(child.id() as i32);
-    for (control, _) in &controls {
-        control.longest_gap();
-    }
-    kill(pid, Signal::SIGSTOP).expect("a stop");
-    for _ in 0..10 * sleep_s {
+    // Each control tells 10 notes a second: how long a link was busy at the most, ms, and by how much memory grows, MB. The simulation
+    // keeps its journal there.
+    let told = || {
+        let before = memory_mb(std::process::id());
         for (control, _) in &controls {
-            control.notes(1);
+            control.longest_gap();
         }
-        std::thread::sleep(Duration::from_millis(100));
-    }
-    let gap = controls
-        .iter()
-        .map(|(control, _)| control.longest_gap())
-        .max()
-        .unwrap_or_default();
+        for _ in 0..10 * sleep_s {
+            for (control, _) in &controls {
+                control.notes(1);
+            }
+            std::thread::sleep(Duration::from_millis(100));
+        }
+        let gaps = controls.iter().map(|(control, _)| control.longest_gap());
+        let gap = gaps.max().unwrap_or_default().as_secs_f64() * 1e3;
+        (gap, memory_mb(std::process::id()) - before)
+    };
+    let (awake, awake_mb) = told();
+    kill(pid, Signal::SIGSTOP).expect("a stop");
+    let (asleep, asleep_mb) = told();
     kill(pid, Signal::SIGCONT).expect("to go on");
     println!(
-        "supervisor asleep for {sleep_s} s, each control tells 10 notes a second: a link was busy for {:.0} ms at the most",
-        gap.as_secs_f64() * 1e3
+        "{} notes in {sleep_s} s: supervisor awake, a link was busy for {awake:.0} ms at the most, all controls grew by {awake_mb:.0} MB",
+        10 * sleep_s * count
     );
+    println!("the same while it sleeps: {asleep:.0} ms, {asleep_mb:.0} MB");
     let begun = Instant::now();
     let lasts: Vec<u64> = controls.iter().map(|(control, _)| control.alarm("last")).collect();
     for (name, last) in names.iter().zip(&lasts) {

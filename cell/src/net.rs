@@ -195,11 +195,20 @@ impl Net {
         // A list that cannot be read lets nobody new in, and nobody out.
         self.ca.valid()?;
         self.listed = written;
+        self.open_anew()?;
+        Ok(true)
+    }
+
+    /// Opens the session anew, with all links.
+    ///
+    /// # Errors
+    /// As [`Net::listen`]; then the old session is closed.
+    pub fn open_anew(&mut self) -> Result<(), NetError> {
         if let Err(cause) = self.session.close().wait() {
             tracing::debug!("{cause}");
         }
         self.session = open(&self.ca, self.address, &self.identity, &self.events)?;
-        Ok(true)
+        Ok(())
     }
 
     /// Asks a control.

@@ -11,8 +11,10 @@ use crate::page;
 use crate::store::Store;
 use crate::trust;
 use anyhow::{Context, bail};
+use cell_link::carrier::LEASE;
 use cell_link::message::PROGRAM_MAX;
 use nix::fcntl::{Flock, FlockArg};
+use nix::time::{ClockId, clock_gettime};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::fs::File;
@@ -160,6 +162,7 @@ impl Supervisor {
     pub fn run(mut self, stop: &AtomicBool) {
         let mut refreshed = Instant::now();
         let mut dropped = 0;
+        let has_slept = watch_for_sleep();
         while !stop.load(Ordering::Relaxed) {
             let mut batch = Vec::new();
             match self.events.recv_timeout(TICK) {
@@ -173,6 +176,15 @@ impl Supervisor {
             }
             if refreshed.elapsed() >= REFRESH {
                 refreshed = Instant::now();
+                if has_slept.swap(false, Ordering::Relaxed) {
+                    match self.net.open_anew() {
+                        Ok(()) => tracing::info!("this process was stopped for a while: all controls connect anew"),
+                        Err(cause) => {
+                            tracing::error!("{cause}");
+                            has_slept.store(true, Ordering::Relaxed);
+                        }
+                    }
+                }
                 match self.net.refresh() {
                     Ok(true) => tracing::info!("the list of certificates has changed: all controls connect anew"),
                     Ok(false) => {}
@@ -190,6 +202,34 @@ impl Supervisor {
         }
         self.net.close();
     }
+}
+
+/// Time since this PC was started, with that in which it slept.
+fn since_start() -> Duration {
+    clock_gettime(ClockId::CLOCK_BOOTTIME).map_or(Duration::ZERO, Duration::from)
+}
+
+/// Tells whether this process was stopped for longer than a link bears: its controls have then left behind connections by the hundred,
+/// and Zenoh takes 0.1 s for each before it takes those that count.
+fn watch_for_sleep() -> Arc<AtomicBool> {
+    let has_slept = Arc::new(AtomicBool::new(false));
+    let told = Arc::downgrade(&has_slept);
+    let watch = move || {
+        let mut last = since_start();
+        loop {
+            std::thread::sleep(TICK);
+            let Some(told) = told.upgrade() else { return };
+            let now = since_start();
+            if now.saturating_sub(last) > LEASE {
+                told.store(true, Ordering::Relaxed);
+            }
+            last = now;
+        }
+    };
+    if let Err(cause) = std::thread::Builder::new().name("sleep".into()).spawn(watch) {
+        tracing::warn!("{cause}");
+    }
+    has_slept
 }
 
 /// Runs a supervisor until `stop`; `ready` is called once everything listens.

@@ -12,6 +12,8 @@ use cell_link::message::Remote;
 use cell_link::simulated::{Simulated, runs};
 use nix::mount::{MsFlags, mount};
 use nix::sched::{CloneFlags, unshare};
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
 use serde_json::Value;
 use std::fs::File;
 use std::io::Write;
@@ -242,6 +244,30 @@ fn no_order_is_lost_or_doubled_whoever_is_killed() {
     println!(
         "killed {killed:?} of {:?}: {count} parts completed, {failed} cut off, {begun_runs} runs, no id twice",
         shop.names
+    );
+}
+
+#[test]
+fn a_supervisor_that_sleeps_disturbs_nobody() {
+    if std::env::var(BE).is_ok() {
+        return;
+    }
+    let shop = Shop::begin(|_| ());
+    let id = shop.order(9);
+    let begun = Instant::now();
+    while shop.order_is(id)["completed"] == 0 {
+        assert!(begun.elapsed() < LONG);
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let supervisor = Pid::from_raw(shop.processes[0].0.id() as i32);
+    kill(supervisor, Signal::SIGSTOP).unwrap();
+    // All links are over by then.
+    std::thread::sleep(Duration::from_secs(6));
+    kill(supervisor, Signal::SIGCONT).unwrap();
+    let done = shop.done(id);
+    assert_eq!(
+        (&done["completed"], &done["failed"], shop.runs()),
+        (&Value::from(9), &Value::from(0), 9)
     );
 }
 

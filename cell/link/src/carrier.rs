@@ -18,8 +18,8 @@ use zenoh::{Session, Wait};
 const PEM_MAX: u64 = 64 << 10;
 /// Longest wait for somebody who listens.
 const REACH: Duration = Duration::from_secs(2);
-/// A link that says nothing for so long is over, ms.
-const LEASE_MS: u64 = 4000;
+/// A link that says nothing for so long is over.
+pub const LEASE: Duration = Duration::from_secs(4);
 
 /// What Zenoh says beside a message, octets, and more.
 const BESIDE: usize = 64 << 10;
@@ -83,7 +83,7 @@ fn common(mode: &str, longest: usize, tls: Value) -> Value {
         "timestamping": { "enabled": false },
         "adminspace": { "enabled": false },
         "transport": {
-            "link": { "protocols": ["tls"], "tx": { "lease": LEASE_MS }, "rx": { "max_message_size": longest },
+            "link": { "protocols": ["tls"], "tx": { "lease": LEASE.as_millis() as u64 }, "rx": { "max_message_size": longest },
                       "tls": tls },
             "unicast": { "max_sessions": 600, "accept_pending": 600, "max_links": 1 },
         },
