@@ -565,6 +565,58 @@ fn programs_arrive_checked_and_nothing_else_does() {
     assert_eq!(control.json("DELETE", "/files/part.ngc", &[], b"").0, 404);
 }
 
+/// Drives on, homed, in automatic, a program of the same name loaded: nothing but an order is missing.
+#[test]
+fn nothing_that_arrives_starts_on_a_machine_that_is_ready_for_it() {
+    let control = Control::start("arrival", LOOPBACK);
+    let mut rpc = control.rpc();
+    rpc.until(|status| status["power"] == "off");
+    rpc.call("home", json!({})).unwrap();
+    rpc.until(|status| status["job"] == "completed");
+    let to = |x: u32| format!("G21 G90 G94\nG53 G1 X{x} F3000\nM2\n");
+    let runs = |rpc: &mut Rpc| {
+        let told = rpc.call("journal.since", json!({ "seq": 0 })).unwrap();
+        let entries = told["entries"].as_array().unwrap().iter();
+        let ends = entries.filter_map(|entry| entry["program"]["result"].as_str().map(str::to_owned));
+        ends.collect::<Vec<String>>()
+    };
+    assert_eq!(control.json("PUT", "/files/part.ngc", &[], to(5).as_bytes()).0, 201);
+    rpc.call("program.load", json!({ "file": "part.ngc" })).unwrap();
+    rpc.call("program.start", json!({})).unwrap();
+    while runs(&mut rpc) != ["completed"] {
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let ready = rpc.until(|status| status["activity"] == "idle");
+    assert_eq!((&ready["power"], &ready["mode"]), (&json!("on"), &json!("auto")));
+
+    assert_eq!(control.json("PUT", "/files/new.ngc", &[], to(20).as_bytes()).0, 201);
+    assert!(control.json("PUT", "/files/part.ngc", &[], to(30).as_bytes()).0 < 300);
+    std::fs::write(control.path("programs/copied.ngc"), to(40)).unwrap();
+    std::fs::rename(control.path("programs/copied.ngc"), control.path("programs/moved.ngc")).unwrap();
+    let (_, list) = control.json("GET", "/files/", &[], b"");
+    assert_eq!(list["files"].as_array().unwrap().len(), 3, "{list}");
+    let moved =
+        |status: &Value| (status["position_mm"][0].as_f64().unwrap() - ready["position_mm"][0].as_f64().unwrap()).abs();
+    for _ in 0..25 {
+        let status = rpc.call("status", json!({})).unwrap();
+        assert_eq!(
+            (&status["activity"], &status["program"]),
+            (&json!("idle"), &ready["program"])
+        );
+        assert!(moved(&status) < 1.0, "{status}");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    assert_eq!(runs(&mut rpc), ["completed"]);
+
+    // An order starts what was loaded, not what has come under its name.
+    rpc.call("program.start", json!({})).unwrap();
+    while runs(&mut rpc) != ["completed", "completed"] {
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let end = rpc.until(|status| status["activity"] == "idle");
+    assert!(moved(&end) < 1.0, "{end}");
+}
+
 #[test]
 fn from_elsewhere_a_token_says_what_somebody_may_do() {
     let control = Control::start("tokens", "address = \"0.0.0.0:0\"");
