@@ -17,7 +17,7 @@ use isocnc::bus::powerlink::{Powerlink, wall_clock};
 use isocnc::bus::{BusState, CyclicBus, InputImage, NodeState, OutputImage};
 use isocnc::config::{self, BusLink};
 use isocnc::host::netns::{add_wire, private_wire};
-use isocnc::host::setup::{Process, Role, STACK_SIZE, enter_thread, prepare_process};
+use isocnc::host::setup::{Process, Role, STACK_SIZE, enter_core, enter_thread, prepare_process};
 use isocnc::host::wait::{Grid, monotonic_ns, thread_cpu_ns};
 use isocnc::rt::timeout::{self, Limits, TimeoutThread, Watch};
 use nix::errno::Errno;
@@ -373,7 +373,9 @@ impl Bench {
                 .then(|| TimeoutThread::spawn(Arc::clone(&self.process), Arc::clone(watch), limits, reports, None))
                 .transpose()?;
             let managing = thread("managing").spawn_scoped(scope, || {
-                drop(enter_thread(Role::Cycle, &self.process));
+                // Not as a thread of the control, which gives up the right to lock memory because it asks for none: nodes within it
+                // and records do, and what could not be locked would not be had.
+                drop(enter_core(self.process.cpu, self.process.priority));
                 let grid = Grid {
                     period_ns,
                     phase_ns: 37_000,
