@@ -109,10 +109,9 @@ impl Esi {
         }
     }
 
-    /// Objects that the device exchanges as it comes; `None`: not in whole octets.
+    /// Objects that the device exchanges as it comes; `None`: it has none, or some that are not exchanged.
     pub(super) fn usual(&self, outputs: bool) -> Option<Vec<Mapped>> {
-        let assigned: Vec<&EsiPdo> = self.device.assigned(outputs).collect();
-        let objects = objects(&assigned)?;
+        let objects = assigned(&self.device, outputs).ok()?;
         (!objects.is_empty()).then_some(objects)
     }
 
@@ -123,39 +122,98 @@ impl Esi {
         } else {
             &self.device.tx_pdos
         };
+        let as_it_is = |pdo: &EsiPdo| Pdo {
+            index: pdo.index,
+            entries: Vec::new(),
+        };
+        // All that are assigned, whose bits may share octets.
+        if self.usual(outputs).is_some_and(|usual| usual == wanted) {
+            return Some(self.device.assigned(outputs).map(as_it_is).collect());
+        }
         let mut left = wanted;
         let mut found: Vec<Pdo> = Vec::new();
         while !left.is_empty() {
-            let fits = |pdo: &&EsiPdo| {
-                let own = objects(&[*pdo]).unwrap_or_default();
+            let fitting = |pdo: &EsiPdo| {
+                let own = objects(&[pdo]).unwrap_or_default();
                 let is_new = found.iter().all(|other| other.index != pdo.index);
-                is_new && !own.is_empty() && left.starts_with(&own)
+                let is_whole = pdo.bits().is_multiple_of(8);
+                (is_new && is_whole && !own.is_empty() && left.starts_with(&own)).then_some(own.len())
             };
             // The longest, and those that are assigned anyway first.
-            let best = pdos.iter().filter(fits);
-            let best = best.max_by_key(|pdo| (pdo.entries.len(), pdo.sync_manager.is_some()))?;
-            left = &left[best.entries.len()..];
-            found.push(Pdo {
-                index: best.index,
-                entries: Vec::new(),
-            });
+            let fitting = pdos.iter().filter_map(|pdo| Some((fitting(pdo)?, pdo)));
+            let (count, best) = fitting.max_by_key(|(count, pdo)| (*count, pdo.sync_manager.is_some()))?;
+            left = &left[count..];
+            found.push(as_it_is(best));
         }
         Some(found)
     }
 }
 
-/// The entries of PDOs, if they are whole octets without gaps.
-fn objects(pdos: &[&EsiPdo]) -> Option<Vec<Mapped>> {
-    let entries = pdos.iter().flat_map(|pdo| &pdo.entries);
-    let object = |entry: &obd::device::EsiEntry| {
-        let is_whole = entry.index != 0 && matches!(entry.bits, 8 | 16 | 32 | 64);
-        is_whole.then_some(Mapped {
+/// Octets of PDOs in which no entry begins have this index, and their number in the payload as sub-index.
+const PADDING: u16 = 0x5FFF;
+
+/// What a device exchanges as it comes, in whole octets.
+///
+/// # Errors
+/// The entry that is not exchanged, in words.
+pub(crate) fn assigned(device: &EsiDevice, outputs: bool) -> Result<Vec<Mapped>, String> {
+    let assigned: Vec<&EsiPdo> = device.assigned(outputs).collect();
+    objects(&assigned)
+}
+
+/// Entries of PDOs one behind the other. Those of less than an octet, and gaps, are gathered into octets, each called by the first
+/// entry that begins in it.
+fn objects(pdos: &[&EsiPdo]) -> Result<Vec<Mapped>, String> {
+    let mut objects: Vec<Mapped> = Vec::new();
+    // Bits of the last octet that are taken, and whether it has its name; 0: it is full.
+    let (mut taken, mut is_named) = (0, true);
+    for (pdo, entry) in pdos
+        .iter()
+        .flat_map(|pdo| pdo.entries.iter().map(move |entry| (pdo, entry)))
+    {
+        let is_gap = entry.index == 0;
+        let mut bits = u32::from(entry.bits);
+        let object = Mapped {
             index: entry.index,
             sub: entry.sub,
             bits: entry.bits,
-        })
-    };
-    entries.map(object).collect()
+        };
+        if taken == 0 && !is_gap && matches!(bits, 8 | 16 | 32 | 64) {
+            objects.push(object);
+            continue;
+        }
+        if !is_gap && taken + bits > 8 {
+            return Err(format!(
+                "PDO 0x{:04X}: entry 0x{:04X}:{} has {bits} bits from bit {taken} of an octet on; exchanged are 8, 16, 32 and 64 bits \
+                 from bit 0 on, and what lies within one octet",
+                pdo.index, entry.index, entry.sub
+            ));
+        }
+        while bits > 0 {
+            if taken == 0 {
+                let number = u8::try_from(objects.len() + 1);
+                objects.push(Mapped {
+                    index: PADDING,
+                    sub: number.map_err(|_| format!("PDO 0x{:04X}: more than 255 objects", pdo.index))?,
+                    bits: 8,
+                });
+                is_named = false;
+            }
+            if let Some(octet) = objects.last_mut().filter(|_| !is_gap && !is_named) {
+                *octet = Mapped { bits: 8, ..object };
+                is_named = true;
+            }
+            let part = bits.min(8 - taken);
+            taken = (taken + part) % 8;
+            bits -= part;
+        }
+    }
+    Ok(objects)
+}
+
+/// Whether objects hold bits that nobody can name.
+pub(super) fn have_padding(objects: &[Mapped]) -> bool {
+    objects.iter().any(|object| object.index == PADDING)
 }
 
 /// Reads the ESI file of a node; `Some(None)`: there is none.
@@ -204,6 +262,23 @@ pub(super) fn esi(section: &mut Section<'_, '_>, folder: &Path) -> Option<Option
         section.wrong("device_file", rule);
         return None;
     };
+    if let Some(slot) = &device.open_slot {
+        let rule = format!(
+            "does not tell what {} exchanges: {slot} may hold one of several modules, and none of them is usual (ModuleIdent Default)",
+            device.name
+        );
+        section.wrong("device_file", rule);
+        return None;
+    }
+    for (key, outputs) in [("outputs", true), ("inputs", false)] {
+        if let (false, Err(why)) = (section.has(key), assigned(device, outputs)) {
+            section.wrong(
+                "device_file",
+                format!("has {key} that cannot be exchanged as they are: {why}"),
+            );
+            return None;
+        }
+    }
     Some(Some(Esi {
         vendor: parsed.vendor,
         device: device.clone(),
@@ -370,7 +445,7 @@ fn of_axes(wanted: &[Mapped]) -> Vec<(u8, &[Mapped])> {
 
 /// `0x1A00 with 0x6041/16, 0x6064/32`
 fn told(pdo: &EsiPdo) -> Option<String> {
-    let objects = objects(&[pdo])?;
+    let objects = objects(&[pdo]).ok()?;
     let objects: Vec<String> = objects.iter().map(Mapped::to_string).collect();
     Some(format!("0x{:04X} with {}", pdo.index, objects.join(", ")))
 }

@@ -229,7 +229,9 @@ fn left_out(section: &Section<'_, '_>, payload: Payload, target: &Target<'_>) ->
     let own = target.device.and_then(|device| device_mapping(device, payload));
     let own = own.or_else(|| usual.clone());
     let enough = |own: &Vec<Mapped>| match profile {
-        Profile::Cia402 => target.axes.iter().all(|axis| missing(payload, axis, own).is_empty()),
+        Profile::Cia402 => {
+            !super::ethercat::have_padding(own) && target.axes.iter().all(|axis| missing(payload, axis, own).is_empty())
+        }
         Profile::Io => true,
     };
     if let Some(own) = own.filter(enough) {

@@ -71,6 +71,7 @@ pub use document::{Bound, Question};
 pub use drive_profile::questions as drive_profile_questions;
 pub use drive_profile::{BUILT_IN as DRIVE_PROFILES, parse as parse_drive_profile};
 pub use error::{ConfigError, ConfigErrors};
+pub(crate) use ethercat::assigned as esi_assigned;
 pub use logics::{End, Interface, LogicPin, LogicTask, pin_type};
 pub use panel::{Encryption, OnLostControl, PANEL_PORT, Panel};
 pub use position_loop::GAIN_MAX;

@@ -212,3 +212,86 @@ fn what_a_device_cannot_do_by_its_esi_file_is_refused_at_its_place() {
         messages(&text)
     );
 }
+
+/// A terminal as makers describe them: a PDO a channel, with bits, gaps and a value.
+const TERMINAL: &str = r##"<?xml version="1.0"?>
+<EtherCATInfo Version="1.6">
+  <Vendor><Id>#x0000FACE</Id><Name>Maker</Name></Vendor>
+  <Descriptions><Devices><Device>
+    <Type ProductCode="#x00000003" RevisionNo="#x00010000">MIXED</Type>
+    <Sm StartAddress="#x0F00" ControlByte="#x44" Enable="1">Outputs</Sm>
+    <Sm StartAddress="#x1000" ControlByte="#x20" Enable="1">Inputs</Sm>
+    <RxPdo Fixed="1" Sm="0"><Index>#x1600</Index>
+      <Entry><Index>#x7000</Index><SubIndex>1</SubIndex><BitLen>1</BitLen><DataType>BOOL</DataType></Entry></RxPdo>
+    <RxPdo Fixed="1" Sm="0"><Index>#x1601</Index>
+      <Entry><Index>#x7010</Index><SubIndex>1</SubIndex><BitLen>1</BitLen><DataType>BOOL</DataType></Entry></RxPdo>
+    <TxPdo Fixed="1" Sm="1"><Index>#x1A00</Index>
+      <Entry><Index>#x6000</Index><SubIndex>1</SubIndex><BitLen>1</BitLen><DataType>BOOL</DataType></Entry>
+      <Entry><Index>#x6000</Index><SubIndex>3</SubIndex><BitLen>2</BitLen><DataType>BIT2</DataType></Entry>
+      <Entry><Index>#x0</Index><BitLen>18</BitLen></Entry>
+      <Entry><Index>#x6000</Index><SubIndex>15</SubIndex><BitLen>1</BitLen><DataType>BOOL</DataType></Entry>
+      <Entry><Index>#x0</Index><BitLen>2</BitLen></Entry>
+      <Entry><Index>#x6000</Index><SubIndex>17</SubIndex><BitLen>16</BitLen><DataType>INT</DataType></Entry></TxPdo>
+  </Device></Devices></Descriptions>
+</EtherCATInfo>
+"##;
+
+/// The machine whose terminal has this ESI file.
+fn with_terminal(esi: &str, io: &str) -> (tempfile::NamedTempFile, String) {
+    let file = tempfile::NamedTempFile::new().expect("a file");
+    std::fs::write(file.path(), esi).expect("it can be written");
+    let io = format!("device_file = \"{}\"\n{io}", file.path().display());
+    let text = machine("", "", &io);
+    (file, text)
+}
+
+/// Bits of several PDOs share an octet; an octet in which nothing begins has a name all the same.
+#[test]
+fn bits_and_gaps_of_an_esi_file_are_gathered_into_octets() {
+    let config = read(&with_terminal(TERMINAL, "").1);
+    let io = &config.bus.nodes[1];
+    let objects = |list: &[Mapped]| list.iter().map(Mapped::to_string).collect::<Vec<_>>();
+    assert_eq!(objects(&io.outputs), ["0x7000:1/8"]);
+    assert_eq!(
+        objects(&io.inputs),
+        ["0x6000:1/8", "0x5FFF:2/8", "0x6000:15/8", "0x6000:17/16"]
+    );
+    let pdo = |index| Pdo {
+        index,
+        entries: Vec::new(),
+    };
+    assert_eq!(own(io).outputs, [pdo(0x1600), pdo(0x1601)]);
+    assert_eq!(own(io).inputs, [pdo(0x1A00)]);
+    // The same written out; anything else does not fit what is fixed.
+    let inputs = "inputs = [\"0x6000:1/8\", \"0x5FFF:2/8\", \"0x6000:15/8\", \"0x6000:17/16\"]";
+    assert_eq!(messages(&with_terminal(TERMINAL, inputs).1), [""; 0]);
+    let [refused] = &messages(&with_terminal(TERMINAL, "inputs = [\"0x6000:17/16\"]").1)[..] else {
+        panic!("one message")
+    };
+    assert!(
+        refused.contains("the device has no mailbox by which its PDOs could be changed"),
+        "{refused}"
+    );
+}
+
+#[test]
+fn an_entry_of_an_esi_file_that_cannot_be_exchanged_is_named() {
+    let told = |esi: &str| {
+        let (file, text) = with_terminal(esi, "");
+        let all = messages(&text);
+        assert_eq!(all.len(), 1, "{all:?}");
+        all[0].replace(&file.path().display().to_string(), "FILE")
+    };
+    let crossing = TERMINAL.replace("<BitLen>18</BitLen>", "<BitLen>20</BitLen>").replace(
+        "<BitLen>1</BitLen><DataType>BOOL</DataType></Entry>\n      <Entry><Index>#x0</Index><BitLen>2</BitLen>",
+        "<BitLen>2</BitLen><DataType>BIT2</DataType></Entry>\n      <Entry><Index>#x0</Index><BitLen>7</BitLen>",
+    );
+    assert!(
+        told(&crossing).ends_with(
+            "has inputs that cannot be exchanged as they are: PDO 0x1A00: entry 0x6000:15 has 2 bits from bit 7 of an octet on; \
+             exchanged are 8, 16, 32 and 64 bits from bit 0 on, and what lies within one octet"
+        ),
+        "{}",
+        told(&crossing)
+    );
+}

@@ -13,7 +13,7 @@ use crate::machine::modules::Modules;
 use crate::operator::refusal::Refusal;
 use anyhow::{Context, ensure};
 use ethercat::wire::sii::Identity as SiiIdentity;
-use obd::device::{EsiFile, parse_esi};
+use obd::device::{EsiDevice, EsiFile, parse_esi};
 use powerlink::link::Link;
 use serde_json::json;
 use std::io::Write;
@@ -39,6 +39,8 @@ pub(super) struct Module {
     node_name: String,
     /// Its ESI file, as the machine file names it.
     device_file: Option<String>,
+    /// Objects that hold numbers with a sign, by its ESI file.
+    signed: Vec<Mapped>,
 }
 
 /// Runs the command. Exit code 1: nobody answers, or a device does not come to PRE-OP.
@@ -113,6 +115,7 @@ pub(super) fn ask(lead: &mut Lead<'_, '_>, device: usize, found: Found) -> anyho
         why: None,
         node_name: String::new(),
         device_file: None,
+        signed: Vec::new(),
     };
     if !lead.has_objects(device) {
         // Of inputs and outputs that have no objects, those of the profile say what lies where.
@@ -199,6 +202,31 @@ impl Module {
         (id, identity)
     }
 
+    /// Takes the names of what it exchanges from its ESI file, where that has as many octets as the device, and what of it has a sign.
+    fn describe(&mut self, device: &EsiDevice) {
+        let octets = |objects: &[Mapped]| objects.iter().map(|object| u32::from(object.bits) / 8).sum::<u32>();
+        for (own, is_output) in self.exchanges.iter_mut().zip([true, false]) {
+            let is_as_long = |of_file: &Vec<Mapped>| own.as_ref().is_none_or(|own| octets(own) == octets(of_file));
+            if let Some(of_file) = config::esi_assigned(device, is_output).ok().filter(is_as_long) {
+                *own = Some(of_file);
+            }
+        }
+        let entries = device
+            .rx_pdos
+            .iter()
+            .chain(&device.tx_pdos)
+            .flat_map(|pdo| &pdo.entries);
+        // Names of IEC 61131-3, as ETG.2000 has them.
+        let signed = entries.filter(|entry| matches!(entry.data_type.as_str(), "SINT" | "INT" | "DINT" | "LINT"));
+        self.signed = signed
+            .map(|entry| Mapped {
+                index: entry.index,
+                sub: entry.sub,
+                bits: entry.bits,
+            })
+            .collect();
+    }
+
     fn exchanges_nothing(&self) -> bool {
         self.exchanges
             .iter()
@@ -257,7 +285,7 @@ impl Module {
         for (name, objects) in [("input", inputs), ("output", outputs)] {
             let objects = objects.iter().flatten();
             for (number, object) in objects.enumerate() {
-                text += &channel(name, number, object);
+                text += &channel(name, number, object, self.signed.contains(object));
             }
         }
         text
@@ -265,10 +293,13 @@ impl Module {
 }
 
 /// Channels of an object: one for each bit of an octet, else one of its value.
-fn channel(name: &str, number: usize, object: &Mapped) -> String {
+fn channel(name: &str, number: usize, object: &Mapped, is_signed: bool) -> String {
     let place = format!("object = \"0x{:04X}:{}\"", object.index, object.sub);
     if object.bits > 8 {
-        return format!("[[bus.node.channel]]\nname = \"analog-{name}-{number}\"\n{place}\ntype = \"analog\"\n\n");
+        let signed = if is_signed { "signed = true\n" } else { "" };
+        return format!(
+            "[[bus.node.channel]]\nname = \"analog-{name}-{number}\"\n{place}\ntype = \"analog\"\n{signed}\n"
+        );
     }
     let bit = |bit: usize| {
         let number = number * 8 + bit;
@@ -388,14 +419,19 @@ fn name_device_files(modules: &mut [Module], folder: &Path, machine_file: &Path)
             revision,
             ..
         } = module.found.identity;
-        let fits = |(_, esi): &&(String, EsiFile)| esi.vendor == vendor && esi.find(product, Some(revision)).is_some();
-        let Some((file, _)) = files.iter().find(fits) else {
+        let own = |(file, esi): &'_ (String, EsiFile)| {
+            let of_maker = (esi.vendor == vendor).then_some(esi)?;
+            Some((file.clone(), of_maker.find(product, Some(revision))?.clone()))
+        };
+        let Some((file, device)) = files.iter().find_map(own) else {
             continue;
         };
+        let plain = module.clone();
+        module.describe(&device);
         module.device_file = Some(file.clone());
         let alone = new_file(std::slice::from_ref(module), "machine", "eth0");
         if let Err(errors) = config::parse(&alone, machine_file) {
-            module.device_file = None;
+            *module = plain;
             let errors = errors.to_string();
             let why = errors.lines().next().unwrap_or_default();
             unused += &format!("{} is without device_file = {file:?}: {why}\n", module.usual_name());

@@ -278,10 +278,60 @@ fn esi_files_that_fit_are_named_and_those_that_cannot_be_used_are_told() {
     let (told, well) = scanned(&mut wire, &path, false, Some(folder.path()));
     assert!(well, "{told}");
     let text = std::fs::read_to_string(&path).expect("a file");
-    assert_eq!(text.matches("device_file = \"maker.xml\"").count(), 1, "{text}");
-    // Its entries are bits.
-    assert!(told.contains("io-2 is without device_file = \"maker.xml\": "), "{told}");
+    assert_eq!(text.matches("device_file = \"maker.xml\"").count(), 2, "{text}");
+    // Its entries are bits, and have the names of its maker.
+    assert!(text.contains("\noutputs = [\"0x7000:1/8\"]\n"), "{text}");
     config::read(&path).unwrap_or_else(|errors| panic!("{errors}"));
+}
+
+/// An ESI file of the analog terminal: its inputs have a sign, its outputs have none.
+#[test]
+fn a_scan_tells_which_numbers_have_a_sign() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("m.toml");
+    let entries = |index: u16, kind: &str| -> String {
+        let entry = |sub| {
+            format!(
+                "<Entry><Index>#x{index:04X}</Index><SubIndex>{sub}</SubIndex><BitLen>16</BitLen><DataType>{kind}</DataType></Entry>"
+            )
+        };
+        (1..=4).map(entry).collect()
+    };
+    let file = |inputs: &str| {
+        format!(
+            "<EtherCATInfo><Vendor><Id>2</Id></Vendor><Descriptions><Devices><Device><Type ProductCode=\"3\">AIO</Type>\
+             <Sm>MBoxOut</Sm><Sm>MBoxIn</Sm><Sm>Outputs</Sm><Sm>Inputs</Sm>\
+             <RxPdo Fixed=\"1\" Sm=\"2\"><Index>#x1600</Index>{}</RxPdo><TxPdo Fixed=\"1\" Sm=\"3\"><Index>#x1A00</Index>{}</TxPdo>\
+             <Mailbox><CoE/></Mailbox></Device></Devices></Descriptions></EtherCATInfo>",
+            entries(0x7000, "UINT"),
+            entries(0x6000, inputs)
+        )
+    };
+    for (inputs, signed) in [("INT", 4), ("UINT", 0)] {
+        std::fs::write(folder.path().join("maker.xml"), file(inputs)).expect("our folder");
+        let _ = std::fs::remove_file(&path);
+        let identity = Identity {
+            vendor: 2,
+            product: 3,
+            revision: 1,
+            serial: 9,
+        };
+        let mut wire = Wire::with([analog_terminal(identity).expect("a terminal")]);
+        let (told, well) = scanned(&mut wire, &path, false, Some(folder.path()));
+        assert!(well, "{told}");
+        let text = std::fs::read_to_string(&path).expect("a file");
+        assert!(text.contains("device_file = \"maker.xml\""), "{told}{text}");
+        let of_inputs = text
+            .split("[[bus.node.channel]]")
+            .filter(|channel| channel.contains("analog-input"));
+        assert_eq!(
+            of_inputs.filter(|channel| channel.contains("signed = true")).count(),
+            signed,
+            "{text}"
+        );
+        assert_eq!(text.matches("signed = true").count(), signed, "{text}");
+        config::read(&path).unwrap_or_else(|errors| panic!("{errors}"));
+    }
 }
 
 /// Devices that nobody asks for stay where they are.
