@@ -35,6 +35,7 @@ use powerlink::link::{Link, LinkError, Received};
 use powerlink::wire::NetTime;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
+use std::collections::VecDeque;
 use std::fmt::Write as _;
 use std::path::Path;
 use std::sync::Arc;
@@ -442,6 +443,135 @@ fn the_main_device_of_ethercat_never_allocates() {
         "{lost} cycles with losses, {came_back} came back"
     );
     assert_eq!(allocations, 0, "calls of the allocator in real time");
+}
+
+/// The simulated machine at the end of a cable without a length; what it asks of the allocator while all its nodes run.
+struct Machine {
+    machine: SimMachine,
+    now_ns: u64,
+    answers: VecDeque<Vec<u8>>,
+    runs: bool,
+    allocations: u64,
+}
+
+impl Machine {
+    fn work(&mut self, work: impl FnOnce(&mut SimMachine, &mut dyn FnMut(&[u8]))) {
+        let answers = &mut self.answers;
+        let asked = calls(|| {
+            work(&mut self.machine, &mut |frame| {
+                aside(|| answers.push_back(frame.to_vec()))
+            })
+        });
+        self.allocations += if self.runs { asked } else { 0 };
+    }
+}
+
+impl Link for Machine {
+    fn now_ns(&mut self) -> u64 {
+        self.now_ns
+    }
+
+    fn send(&mut self, frame: &[u8]) -> Result<(), LinkError> {
+        // Who asks one question after the other sees time pass.
+        self.now_ns += 5_000;
+        let now_ns = self.now_ns;
+        self.work(|machine, send| machine.receive(now_ns, frame, send));
+        Ok(())
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], deadline_ns: u64) -> Result<Option<Received>, LinkError> {
+        loop {
+            if let Some(frame) = self.answers.pop_front() {
+                buffer[..frame.len()].copy_from_slice(&frame);
+                let length = frame.len();
+                return Ok(Some(Received { length, stamp_ns: None }));
+            }
+            if self.now_ns >= deadline_ns {
+                return Ok(None);
+            }
+            self.now_ns = self
+                .machine
+                .next_poll_ns()
+                .clamp(deadline_ns.min(self.now_ns + 1000), deadline_ns);
+            let now_ns = self.now_ns;
+            self.work(|machine, send| machine.poll(now_ns, send));
+        }
+    }
+}
+
+/// Calls of the allocator in a simulated machine of this file, in cycles in which all its nodes run.
+fn of_machine<'a, B: CyclicBus>(
+    text: &str,
+    open: impl FnOnce(&'static Config, Machine) -> B,
+    link: impl Fn(&mut B) -> &mut Machine + 'a,
+) -> u64 {
+    const CYCLE_NS: u64 = 1_000_000;
+    const CYCLES: usize = 500;
+    let config = config::parse(text, Path::new("m.toml")).unwrap_or_else(|errors| panic!("{errors}"));
+    let config: &'static Config = Box::leak(Box::new(config));
+    let machine = Machine {
+        machine: SimMachine::new(config).expect("a machine"),
+        now_ns: 0,
+        answers: VecDeque::new(),
+        runs: false,
+        allocations: 0,
+    };
+    let plans = bus::plan(config);
+    let mut bus = open(config, machine);
+    let mut outputs = OutputImage::new(plans.iter().map(|plan| plan.outputs.octets));
+    let mut inputs = InputImage::new(plans.iter().map(|plan| plan.inputs.octets));
+    let (mut date_ns, mut ran) = (2 * CYCLE_NS, 0);
+    for cycle in 0..20_000_u32 {
+        bus.serve(date_ns - CYCLE_NS / 10);
+        // Control words and targets that change; what they ask for is all the same here.
+        for node in 0..plans.len() {
+            outputs.node_mut(node).fill(cycle as u8 & 1);
+        }
+        bus.prepare(date_ns, &outputs);
+        let own = link(&mut bus);
+        while own.now_ns < date_ns {
+            let mut none = [0; 1514];
+            let _ = own.receive(&mut none, date_ns);
+        }
+        bus.exchange(date_ns + CYCLE_NS / 2, &mut inputs);
+        while bus.pop_event().is_some() {}
+        date_ns += CYCLE_NS;
+        if bus.state() == BusState::Operational {
+            // What the last steps have touched off is over behind a few cycles.
+            ran += 1;
+            link(&mut bus).runs = ran > 100;
+        }
+        if ran == CYCLES {
+            return link(&mut bus).allocations;
+        }
+    }
+    panic!("{:?} after 20000 cycles", bus.state());
+}
+
+/// It runs in the cycle thread where the machine file has a bus through memory.
+#[test]
+fn the_simulated_machine_never_allocates_while_its_nodes_run() {
+    let powerlink = |config: &'static Config, machine| {
+        let plans = Box::leak(Box::new(network::plan(config)));
+        let nodes = node_configs(&config.bus, plans).leak();
+        let watch = Arc::new(Watch::default());
+        let mac = [2, 0, 0, 0, 0, 0xF0];
+        Box::new(
+            Powerlink::<_, 8>::new(mn_config(config, nodes, mac), machine, watch, NetTime::default).expect("a network"),
+        )
+    };
+    let text = include_str!("../configs/mill3-demo.toml");
+    assert_eq!(of_machine(text, powerlink, |bus| bus.link_mut()), 0, "POWERLINK");
+    let ethercat = |config: &'static Config, machine| {
+        let plans = bus::plan(config).leak();
+        let tables = Box::leak(Box::new(setup::tables(config, plans)));
+        let devices = Box::leak(Box::new(setup::devices(config, plans, tables)));
+        let network = Box::leak(Box::new(setup::network(config, devices)));
+        let opened = new_ethercat::<_, 16, 2>(config, network, machine, [0x10; 6], Arc::new(Watch::default()));
+        Box::new(opened.expect("it fits"))
+    };
+    let text = include_str!("../configs/mill3-ethercat.toml");
+    assert_eq!(of_machine(text, ethercat, |bus| bus.link_mut()), 0, "EtherCAT");
 }
 
 #[test]
