@@ -54,7 +54,7 @@ pub struct JitterArgs {
     /// machine moves.
     #[arg(long, value_name = "IF")]
     interface: Option<String>,
-    /// Be the analyser: only listen at the interface and measure the SoC period of another PC.
+    /// Be the analyser: only listen at the interface and measure the period of the cycles of another PC.
     #[arg(long, requires = "interface", conflicts_with_all = ["program", "machine", "bus", "rounds"])]
     listen: bool,
     /// As an analyser, take orders on standard input.

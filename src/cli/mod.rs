@@ -41,7 +41,7 @@ pub struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Cut a sample part on a simulated machine behind a real POWERLINK wire; needs no hardware.
+    /// Cut a sample part on a simulated machine behind a real wire of POWERLINK or EtherCAT; needs no hardware.
     #[command(after_help = "Example: isocnc demo --program configs/short-part.ngc")]
     Demo(demo::DemoArgs),
     /// Be the control of a machine: run a part program, or stand by for programs.

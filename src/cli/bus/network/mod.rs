@@ -98,6 +98,8 @@ struct Terms {
     operational: &'static str,
     /// Process data to a node and from it.
     payloads: [&'static str; 2],
+    /// The bus itself counts cycles that were skipped or cut off.
+    has_skipped: bool,
     /// Beside the counts of the cycle: what did not answer, and frames of no use.
     unanswered: &'static str,
     unusable: &'static str,
@@ -108,6 +110,7 @@ struct Terms {
 const POWERLINK: Terms = Terms {
     operational: "OPERATIONAL",
     payloads: ["PReq, to the node", "PRes, from the node"],
+    has_skipped: true,
     unanswered: "silent in the asynchronous slot",
     unusable: "unusable frame",
     columns: [
@@ -127,6 +130,7 @@ const POWERLINK: Terms = Terms {
 const ETHERCAT: Terms = Terms {
     operational: "OP",
     payloads: ["RxPDO, to the SubDevice", "TxPDO, from the SubDevice"],
+    has_skipped: false,
     unanswered: "mailbox frames lost",
     unusable: "late frame",
     columns: [
@@ -238,6 +242,7 @@ fn nodes(view: &NetworkView, status: &Value, out: &mut impl Write) -> io::Result
 fn node_table(view: &NetworkView, out: &mut impl Write) -> io::Result<()> {
     let hex = |value: Option<u32>| value.map_or("any".into(), |value| format!("0x{value:08X}"));
     let decimal = |value: Option<u32>| value.map_or("any".into(), |value| value.to_string());
+    let told = |value: u32| if value == 0 { "-".into() } else { hex(Some(value)) };
     let mut rows = Vec::new();
     for node in &view.nodes {
         let (id, name) = (node.id.to_string(), node.name.clone());
@@ -269,7 +274,8 @@ fn node_table(view: &NetworkView, out: &mut impl Write) -> io::Result<()> {
             continue;
         };
         let got = [
-            hex(Some(identity.device_type)),
+            // A device of EtherCAT is not asked for it, and 0 stands for none.
+            told(identity.device_type),
             hex(Some(identity.vendor_id)),
             hex(Some(identity.product_code)),
             hex(Some(identity.revision)),
@@ -278,7 +284,7 @@ fn node_table(view: &NetworkView, out: &mut impl Write) -> io::Result<()> {
         let differs = wanted
             .iter()
             .zip(&got)
-            .any(|(wanted, got)| wanted != "any" && wanted != got);
+            .any(|(wanted, got)| wanted != "any" && got != "-" && wanted != got);
         row(id, name, "is", got, &live.nmt_state);
         if differs {
             row(String::new(), String::new(), "expected", wanted, "");
@@ -308,15 +314,20 @@ fn state(view: &NetworkView, status: &Value, out: &mut impl Write) -> io::Result
 fn state_table(view: &NetworkView, out: &mut impl Write) -> io::Result<()> {
     if let Some(live) = &view.live {
         let Terms {
-            unanswered, unusable, ..
+            has_skipped,
+            unanswered,
+            unusable,
+            ..
         } = terms(view);
+        let skipped = match has_skipped {
+            true => format!("{} skipped, {} cut off; ", live.cycles_skipped, live.cycles_overrun),
+            false => String::new(),
+        };
         writeln!(
             out,
-            "{} of {} us; {} skipped, {} cut off; {} {unanswered}, {}",
+            "{} of {} us; {skipped}{} {unanswered}, {}",
             counted(live.cycles, "cycle"),
             view.cycle_us,
-            live.cycles_skipped,
-            live.cycles_overrun,
             live.async_timeouts,
             counted(live.bad_frames, unusable)
         )?;

@@ -225,6 +225,10 @@ fn ethercat_view() -> NetworkView {
             errors: Vec::new(),
             errors_total: 0,
             refused: 17,
+            identity: live.identity.clone().map(|identity| IdentityView {
+                device_type: 0,
+                ..identity
+            }),
             ..live.clone()
         });
     }
@@ -259,13 +263,26 @@ fn ethercat_is_told_in_its_own_words_and_op_is_no_trouble() {
         assert!(!text.contains(word), "{word} is in\n{text}");
     }
     for line in [
-        "1234 cycles of 1000 us; 2 skipped, 1 cut off; 3 mailbox frames lost, 1 late frame",
+        "1234 cycles of 1000 us; 3 mailbox frames lost, 1 late frame",
         "no trouble: every node is operational",
         "   1  x-drive  OP          1200     4       2         17     41.2 us      1         0",
         "  RxPDO, to the SubDevice: 11 octets            TxPDO, from the SubDevice: 17 octets",
     ] {
         assert!(text.lines().any(|own| own == line), "{line}\nis not in\n{text}");
     }
+    // No device type: nobody has asked for it.
+    let node = [
+        "1",
+        "x-drive",
+        "is",
+        "-",
+        "0x00000000",
+        "0x00000000",
+        "0x00010002",
+        "7",
+        "OP",
+    ];
+    assert!(text.lines().any(|own| own.split_whitespace().eq(node)), "{text}");
     let mut view = ethercat_view();
     view.live.as_mut().unwrap().nmt_state = "INIT".into();
     view.live.as_mut().unwrap().why = Some("reads EEPROMs".into());
