@@ -78,7 +78,9 @@ fn block(part: Result<Value, String>) -> (Bytes, bool) {
                 .decode(part["base64"].as_str().unwrap_or_default())
                 .unwrap_or_default();
             let end = (part["end"] == true).then(|| part["error"].clone());
-            (records, end)
+            // One that brings nothing would be asked again for ever.
+            let is_nothing = records.is_empty().then(|| json!("the control tells no more of it"));
+            (records, end.or(is_nothing))
         }
         Err(why) => (Vec::new(), Some(json!(why))),
     };
@@ -109,6 +111,7 @@ mod tests {
             (&[0; 4][..], &b"{\"error\":\"line 7\"}\n"[..], true)
         );
         assert!(block(Err("gone".into())).1);
+        assert!(block(Ok(json!({ "text": "" }))).1);
     }
 
     #[test]
