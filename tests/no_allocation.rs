@@ -1,8 +1,12 @@
 //! Both real-time threads ask nothing of the allocator after start-up, faults included.
 //!
-//! A counting allocator stands in front of the system's; it counts for one thread, and only while the code of that
+//! Allocations are counted for one thread, and only while the code of that
 //! thread is real-time code. The wire and the simulated machine behind it stand for the kernel and are left out.
 
+#[path = "common/counting.rs"]
+mod counting;
+
+use counting::{aside, calls};
 use isocnc::bus::ethercat::open::new as new_ethercat;
 use isocnc::bus::ethercat::setup;
 use isocnc::bus::powerlink::Powerlink;
@@ -33,75 +37,13 @@ use powerlink::link::pnet::PnetLink;
 use powerlink::link::raw::{OpenError, RawConfig, RawLink};
 use powerlink::link::{Link, LinkError, Received};
 use powerlink::wire::NetTime;
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
 use std::collections::VecDeque;
 use std::fmt::Write as _;
 use std::path::Path;
 use std::sync::Arc;
 
-thread_local! {
-    static COUNTING: Cell<bool> = const { Cell::new(false) };
-    static CALLS: Cell<u64> = const { Cell::new(0) };
-}
-
-/// Counts what asks the system's allocator for something or gives it back.
-struct Counting;
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
-fn count() {
-    if COUNTING.get() {
-        CALLS.set(CALLS.get() + 1);
-    }
-}
-
-// SAFETY: every call goes to the system's allocator as it came; counting touches two cells that need no allocation.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count();
-        // SAFETY: the caller keeps the contract of this very method.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
-        count();
-        // SAFETY: the caller keeps the contract of this very method.
-        unsafe { System.alloc_zeroed(layout) }
-    }
-
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        count();
-        // SAFETY: the caller keeps the contract of this very method.
-        unsafe { System.realloc(pointer, layout, size) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        count();
-        // SAFETY: the caller keeps the contract of this very method.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-/// Calls of the allocator, frees included, while `work` runs.
-fn calls(work: impl FnOnce()) -> u64 {
-    CALLS.set(0);
-    COUNTING.set(true);
-    work();
-    COUNTING.set(false);
-    CALLS.get()
-}
-
 /// A link whose own work is not counted.
 struct Aside<L>(L);
-
-fn aside<T>(work: impl FnOnce() -> T) -> T {
-    let counting = COUNTING.replace(false);
-    let done = work();
-    COUNTING.set(counting);
-    done
-}
 
 impl<L: Link> Link for Aside<L> {
     fn now_ns(&mut self) -> u64 {

@@ -1,51 +1,11 @@
 //! No component asks anything of the allocator once it is made, and neither does an instance with its pins.
 
+#[path = "../../tests/common/counting.rs"]
+mod counting;
+
 use components::{CATALOGUE, Instance};
+use counting::calls;
 use hal_pins::Hal;
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
-
-thread_local! {
-    static COUNTING: Cell<bool> = const { Cell::new(false) };
-    static CALLS: Cell<u64> = const { Cell::new(0) };
-}
-
-/// Counts what asks the system's allocator for something or gives it back.
-struct Counting;
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
-fn count() {
-    if COUNTING.get() {
-        CALLS.set(CALLS.get() + 1);
-    }
-}
-
-// SAFETY: every call goes to the system's allocator as it came; counting touches two cells that need no allocation. What is not
-// here goes through these two.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count();
-        // SAFETY: the caller keeps the contract of this very method.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        count();
-        // SAFETY: the caller keeps the contract of this very method.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-/// Calls of the allocator, frees included, while `work` runs.
-fn calls(work: impl FnOnce()) -> u64 {
-    CALLS.set(0);
-    COUNTING.set(true);
-    work();
-    COUNTING.set(false);
-    CALLS.get()
-}
 
 #[test]
 fn the_counter_counts() {

@@ -2,45 +2,15 @@
 //! devices ask nothing while they are in OP and get no mails.
 #![cfg(feature = "std")]
 
+#[path = "../../tests/common/counting.rs"]
+mod counting;
+
+use counting::{CALLS, COUNTING};
 use ethercat::main::config::{ClockConfig, Config, DeviceConfig, ProcessDataConfig, StartValue, Times};
 use ethercat::main::{DeviceState, Event, MainDevice};
 use ethercat::sub::{IdealMotor, Segment, SubDevice, models};
 use ethercat::wire::FRAME_LEN_MAX;
 use ethercat::wire::coe::Object;
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
-
-thread_local! {
-    static COUNTING: Cell<bool> = const { Cell::new(false) };
-    static CALLS: Cell<u64> = const { Cell::new(0) };
-}
-
-/// Counts what asks the system's allocator for something or gives it back.
-struct Counting;
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
-fn count() {
-    if COUNTING.get() {
-        CALLS.set(CALLS.get() + 1);
-    }
-}
-
-// SAFETY: every call goes to the system's allocator as it came; counting touches two cells that need no allocation.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count();
-        // SAFETY: the caller keeps the contract of this very method.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        count();
-        // SAFETY: the caller keeps the contract of this very method.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
 
 fn counted<T>(work: impl FnOnce() -> T) -> T {
     COUNTING.set(true);

@@ -1,42 +1,11 @@
 //! A scan asks nothing of the allocator, whatever the program does and whatever goes wrong in it.
 
 mod common;
+#[path = "../../tests/common/counting.rs"]
+mod counting;
 
 use common::start;
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
-
-thread_local! {
-    static COUNTING: Cell<bool> = const { Cell::new(false) };
-    static CALLS: Cell<u64> = const { Cell::new(0) };
-}
-
-/// Counts what asks the system's allocator for something or gives it back.
-struct Counting;
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
-fn count() {
-    if COUNTING.get() {
-        CALLS.set(CALLS.get() + 1);
-    }
-}
-
-// SAFETY: every call goes to the system's allocator as it came; counting touches two cells that need no allocation.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count();
-        // SAFETY: the caller keeps the contract of this very method.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        count();
-        // SAFETY: the caller keeps the contract of this very method.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
+use counting::calls;
 
 #[test]
 fn a_scan_allocates_nothing() {
@@ -57,12 +26,12 @@ fn a_scan_allocates_nothing() {
     );
     let logic = runtime.logic().clone();
     let input = logic.variable("i").unwrap();
-    COUNTING.set(true);
-    for call in 0..1000_i64 {
-        runtime.set(input, logic::Value::Integer(i128::from(call % 7)));
-        runtime.scan(call * 10_000_000);
-    }
-    COUNTING.set(false);
-    assert_eq!(CALLS.get(), 0);
+    let allocations = calls(|| {
+        for call in 0..1000_i64 {
+            runtime.set(input, logic::Value::Integer(i128::from(call % 7)));
+            runtime.scan(call * 10_000_000);
+        }
+    });
+    assert_eq!(allocations, 0);
     assert!(runtime.faults() > 0 && runtime.overflows() > 0);
 }

@@ -1,7 +1,9 @@
 //! Generators of motion without a plan ask nothing of the allocator once they are made, whatever they are told.
-//!
-//! A counting allocator stands in front of the system's and counts for the thread and the time it is told to.
 
+#[path = "../../tests/common/counting.rs"]
+mod counting;
+
+use counting::calls;
 use motion::canon::{AXES, Axis, Call, Event, Position, ProbeMode, Source};
 use motion::element::{Auxiliary, Element, Enables, Span};
 use motion::kinematics::{Elbow, Follows, Kinematics, Scara, ToolFrame, Transform};
@@ -12,50 +14,8 @@ use motion::rt::homing::{Homing, HomingInput, HomingJoint, HomingStatus, HomingW
 use motion::rt::jog::{Jog, JogLimits, WorldJog};
 use motion::rt::probe::Probe;
 use motion::rt::{Interpolator, MotionLimits, ScaleRamp, StopLimits, TrajectoryGenerator};
-use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::rc::Rc;
-
-thread_local! {
-    static COUNTING: Cell<bool> = const { Cell::new(false) };
-    static CALLS: Cell<u64> = const { Cell::new(0) };
-}
-
-/// Counts what asks the system's allocator for something or gives it back.
-struct Counting;
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
-fn count() {
-    if COUNTING.get() {
-        CALLS.set(CALLS.get() + 1);
-    }
-}
-
-// SAFETY: every call goes to the system's allocator as it came; counting touches two cells that need no allocation.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count();
-        // SAFETY: the caller keeps the contract of this very method.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        count();
-        // SAFETY: the caller keeps the contract of this very method.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-/// Calls of the allocator, frees included, while `work` runs.
-fn calls(work: impl FnOnce()) -> u64 {
-    CALLS.set(0);
-    COUNTING.set(true);
-    work();
-    COUNTING.set(false);
-    CALLS.get()
-}
 
 const LIMITS: MotionLimits = MotionLimits {
     velocity: 150.0,
