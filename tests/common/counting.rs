@@ -6,9 +6,9 @@ use std::cell::Cell;
 
 thread_local! {
     /// Whether this thread counts now.
-    pub static COUNTING: Cell<bool> = const { Cell::new(false) };
+    pub(crate) static COUNTING: Cell<bool> = const { Cell::new(false) };
     /// Calls of the allocator, frees included, that this thread has counted.
-    pub static CALLS: Cell<u64> = const { Cell::new(0) };
+    pub(crate) static CALLS: Cell<u64> = const { Cell::new(0) };
 }
 
 /// Counts what asks the system's allocator for something or gives it back.
@@ -52,7 +52,7 @@ unsafe impl GlobalAlloc for Counting {
 
 /// Calls of the allocator, frees included, while `work` runs.
 #[allow(dead_code)] // some count in pieces
-pub fn calls(work: impl FnOnce()) -> u64 {
+pub(crate) fn calls(work: impl FnOnce()) -> u64 {
     CALLS.set(0);
     COUNTING.set(true);
     work();
@@ -62,7 +62,7 @@ pub fn calls(work: impl FnOnce()) -> u64 {
 
 /// Runs `work` without counting.
 #[allow(dead_code)] // not every test has such
-pub fn aside<T>(work: impl FnOnce() -> T) -> T {
+pub(crate) fn aside<T>(work: impl FnOnce() -> T) -> T {
     let counting = COUNTING.replace(false);
     let done = work();
     COUNTING.set(counting);
