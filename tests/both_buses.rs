@@ -104,6 +104,26 @@ fn the_same_program_gives_the_same_set_points_to_the_bit_on_both_buses() {
     }
 }
 
+/// What EtherCAT makes possible: eight cycles in a millisecond. Drives are told so by 60C2, and refuse what is not their cycle.
+#[test]
+fn a_part_takes_the_same_time_and_ends_at_the_same_place_in_cycles_of_125_us() {
+    let slow = set_points(&machine(ETHERCAT), NetConfig::clean(3));
+    let text = ETHERCAT
+        .replace("\ncycle_us = 1000", "\ncycle_us = 125")
+        .replace("late_us_max = 500", "late_us_max = 60");
+    let fast = set_points(&machine(&text), NetConfig::clean(3));
+    let times = fast.len() as f64 / slow.len() as f64;
+    assert!((7.9..8.1).contains(&times), "{} and {} cycles", slow.len(), fast.len());
+    let end = |set_points: &[Vec<u64>]| {
+        set_points
+            .last()
+            .map(|joints| joints.iter().map(|bits| f64::from_bits(*bits)).collect::<Vec<_>>())
+    };
+    for (one, other) in end(&slow).into_iter().flatten().zip(end(&fast).into_iter().flatten()) {
+        assert!((one - other).abs() < 1e-9, "{one} {other}");
+    }
+}
+
 #[test]
 fn lost_frames_change_no_set_point_on_ethercat() {
     let config = machine(ETHERCAT);

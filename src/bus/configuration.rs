@@ -139,18 +139,16 @@ impl<'a> Configuration<'a> {
         }
     }
 
-    /// 60C2.
-    fn interpolation_time(&mut self, cycle_us: u32) {
-        // 60C2: cycle = digits * 10^exponent s; whole hundreds of microseconds fit the octet up to 25.5 ms.
-        let (digits, exponent) = if cycle_us.is_multiple_of(1000) {
-            (cycle_us / 1000, -3)
-        } else if cycle_us.is_multiple_of(100) {
-            (cycle_us / 100, -4)
-        } else {
-            (cycle_us / 10, -5)
-        };
-        self.set(0x60C2, 1, digits.min(255) as u8);
-        self.set(0x60C2, 2, exponent as i8);
+    /// 60C2: digits * 10^exponent s, digits in an octet. A machine's cycle is such a time; of several cycles the nearest one is.
+    fn interpolation_time(&mut self, time_us: u32) {
+        const UNITS_US: [(u32, i8); 4] = [(1, -6), (10, -5), (100, -4), (1000, -3)];
+        let is_told = |(unit_us, _): &(u32, i8)| time_us.is_multiple_of(*unit_us) && time_us / unit_us <= 255;
+        let fits = |(unit_us, _): &(u32, i8)| (time_us + unit_us / 2) / unit_us <= 255;
+        let (unit_us, exponent) = (UNITS_US.into_iter().rev().find(is_told))
+            .or_else(|| UNITS_US.into_iter().find(fits))
+            .unwrap_or((1000, -3));
+        self.set(0x60C2, 1, ((time_us + unit_us / 2) / unit_us).min(255) as u8);
+        self.set(0x60C2, 2, exponent);
     }
 
     /// What the drive of the spindle must know: how it stops, its mode where it is not told that in each cycle.

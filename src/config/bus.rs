@@ -14,6 +14,9 @@ use std::path::Path;
 const ASYNC_MTU: [u16; 2] = [300, 1500];
 const ETHERNET_HEADER_LEN: u16 = 14;
 
+/// Shortest cycle on POWERLINK, which asks one node after another, us; EtherCAT asks all of them in one frame.
+const POWERLINK_CYCLE_MIN_US: u32 = 250;
+
 pub(super) fn bus(
     section: &mut Section<'_, '_>,
     cycle_us: Option<u32>,
@@ -24,6 +27,12 @@ pub(super) fn bus(
     let kind = section.word("kind", &BusKind::WORDS, None);
     let interface = interface(section, kind);
     let is_ethercat = kind.is_some_and(BusKind::is_ethercat);
+    if let (Some(BusKind::Powerlink | BusKind::Memory), Some(cycle_us @ ..POWERLINK_CYCLE_MIN_US)) = (kind, cycle_us) {
+        section.wrong(
+            "kind",
+            format!("takes cycles from {POWERLINK_CYCLE_MIN_US} us, machine.cycle_us is {cycle_us}"),
+        );
+    }
     section.foreign(if is_ethercat {
         &ethercat::BUS_OF_POWERLINK
     } else {

@@ -470,8 +470,20 @@ fn machine(mut section: Section<'_, '_>, base: &Path) -> Machine {
     }
     let family = section.word("kinematics", &Family::WORDS, Family::Trivial);
     let cycle_us = section
-        .integer("cycle_us", 250..=10_000, 1000)
+        .integer("cycle_us", 125..=10_000, 1000)
         .map(|cycle_us| cycle_us as u32);
+    // 60C2 tells a drive its cycle as an octet and a power of ten.
+    let in_60c2 = |cycle_us: &u32| {
+        [1_u32, 10, 100]
+            .into_iter()
+            .any(|unit| cycle_us.is_multiple_of(unit) && cycle_us / unit <= 255)
+    };
+    if cycle_us.is_some_and(|cycle_us| !in_60c2(&cycle_us)) {
+        section.wrong(
+            "cycle_us",
+            "must be a time that a drive can be told: above 255 whole tens, above 2550 whole hundreds",
+        );
+    }
     let unit = program::units(&mut section);
     let state_directory = program::new_folder(&mut section, "state_directory", base);
     let probe_stops_jog = section.flag("probe_stops_jog", true);

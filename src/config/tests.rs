@@ -300,14 +300,20 @@ fn rules_of_machine_and_rt() {
             "m.toml:4:14: machine.kinematics = \"trivia\": must be \"trivial\" or \"corexy\" or \"table-table\" or \"head-table\" or \"scara\" or \"linear-delta\" or \"none\"; did you mean \"trivial\"?",
         ]),
         ("\n[bus]", "\nunits = \"in\"\n[bus]", &["m.toml:4:9: machine.units = \"in\": must be \"mm\" or \"inch\""]),
-        ("\n[bus]", "\ncycle_us = 249\n[bus]", &[
-            "m.toml:4:12: machine.cycle_us = 249: must be an integer from 250 to 10000",
+        ("\n[bus]", "\ncycle_us = 124\n[bus]", &[
+            "m.toml:4:12: machine.cycle_us = 124: must be an integer from 125 to 10000",
+        ]),
+        ("\n[bus]", "\ncycle_us = 333\n[bus]", &[
+            "m.toml:4:12: machine.cycle_us = 333: must be a time that a drive can be told: above 255 whole tens, above 2550 whole hundreds",
+        ]),
+        ("\n[bus]\nkind = \"memory\"", "\ncycle_us = 249\n[bus]\nkind = \"memory\"", &[
+            "m.toml:6:8: bus.kind = \"memory\": takes cycles from 250 us, machine.cycle_us is 249",
         ]),
         ("\n[bus]", "\ncycle_us = 1e3\n[bus]", &[
             "m.toml:4:12: machine.cycle_us = 1e3: must be an integer, is a float",
         ]),
         ("\n[bus]", "\ncycle_us = 99999999999999999999\n[bus]", &[
-            "m.toml:4:12: machine.cycle_us = 99999999999999999999: must be an integer from 250 to 10000",
+            "m.toml:4:12: machine.cycle_us = 99999999999999999999: must be an integer from 125 to 10000",
         ]),
         ("\n[bus]", "\n[rt]\npriority = 98\n[bus]", &["m.toml:5:12: rt.priority = 98: must be an integer from 1 to 96"]),
         ("\n[bus]", "\n[rt]\ntimeout_us = 19\n[bus]", &[
