@@ -1,6 +1,16 @@
 //! Prints what a cell of many controls takes: controls of a simulation in this process, the supervisor in another one.
 //!
 //! `cargo bench -p isocnc-cell --bench cell`; `ISOCNC_CELL_CONTROLS` (256), `ISOCNC_CELL_SLEEP_S` (10).
+//!
+//! `cargo bench -p isocnc-cell --bench cell -- strangers`: how long a control takes to be there, and to hear an order, while others open
+//! connections that come to nothing; `ISOCNC_CELL_STRANGERS` (50) a second.
+//!
+//! With a fifth of all packets lost, as root, once it is built:
+//!
+//! ```sh
+//! unshare -n sh -c 'ip link set lo up; iptables -A INPUT -p tcp -m statistic --mode random --probability 0.2 -j DROP
+//!     cargo bench -p isocnc-cell --bench cell'
+//! ```
 
 use cell::ca::Ca;
 use cell::core::Ask;
@@ -12,11 +22,14 @@ use nix::sys::resource::{Resource, getrlimit, setrlimit};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use serde_json::Value;
-use std::net::SocketAddr;
+use std::collections::VecDeque;
+use std::io::Write;
+use std::net::{SocketAddr, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 const ALARMS: usize = 300;
@@ -85,6 +98,120 @@ fn entries(state: &Path, machine: &str, since: u64) -> Vec<Value> {
         .unwrap_or_default()
 }
 
+/// A link with a simulated control, in a thread of its own.
+fn control(folder: &Path, name: &str, address: SocketAddr, stop: &Arc<AtomicBool>) -> (Simulated, JoinHandle<()>) {
+    let home = folder.join(name);
+    std::fs::create_dir_all(&home).expect("a folder");
+    let simulated = Simulated::new(name, &home).expect("a control");
+    let settings = cell_link::Settings {
+        supervisor: address.to_string(),
+        identity: Identity {
+            certificate: folder.join(format!("ca/{name}.crt")),
+            key: folder.join(format!("ca/{name}.key")),
+            ca: folder.join("ca/ca.crt"),
+        },
+        remote: Remote::Run,
+        programs: home.join("programs"),
+        state: home,
+        panel: None,
+    };
+    let (of, stop) = (simulated.clone(), Arc::clone(stop));
+    let run = move || cell_link::run(&settings, &|_| Ok(of.connect()), &stop).expect("a link");
+    (simulated, std::thread::spawn(run))
+}
+
+/// Opens connections until `stop`; `says` is all that each of them says.
+fn be_strangers(address: SocketAddr, a_second: usize, says: &[u8], stop: &AtomicBool) -> usize {
+    let begun = Instant::now();
+    let mut open: VecDeque<TcpStream> = VecDeque::new();
+    let mut count = 0;
+    while !stop.load(Ordering::Relaxed) {
+        let due = begun + Duration::from_secs_f64(count as f64 / a_second as f64);
+        std::thread::sleep(due.saturating_duration_since(Instant::now()));
+        count += 1;
+        let Ok(mut stream) = TcpStream::connect(address) else {
+            continue;
+        };
+        // One that was refused already takes nothing.
+        let _ = stream.write_all(says);
+        open.push_back(stream);
+        if open.len() > 1000 {
+            open.pop_front();
+        }
+    }
+    count
+}
+
+fn strangers() {
+    let a_second = number("ISOCNC_CELL_STRANGERS", 50);
+    for (kind, says) in [
+        ("none", None),
+        ("say what is no TLS", Some(&b"GET / HTTP/1.1\r\n\r\n"[..])),
+        ("say nothing", Some(&b""[..])),
+    ] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let state = folder.path().join("state");
+        let ca = Ca::init(&folder.path().join("ca")).expect("an authority");
+        for name in ["there", "comes"] {
+            ca.issue(name).expect("a certificate");
+        }
+        let address = std::net::TcpListener::bind("127.0.0.1:0")
+            .and_then(|listener| listener.local_addr())
+            .expect("a port");
+        let mut child = supervisor(folder.path(), address);
+        while serve::ask(&state, &Ask::Machines).is_err() {
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        let (stop, no_more) = (Arc::new(AtomicBool::new(false)), AtomicBool::new(false));
+        let (_, there) = control(folder.path(), "there", address, &stop);
+        until_all(&state, 1);
+        std::thread::scope(|scope| {
+            let no_more = &no_more;
+            let work = says.map(|says| scope.spawn(move || be_strangers(address, a_second, says, no_more)));
+            // Longer than a handshake may take: those who say nothing are refused by then.
+            std::thread::sleep(Duration::from_secs(12));
+            let hears = |machine: &str| {
+                let begun = Instant::now();
+                let stop = Ask::Stop {
+                    machine: machine.into(),
+                };
+                let how = serve::ask(&state, &stop).map(|_| ());
+                (begun.elapsed().as_secs_f64() * 1e3, how)
+            };
+            let (heard_ms, how) = hears("there");
+            println!(
+                "strangers, {a_second} a second, {kind}: one that is there hears an order after {heard_ms:.0} ms {how:?}"
+            );
+            let begun = Instant::now();
+            let (_, comes) = control(folder.path(), "comes", address, &stop);
+            while alive(&state) < 2 && begun.elapsed() < Duration::from_secs(30) {
+                std::thread::sleep(Duration::from_millis(20));
+            }
+            let alive_s = begun.elapsed().as_secs_f64();
+            let (heard_ms, how) = hears("comes");
+            println!(
+                "    one that comes is there after {alive_s:.2} s (30: never), and hears an order {heard_ms:.0} ms later {how:?}"
+            );
+            no_more.store(true, Ordering::Relaxed);
+            let count = work.map_or(0, |work| work.join().expect("strangers"));
+            let begun = Instant::now();
+            while alive(&state) < 2 && begun.elapsed() < Duration::from_secs(120) {
+                std::thread::sleep(Duration::from_millis(20));
+            }
+            println!(
+                "    {count} connections; it is there {:.2} s after the last one",
+                begun.elapsed().as_secs_f64()
+            );
+            stop.store(true, Ordering::Relaxed);
+            for thread in [there, comes] {
+                thread.join().expect("a control");
+            }
+        });
+        child.kill().expect("a kill");
+        child.wait().expect("an end");
+    }
+}
+
 fn main() {
     let arguments: Vec<String> = std::env::args().collect();
     if arguments.get(1).map(String::as_str) == Some("supervisor") {
@@ -95,8 +222,13 @@ fn main() {
             listen: arguments[3].parse().expect("an address"),
             names: Vec::new(),
             page: None,
+            keep_days: 0,
         };
         serve::run(&settings, &Arc::new(AtomicBool::new(false)), || Ok(())).expect("a supervisor");
+        return;
+    }
+    if arguments.iter().any(|argument| argument == "strangers") {
+        strangers();
         return;
     }
     let (_, hard) = getrlimit(Resource::RLIMIT_NOFILE).expect("limits");
@@ -119,27 +251,8 @@ fn main() {
 
     let stop = Arc::new(AtomicBool::new(false));
     let begun = Instant::now();
-    let controls: Vec<(Simulated, std::thread::JoinHandle<()>)> = (names.iter())
-        .map(|name| {
-            let home = folder.path().join(name);
-            std::fs::create_dir_all(&home).expect("a folder");
-            let simulated = Simulated::new(name, &home).expect("a control");
-            let settings = cell_link::Settings {
-                supervisor: address.to_string(),
-                identity: Identity {
-                    certificate: folder.path().join(format!("ca/{name}.crt")),
-                    key: folder.path().join(format!("ca/{name}.key")),
-                    ca: folder.path().join("ca/ca.crt"),
-                },
-                remote: Remote::Run,
-                programs: home.join("programs"),
-                state: home,
-                panel: None,
-            };
-            let (of, stop) = (simulated.clone(), Arc::clone(&stop));
-            let run = move || cell_link::run(&settings, &|_| Ok(of.connect()), &stop).expect("a link");
-            (simulated, std::thread::spawn(run))
-        })
+    let controls: Vec<(Simulated, JoinHandle<()>)> = (names.iter())
+        .map(|name| control(folder.path(), name, address, &stop))
         .collect();
     until_all(&state, count);
     println!(
@@ -153,7 +266,7 @@ fn main() {
     );
 
     let program = "G1 X1.234 Y5.678 F1000\n".repeat(1_000_000 / 23 + 1);
-    let (next, begun) = (AtomicUsize::new(0), Instant::now());
+    let (next, again, begun) = (AtomicUsize::new(0), AtomicUsize::new(0), Instant::now());
     let took: Vec<f64> = std::thread::scope(|scope| {
         let senders: Vec<_> = (0..SENDERS)
             .map(|_| {
@@ -166,7 +279,12 @@ fn main() {
                             name: "part.ngc".into(),
                             content: program.clone().into_bytes(),
                         };
-                        serve::ask(&state, &ask).expect("an upload");
+                        // Over a network that loses packets, a link may end meanwhile.
+                        while let Err(why) = serve::ask(&state, &ask) {
+                            assert!(begun.elapsed() < Duration::from_secs(120), "{machine}: {why:#}");
+                            again.fetch_add(1, Ordering::Relaxed);
+                            std::thread::sleep(Duration::from_millis(500));
+                        }
                         took.push(begun.elapsed().as_secs_f64());
                     }
                     took
@@ -179,9 +297,10 @@ fn main() {
             .collect()
     });
     println!(
-        "1 MB to each, stored and checked, {SENDERS} at a time: {}; all in {:.2} s",
+        "1 MB to each, stored and checked, {SENDERS} at a time: {}; all in {:.2} s, {} sent again",
         percentiles(took),
-        begun.elapsed().as_secs_f64()
+        begun.elapsed().as_secs_f64(),
+        again.load(Ordering::Relaxed)
     );
 
     let mut took = Vec::new();

@@ -59,6 +59,9 @@ enum Command {
         /// Where the page is.
         #[arg(long, value_name = "ADDR:PORT", value_parser = place)]
         page: Option<SocketAddr>,
+        /// Journals, orders that are over and times of use are kept for so many days; 0: for ever.
+        #[arg(long, value_name = "DAYS", default_value_t = 400, value_parser = clap::value_parser!(u32).range(0..=36_500))]
+        keep_days: u32,
     },
     /// All machines, and how they are.
     Machines {
@@ -243,12 +246,14 @@ fn carry_out(command: Command) -> anyhow::Result<()> {
             listen,
             name,
             page,
+            keep_days,
         } => run(Settings {
             state: dir,
             ca,
             listen,
             names: name,
             page,
+            keep_days,
         }),
         Command::Machines {
             dir,

@@ -1,7 +1,7 @@
 //! The network: what comes from controls as events, questions to them.
 //!
 //! In:  a session. Out: events into a bounded queue, which drops and counts what does not fit: states come again, journals are asked
-//! for by number, and a question without an answer is asked again.
+//! for by number, and a question without an answer is asked again. It is bounded by events and by octets.
 
 use crate::ca::{Ca, CaError};
 use crate::core::{Event, Question};
@@ -13,17 +13,19 @@ use std::collections::HashSet;
 use std::fmt;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::mpsc::{SyncSender, TrySendError};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::sync::{Arc, OnceLock};
-use std::time::SystemTime;
+use std::time::{Duration, SystemTime};
 use tracing::field::{Field, Visit};
 use tracing::{Level, Subscriber};
 use tracing_subscriber::Layer;
 use tracing_subscriber::layer::Context;
 
 /// Events that wait.
-pub const EVENTS: usize = 65_536;
+const EVENTS: usize = 65_536;
+/// Octets that the messages of controls among them have come in.
+const EVENTS_OCTETS: usize = 64 << 20;
 
 /// Why there is no network.
 #[derive(Debug, thiserror::Error)]
@@ -42,22 +44,41 @@ pub enum NetError {
 /// Where events go.
 #[derive(Clone)]
 pub struct Events {
-    queue: SyncSender<Event>,
+    queue: SyncSender<(Event, usize)>,
+    octets: Arc<AtomicUsize>,
     dropped: Arc<AtomicU64>,
 }
 
+/// Where they come out.
+pub struct Queue {
+    queue: Receiver<(Event, usize)>,
+    octets: Arc<AtomicUsize>,
+}
+
 impl Events {
-    /// Into this queue.
-    pub fn new(queue: SyncSender<Event>) -> Events {
-        Events {
-            queue,
+    /// A queue that is empty.
+    pub fn queue() -> (Events, Queue) {
+        let (sender, queue) = sync_channel(EVENTS);
+        let events = Events {
+            queue: sender,
+            octets: Arc::default(),
             dropped: Arc::default(),
-        }
+        };
+        let octets = Arc::clone(&events.octets);
+        (events, Queue { queue, octets })
     }
 
     /// Gives an event, or drops it: nobody waits here.
     pub fn give(&self, event: Event) {
-        if let Err(TrySendError::Full(_)) = self.queue.try_send(event) {
+        self.give_message(event, 0);
+    }
+
+    /// The same of a message of so many octets.
+    fn give_message(&self, event: Event, octets: usize) {
+        let all = self.octets.fetch_add(octets, Ordering::Relaxed) + octets;
+        let is_taken = (octets == 0 || all <= EVENTS_OCTETS) && self.queue.try_send((event, octets)).is_ok();
+        if !is_taken {
+            self.octets.fetch_sub(octets, Ordering::Relaxed);
             self.dropped.fetch_add(1, Ordering::Relaxed);
         }
     }
@@ -65,6 +86,26 @@ impl Events {
     /// Events that were dropped.
     pub fn dropped(&self) -> u64 {
         self.dropped.load(Ordering::Relaxed)
+    }
+}
+
+impl Queue {
+    fn out(&self, (event, octets): (Event, usize)) -> Event {
+        self.octets.fetch_sub(octets, Ordering::Relaxed);
+        event
+    }
+
+    /// The next event, after so long at the most.
+    ///
+    /// # Errors
+    /// There was none, or there never will be one.
+    pub fn recv_timeout(&self, longest: Duration) -> Result<Event, RecvTimeoutError> {
+        self.queue.recv_timeout(longest).map(|event| self.out(event))
+    }
+
+    /// Those that wait.
+    pub fn try_iter(&self) -> impl Iterator<Item = Event> {
+        self.queue.try_iter().map(|event| self.out(event))
     }
 }
 
@@ -270,7 +311,8 @@ struct Answer {
 impl Answer {
     fn give(&mut self, result: Result<Vec<u8>, String>) {
         if let Some(ticket) = self.ticket.take() {
-            self.events.give(Event::Answer(ticket, result));
+            let octets = result.as_ref().map_or_else(String::len, Vec::len);
+            self.events.give_message(Event::Answer(ticket, result), octets);
         }
     }
 }
@@ -336,7 +378,7 @@ fn open(ca: &Ca, address: SocketAddr, identity: &Identity, events: &Events) -> R
             .declare_subscriber(topic.key("*"))
             .callback(move |sample| {
                 if let Some(event) = event(topic, &sample) {
-                    events.give(event);
+                    events.give_message(event, sample.payload().len());
                 }
             })
             .background()
@@ -356,4 +398,100 @@ fn event(topic: Topic, sample: &Sample) -> Option<Event> {
         _ => Envelope::<Journal>::from_octets(&octets).map(|said| Event::Journal(machine.to_owned(), said.body)),
     };
     read.inspect_err(|bad| tracing::warn!("{machine}: {bad}")).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::Core;
+    use crate::store::Store;
+    use cell_link::message::Since;
+    use serde_json::{Value, json};
+
+    /// Entries of about 1 MB.
+    fn journal(since: u64, last: u64) -> Journal {
+        let text = "x".repeat(1 << 20);
+        let entries = (since + 1..=last.min(since + 3))
+            .map(|seq| json!({ "seq": seq, "unix_s": 1.0, "kind": "note", "text": text }));
+        Journal {
+            since,
+            entries: entries.collect(),
+            more: last > since + 3,
+            last,
+        }
+    }
+
+    #[test]
+    fn a_supervisor_that_sleeps_keeps_so_many_octets_and_asks_for_what_it_has_dropped() {
+        const COUNT: u64 = 200;
+        let (events, queue) = Events::queue();
+        let give = |event: Event, octets: usize| events.give_message(event, octets);
+        // Nobody takes anything while a control tells 200 MB.
+        for seq in 0..COUNT {
+            let body = Journal {
+                entries: journal(seq, seq + 1).entries,
+                ..journal(seq, seq)
+            };
+            let octets = Envelope::new(seq, &body).to_octets().len();
+            give(Event::Journal("mill".into(), body), octets);
+        }
+        let waiting = queue.octets.load(Ordering::Relaxed);
+        assert!(waiting <= EVENTS_OCTETS && waiting > EVENTS_OCTETS / 2, "{waiting}");
+        assert!(events.dropped() > COUNT / 2, "{}", events.dropped());
+        // People are not in the way of it.
+        give(Event::Refused("somebody".into()), 0);
+
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::open(&folder.path().join("cell.db")).unwrap();
+        let mut number = 0;
+        let ids = move || {
+            number += 1;
+            number.to_string()
+        };
+        let mut core = Core::new(store, Box::new(ids)).unwrap();
+        let mut now = 1000.0;
+        let state = State {
+            journal: COUNT,
+            ..State::default()
+        };
+        let told = || Event::State("mill".into(), Box::new(state.clone()));
+        let mut kept = 0;
+        for round in 0..2 * COUNT {
+            now += 1.0;
+            let mut batch: Vec<Event> = queue.try_iter().take(16).collect();
+            if round == 0 {
+                kept = batch.len();
+            }
+            batch.push(told());
+            for question in core.take(batch, now) {
+                let answer = match question.topic {
+                    Topic::Journal => {
+                        let asked: Envelope<Since> = Envelope::from_octets(&question.payload).unwrap();
+                        Envelope::new(0, journal(asked.body.since, COUNT)).to_octets()
+                    }
+                    _ => Envelope::new(0, json!({})).to_octets(),
+                };
+                let octets = answer.len();
+                give(Event::Answer(question.ticket, Ok(answer)), octets);
+            }
+        }
+        assert!(kept > 0);
+        assert_eq!(queue.octets.load(Ordering::Relaxed), 0, "all of it was taken");
+        let (sender, answer) = sync_channel(1);
+        let ask = crate::core::Ask::Journal {
+            machine: "mill".into(),
+            since: Some(0),
+        };
+        core.take(
+            vec![Event::Ask(ask, Box::new(move |answer| sender.send(answer).unwrap()))],
+            now,
+        );
+        let answer: Value = answer.try_recv().unwrap().unwrap();
+        let seqs = answer["entries"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .filter_map(|entry| entry["seq"].as_u64());
+        assert!(seqs.eq(1..=COUNT), "each of them is there, once");
+    }
 }

@@ -6,7 +6,7 @@
 //! many octets as it says; an answer is a line of JSON.
 
 use crate::core::{Ask, Core, Event, Reply};
-use crate::net::{EVENTS, Events, Net, Refusals};
+use crate::net::{Events, Net, Queue, Refusals};
 use crate::page;
 use crate::store::Store;
 use crate::trust;
@@ -25,7 +25,7 @@ use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
+use std::sync::mpsc::{RecvTimeoutError, sync_channel};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// Longest line of a request, octets.
@@ -56,6 +56,8 @@ pub struct Settings {
     pub names: Vec<String>,
     /// Where the page is.
     pub page: Option<SocketAddr>,
+    /// What is older than so many days, and not open, is kept no longer; 0: everything is kept.
+    pub keep_days: u32,
 }
 
 /// What somebody asks through the socket.
@@ -92,7 +94,7 @@ pub fn ids() -> Box<dyn FnMut() -> String + Send> {
 pub struct Supervisor {
     core: Core,
     net: Net,
-    events: Receiver<Event>,
+    events: Queue,
     _lock: Flock<File>,
 }
 
@@ -144,9 +146,9 @@ impl Supervisor {
             bail!("{}: another supervisor runs here", state.display());
         };
         let store = Store::open(&state.join("cell.db"))?;
-        let core = Core::new(store, ids()).context("the store cannot be read")?;
-        let (sender, events) = sync_channel(EVENTS);
-        let sender = Events::new(sender);
+        let mut core = Core::new(store, ids()).context("the store cannot be read")?;
+        core.keep_days(settings.keep_days);
+        let (sender, events) = Events::queue();
         REFUSALS.to(sender.clone());
         let net = Net::listen(&settings.ca, state, settings.listen, &settings.names, sender.clone())?;
         let supervisor = Supervisor {

@@ -33,6 +33,25 @@ CREATE TABLE time_used (machine TEXT NOT NULL, day INTEGER NOT NULL, what TEXT N
 CREATE TABLE refusal (unix_s REAL NOT NULL, text TEXT NOT NULL) STRICT;
 ";
 
+/// By which what is old is found, without a look at all that is young. Stores of before have them not.
+const AGES: &str = "
+CREATE INDEX IF NOT EXISTS journal_age ON journal (unix_s) WHERE kind <> 'alarm' OR acknowledged = 1;
+CREATE INDEX IF NOT EXISTS attempt_age ON attempt (ended_unix_s) WHERE parts_order IS NULL;
+CREATE INDEX IF NOT EXISTS order_age ON parts_order (created_unix_s) WHERE state IN ('done', 'cancelled');
+CREATE INDEX IF NOT EXISTS order_program ON parts_order (sha256);
+CREATE INDEX IF NOT EXISTS time_age ON time_used (day);
+";
+
+/// What is too old of each kind, before ?1: ?2 of it, the oldest first.
+const OLD_ENTRIES: &str = "SELECT machine, book, seq FROM journal
+    WHERE unix_s < ?1 AND (kind <> 'alarm' OR acknowledged = 1) ORDER BY unix_s LIMIT ?2";
+const OLD_ATTEMPTS: &str = "SELECT rowid FROM attempt INDEXED BY attempt_age
+    WHERE ended_unix_s < ?1 AND parts_order IS NULL ORDER BY ended_unix_s LIMIT ?2";
+const OLD_ORDERS: &str = "SELECT id FROM parts_order o WHERE state IN ('done', 'cancelled') AND created_unix_s < ?1
+    AND NOT EXISTS (SELECT 1 FROM attempt a WHERE a.parts_order = o.id AND (a.ended_unix_s IS NULL OR a.ended_unix_s >= ?1))
+    ORDER BY created_unix_s LIMIT ?2";
+const OLD_TIMES: &str = "SELECT machine, day, what FROM time_used WHERE day < ?1 ORDER BY day LIMIT ?2";
+
 /// What a machine must be for an order, and how many parts are wanted.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -137,6 +156,31 @@ pub struct Known {
     pub journal: u64,
 }
 
+/// What is there no more, as it was too old.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Pruned {
+    /// Entries of journals.
+    pub entries: usize,
+    /// Orders of parts.
+    pub orders: usize,
+    /// Attempts.
+    pub attempts: usize,
+    /// Contents of programs that no order has.
+    pub programs: usize,
+    /// Times of use, each of a machine, a day and a use.
+    pub times: usize,
+}
+
+impl std::ops::AddAssign for Pruned {
+    fn add_assign(&mut self, more: Pruned) {
+        self.entries += more.entries;
+        self.orders += more.orders;
+        self.attempts += more.attempts;
+        self.programs += more.programs;
+        self.times += more.times;
+    }
+}
+
 /// The file.
 #[derive(Debug)]
 pub struct Store {
@@ -196,6 +240,7 @@ impl Store {
             }
             later => anyhow::bail!("{}: version {later}, and this program knows {VERSION}", place()),
         }
+        db.execute_batch(AGES).with_context(place)?;
         Ok(Store { db })
     }
 
@@ -494,6 +539,47 @@ impl Store {
         times.collect()
     }
 
+    /// Takes away what is of before `before` (seconds since 1970, UTC), the oldest first, so many rows of each kind at the most.
+    ///
+    /// What is open stays: alarms that nobody has acknowledged, orders that are open or held, with all their attempts, and attempts that
+    /// are not over. The number of the last entry of a machine stays, too, so nothing comes a second time.
+    pub fn prune(&self, before: f64, most: u32) -> Outcome<Pruned> {
+        let sql = format!("DELETE FROM journal WHERE (machine, book, seq) IN ({OLD_ENTRIES})");
+        let entries = self.db.prepare(&sql)?.execute(params![before, most])?;
+        let sql = format!("DELETE FROM attempt WHERE rowid IN ({OLD_ATTEMPTS})");
+        let mut attempts = self.db.prepare(&sql)?.execute(params![before, most])?;
+        // The parts of an order are counted by its attempts: it goes as a whole, once the last one is old.
+        let mut rows = self.db.prepare(OLD_ORDERS)?;
+        let old: Vec<i64> = rows
+            .query_map(params![before, most], |row| row.get(0))?
+            .collect::<Outcome<_>>()?;
+        let (mut orders, mut left) = (0, most as usize);
+        for id in old {
+            let sql = "DELETE FROM attempt WHERE rowid IN (SELECT rowid FROM attempt WHERE parts_order = ?1 LIMIT ?2)";
+            let gone = self.db.prepare(sql)?.execute(params![id, left as i64])?;
+            (attempts, left) = (attempts + gone, left - gone);
+            if left == 0 {
+                // There may be more of it: the next time.
+                break;
+            }
+            orders += self.db.execute("DELETE FROM parts_order WHERE id = ?1", [id])?;
+        }
+        // A content may be long: one at a time.
+        let sql = "DELETE FROM program WHERE rowid = (SELECT rowid FROM program p
+            WHERE NOT EXISTS (SELECT 1 FROM parts_order o WHERE o.sha256 = p.sha256) LIMIT 1)";
+        let programs = self.db.execute(sql, [])?;
+        let day = (before / 86_400.0).floor() as i64;
+        let sql = format!("DELETE FROM time_used WHERE (machine, day, what) IN ({OLD_TIMES})");
+        let times = self.db.prepare(&sql)?.execute(params![day, most])?;
+        Ok(Pruned {
+            entries,
+            orders,
+            attempts,
+            programs,
+            times,
+        })
+    }
+
     /// Somebody was refused; the last thousand are kept.
     pub fn add_refusal(&self, now: f64, text: &str) -> Outcome<()> {
         self.db
@@ -561,6 +647,127 @@ mod tests {
         .unwrap();
         let error = format!("{:#}", Store::open(&file).unwrap_err());
         assert!(error.contains("cell.db: file is not a database"), "{error}");
+    }
+
+    #[test]
+    fn what_is_old_goes_in_small_steps_and_what_is_open_stays() {
+        const OLD: f64 = 10.0 * 86_400.0;
+        let store = Store::open(Path::new(":memory:")).unwrap();
+        store.add_machine("mill").unwrap();
+        let entry = |seq: u64, unix_s: f64, kind: &str| {
+            let entry =
+                json!({"seq": seq, "unix_s": unix_s, "kind": kind, "text": "x", "alarm": {"acknowledged": null}});
+            store.add_entry("mill", seq, &entry).unwrap();
+        };
+        entry(1, 1.0, "alarm");
+        for seq in 2..=6 {
+            entry(seq, 2.0, "note");
+        }
+        entry(7, OLD, "note");
+        let attempt = |id: &str, order: Option<i64>, ended: Option<f64>| {
+            let attempt = Attempt {
+                id: id.into(),
+                order,
+                machine: "mill".into(),
+                program: "p".into(),
+                sha256: "s".into(),
+                phase: Phase::Unknown,
+                note: String::new(),
+                sent_unix_s: 1.0,
+                took_s: None,
+            };
+            store.add_attempt(&attempt).unwrap();
+            if let Some(ended) = ended {
+                let state = OrderState {
+                    id: id.into(),
+                    phase: Phase::Completed,
+                    note: String::new(),
+                    took_s: None,
+                };
+                store.set_attempt(&state, ended).unwrap();
+            }
+        };
+        attempt("by-hand", None, Some(1.0));
+        attempt("under-way", None, None);
+        // Of each order: how it is, and when its attempts ended.
+        let order = |name: &str, state: OrderIs, ended: &[Option<f64>]| {
+            let id = store.add_order(&Wish::default(), name, 1.0).unwrap();
+            store.add_program(name, b"G0").unwrap();
+            store.set_order(id, state, "").unwrap();
+            for (number, ended) in ended.iter().enumerate() {
+                attempt(&format!("{name}-{number}"), Some(id), *ended);
+            }
+            id
+        };
+        order("gone", OrderIs::Done, &[Some(1.0); 7]);
+        let kept = [
+            order("open", OrderIs::Open, &[Some(1.0), Some(2.0)]),
+            order("held", OrderIs::Held, &[Some(1.0)]),
+            order("lately", OrderIs::Done, &[Some(1.0), Some(OLD)]),
+            order("runs-on", OrderIs::Cancelled, &[Some(1.0), None]),
+        ];
+        store.add_program("sent", b"G1").unwrap();
+        for day in [8, 9, 10] {
+            store.add_time("mill", day, Use::Idle, 1.0).unwrap();
+        }
+        let before: Vec<PartsOrder> = store.orders(false).unwrap().into_iter().skip(1).collect();
+
+        let (mut all, mut steps) = (Pruned::default(), 0);
+        loop {
+            let step = store.prune(OLD, 3).unwrap();
+            assert!(step.entries <= 3 && step.attempts <= 6 && step.programs <= 1 && step.times <= 3);
+            if step == Pruned::default() {
+                break;
+            }
+            all += step;
+            steps += 1;
+        }
+        let expected = Pruned {
+            entries: 5,
+            orders: 1,
+            attempts: 8,
+            programs: 2,
+            times: 2,
+        };
+        assert_eq!((all, steps), (expected, 3));
+        assert_eq!(store.orders(false).unwrap(), before);
+        assert_eq!(before.iter().map(|order| order.id).collect::<Vec<_>>(), kept);
+        let seqs = |entries: Vec<Value>| {
+            entries
+                .iter()
+                .map(|entry| entry["seq"].as_u64().unwrap())
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(seqs(store.journal("mill", 0, 100).unwrap()), [1, 7]);
+        assert_eq!(
+            (store.alarms().unwrap().len(), store.machines().unwrap()[0].journal),
+            (1, 7)
+        );
+        assert_eq!(store.open_attempts().unwrap().len(), 2);
+        assert!(store.program("open").unwrap().is_some() && store.program("gone").unwrap().is_none());
+        assert_eq!(store.times(0).unwrap().len(), 1);
+
+        // Once it is acknowledged, the alarm goes as well.
+        let by = json!({"seq": 8, "unix_s": OLD, "kind": "note", "text": "ack", "acknowledges": [[1], {"by": "x"}]});
+        store.add_entry("mill", 8, &by).unwrap();
+        assert_eq!(store.prune(OLD, 3).unwrap().entries, 1);
+        assert_eq!(seqs(store.journal("mill", 0, 100).unwrap()), [7, 8]);
+    }
+
+    #[test]
+    fn what_is_old_is_found_without_a_look_at_all_that_is_young() {
+        let store = Store::open(Path::new(":memory:")).unwrap();
+        for (sql, index) in [
+            (OLD_ENTRIES, "journal_age (unix_s<?)"),
+            (OLD_ATTEMPTS, "attempt_age (ended_unix_s<?)"),
+            (OLD_ORDERS, "order_age (created_unix_s<?)"),
+            (OLD_TIMES, "time_age (day<?)"),
+        ] {
+            let plan: String = (store.db)
+                .query_row(&format!("EXPLAIN QUERY PLAN {sql}"), params![1, 1], |row| row.get(3))
+                .unwrap();
+            assert!(plan.contains(index), "{plan}");
+        }
     }
 
     #[test]

@@ -68,6 +68,7 @@ impl Shop {
             listen: self.address,
             names: Vec::new(),
             page: None,
+            keep_days: 0,
         };
         let (supervisor, desk) = Supervisor::begin(&settings).unwrap();
         let stop = Arc::new(AtomicBool::new(false));
@@ -467,6 +468,7 @@ fn two_supervisors_do_not_share_a_folder() {
         listen: free(),
         names: Vec::new(),
         page: None,
+        keep_days: 0,
     };
     let error = Supervisor::begin(&settings).err().unwrap().to_string();
     assert!(error.contains("another supervisor runs here"), "{error}");

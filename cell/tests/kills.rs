@@ -46,6 +46,7 @@ fn be_a_process() {
             listen: address,
             names: Vec::new(),
             page: None,
+            keep_days: 0,
         };
         if let Err(error) = serve::run(&settings, &stop, || Ok(())) {
             eprintln!("{error:#}");

@@ -44,6 +44,8 @@ const RETRY: Duration = Duration::from_secs(1);
 const ENTRIES_OCTETS: usize = MESSAGE_MAX / 2;
 /// Questions that wait to be answered.
 const QUESTIONS: usize = 64;
+/// The longest one, octets, where it is not a program: with that, all that wait have a bound.
+const QUESTION_MAX: usize = 64 << 10;
 /// Programs and runs that wait: each may hold a whole program.
 const PROGRAMS: usize = 2;
 
@@ -301,6 +303,9 @@ impl<'a> Teller<'a> {
             session
                 .declare_queryable(topic.key(&self.shared.machine))
                 .callback(move |query| {
+                    if topic != Topic::Program && octets(&query) > QUESTION_MAX {
+                        return refuse(&query, &format!("{QUESTION_MAX} octets are the most here"));
+                    }
                     // Who waits here would hold up the whole session.
                     if let Err(TrySendError::Full(query) | TrySendError::Disconnected(query)) = queue.try_send(query) {
                         refuse(&query, "too many are waiting: try again");
@@ -521,6 +526,12 @@ fn connect_in_background(shared: &Shared<'_>, sessions: SyncSender<Session>) {
     if let Err(cause) = std::thread::Builder::new().name("cell-connect".into()).spawn(open) {
         tracing::warn!("cell: no thread to connect with: {cause}");
     }
+}
+
+/// Octets of a question, with what is said beside it.
+fn octets(query: &Query) -> usize {
+    let of = |octets: Option<&zenoh::bytes::ZBytes>| octets.map_or(0, |octets| octets.len());
+    of(query.payload()) + of(query.attachment())
 }
 
 fn refuse(query: &Query, why: &str) {

@@ -18,7 +18,7 @@ mod queue;
 
 pub use people::Ask;
 
-use crate::store::{Attempt, Known, Store};
+use crate::store::{Attempt, Known, Pruned, Store};
 use cell_link::message::{Envelope, Journal, OrderState, Phase, Since, State, Stored, Topic, Use};
 use serde_json::{Value, json};
 use std::collections::{HashMap, HashSet};
@@ -34,6 +34,11 @@ const REST_S: f64 = 10.0;
 const FAILURES_MAX: usize = 3;
 /// Times are written so often, s.
 const TIMES_S: f64 = 10.0;
+/// What is too old is looked for so often, s.
+const PRUNE_S: f64 = 3600.0;
+/// Where there was some, it goes on after so long, s, so many rows of each kind at a time: nobody waits for it.
+const PRUNE_STEP_S: f64 = 0.2;
+const PRUNE_ROWS: u32 = 500;
 /// Uploads under way at the same time.
 const UPLOADS_MAX: usize = 16;
 /// Waits for answers.
@@ -132,6 +137,11 @@ pub struct Core {
     last_ticket: u64,
     said: u64,
     times_due_s: f64,
+    /// For how long everything is kept, s; `None`: for ever.
+    keep_s: Option<f64>,
+    prune_due_s: f64,
+    /// What is there no more since it was last told.
+    pruned: Pruned,
     /// Orders may be open that nothing was decided about.
     is_queue_due: bool,
     /// What leaves with the end of the batch.
@@ -156,6 +166,9 @@ impl Core {
             last_ticket: 0,
             said: 0,
             times_due_s: 0.0,
+            keep_s: None,
+            prune_due_s: 0.0,
+            pruned: Pruned::default(),
             is_queue_due: true,
             questions: Vec::new(),
             replies: Vec::new(),
@@ -163,6 +176,11 @@ impl Core {
         };
         core.reload()?;
         Ok(core)
+    }
+
+    /// What is older than so many days, and not open, is kept no longer; 0: everything is kept.
+    pub fn keep_days(&mut self, days: u32) {
+        self.keep_s = (days > 0).then_some(f64::from(days) * 86_400.0);
     }
 
     /// Makes what is known from the store again, as after a transaction that was undone.
@@ -231,7 +249,49 @@ impl Core {
         for (reply, answer) in replies {
             reply(answer);
         }
+        // Of its own: what it cannot do is to undo nothing else.
+        self.prune(now);
         questions
+    }
+
+    /// One step of what is too old.
+    fn prune(&mut self, now: f64) {
+        let Some(keep_s) = self.keep_s.filter(|_| now >= self.prune_due_s) else {
+            return;
+        };
+        let step = self.store.begin().and_then(|()| {
+            let step = self.store.prune(now - keep_s, PRUNE_ROWS)?;
+            self.store.commit()?;
+            Ok(step)
+        });
+        self.prune_due_s = now + PRUNE_S;
+        match step {
+            Ok(step) if step == Pruned::default() => {
+                let Pruned {
+                    entries,
+                    orders,
+                    attempts,
+                    programs,
+                    times,
+                } = std::mem::take(&mut self.pruned);
+                // Contents alone are no news: no command tells of them.
+                if entries + orders + attempts + times > 0 {
+                    tracing::info!(
+                        "older than {} days, and kept no longer: {entries} entries of journals, {orders} orders, {attempts} attempts, \
+                         {programs} programs, {times} times of use",
+                        keep_s / 86_400.0
+                    );
+                }
+            }
+            Ok(step) => {
+                self.pruned += step;
+                self.prune_due_s = now + PRUNE_STEP_S;
+            }
+            Err(error) => {
+                self.store.roll_back();
+                tracing::warn!("what is too old stays for now: {error}");
+            }
+        }
     }
 
     /// A question that does not leave.

@@ -297,6 +297,61 @@ fn parts_are_made_on_all_machines_that_fit_and_no_more_than_were_ordered() {
 }
 
 #[test]
+fn what_was_too_old_to_be_kept_does_not_come_again() {
+    let mut shop = Shop::new(&["a"]);
+    shop.second();
+    let done = shop.order(2, Wish::default());
+    for _ in 0..3 {
+        shop.end_all(Phase::Completed);
+        shop.second();
+    }
+    assert_eq!(shop.of_order(done)["state"], "done");
+    let open = shop.order(
+        1,
+        Wish {
+            tools: vec![9],
+            ..Wish::default()
+        },
+    );
+    let journal = Ask::Journal {
+        machine: "a".into(),
+        since: Some(0),
+    };
+    let entries = |shop: &mut Shop| shop.ask(journal.clone()).unwrap()["entries"].as_array().unwrap().len();
+    assert_eq!(entries(&mut shop), 2);
+    shop.core.as_mut().unwrap().keep_days(1);
+    shop.now += 3.0 * 86_400.0;
+    for _ in 0..5 {
+        shop.second();
+    }
+    let orders = |shop: &mut Shop| -> Vec<i64> {
+        let queue = shop.ask(Ask::Queue).unwrap();
+        assert_eq!(queue["attempts"], json!([]));
+        let orders = queue["orders"].as_array().unwrap();
+        orders.iter().map(|order| order["id"].as_i64().unwrap()).collect()
+    };
+    assert_eq!((entries(&mut shop), orders(&mut shop)), (0, vec![open]));
+
+    // Another supervisor, which keeps everything: it asks for journals, and hears old states and answers once more.
+    shop.restart();
+    for _ in 0..3 {
+        shop.second();
+    }
+    let said = shop.said.clone();
+    shop.give(
+        said.into_iter()
+            .map(|(name, state)| Event::State(name, Box::new(state)))
+            .collect(),
+    );
+    shop.second();
+    assert_eq!((entries(&mut shop), orders(&mut shop)), (0, vec![open]));
+    assert_eq!(shop.fakes["a"].orders.len(), 2, "each part was made once");
+    shop.fakes.get_mut("a").unwrap().note("note", "new");
+    shop.second();
+    assert_eq!(entries(&mut shop), 1);
+}
+
+#[test]
 fn an_order_that_is_not_answered_is_asked_for_with_the_same_id() {
     let mut shop = Shop::new(&["a"]);
     shop.second();
