@@ -5,6 +5,11 @@
 #   cargo build --features cell && cargo build -p isocnc-cell
 #   scripts/cell.sh target/debug/isocnc target/debug/isocnc-cell
 set -euo pipefail
+if [ $# -ne 2 ] || [ ! -x "$1" ] || [ ! -x "$2" ]; then
+    printf 'usage: %s ISOCNC ISOCNC-CELL, the two programs; they are built by\n' "$0" >&2
+    printf '  cargo build --features cell && cargo build -p isocnc-cell\n' >&2
+    exit 2
+fi
 root=$(cd "$(dirname "$0")/.." && pwd)
 isocnc=$(realpath "$1")
 cell=$(realpath "$2")
@@ -17,7 +22,7 @@ finish() {
     for process in "${running[@]}"; do kill "$process" 2>/dev/null || true; done
     wait 2>/dev/null || true
     if [ "$code" -ne 0 ]; then
-        cat control.log supervisor.log >&2
+        cat control.log supervisor.log >&2 || true
     fi
     rm -rf "$folder"
     exit "$code"

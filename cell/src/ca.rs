@@ -37,7 +37,7 @@ pub enum CaError {
     #[error("{0:?} cannot name a machine: small letters, digits and '-', up to {MACHINE_MAX}")]
     /// No machine can be called so.
     Name(String),
-    #[error("{0:?} has no certificate that could be revoked: isocnc-cell ca list")]
+    #[error("{0:?} has no certificate that could be revoked: isocnc-cell ca list --dir CA")]
     /// There is no such certificate.
     NotIssued(String),
     #[error("{0}: there is no authority: isocnc-cell ca init --dir {0}")]

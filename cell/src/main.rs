@@ -60,7 +60,7 @@ enum Command {
         #[arg(long, value_name = "ADDR:PORT", value_parser = place)]
         page: Option<SocketAddr>,
         /// Journals, orders that are over and times of use are kept for so many days; 0: for ever.
-        #[arg(long, value_name = "DAYS", default_value_t = 400, value_parser = clap::value_parser!(u32).range(0..=36_500))]
+        #[arg(long, value_name = "DAYS", default_value_t = 400, allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(0..=36_500))]
         keep_days: u32,
     },
     /// All machines, and how they are.
@@ -113,8 +113,13 @@ enum Command {
     Queue {
         #[command(subcommand)]
         change: Option<Change>,
-        #[command(flatten)]
-        dir: Dir,
+        /// State folder of the supervisor.
+        // It is needed, and may stand behind what is to be done, which clap does not have both.
+        #[arg(long, value_name = "STATE", global = true)]
+        dir: Option<PathBuf>,
+        /// For programs.
+        #[arg(long, global = true)]
+        json: bool,
     },
     /// Cost and feasibility of cells, as configs/cell-cost.toml says.
     Plan {
@@ -161,7 +166,7 @@ enum Change {
     Add {
         file: PathBuf,
         /// Parts.
-        #[arg(long)]
+        #[arg(long, allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=100_000))]
         count: u32,
         /// Only machines of this class.
         #[arg(long, default_value = "")]
@@ -177,9 +182,20 @@ enum Change {
         tools: Vec<u32>,
     },
     /// No further part of an order is begun.
-    Cancel { order: i64 },
+    Cancel {
+        #[arg(value_parser = number)]
+        order: i64,
+    },
     /// A held order goes on.
-    Resume { order: i64 },
+    Resume {
+        #[arg(value_parser = number)]
+        order: i64,
+    },
+}
+
+fn number(text: &str) -> Result<i64, String> {
+    text.parse()
+        .map_err(|_| "expected the number of an order, as isocnc-cell queue tells it".into())
 }
 
 fn travel(text: &str) -> Result<(char, f64), String> {
@@ -315,20 +331,19 @@ fn carry_out(command: Command) -> anyhow::Result<()> {
             since,
             dir,
         } => answer(&dir, &Ask::Journal { machine, since }, journal),
-        Command::Queue { change: None, dir } => answer(&dir, &Ask::Queue, queue),
-        Command::Queue {
-            change: Some(change),
-            dir,
-        } => {
+        Command::Queue { change, dir, json } => {
+            let dir = dir.context("which supervisor? --dir STATE")?;
+            let dir = Dir { dir, json };
             let ask = match change {
-                Change::Add {
+                None => return answer(&dir, &Ask::Queue, queue),
+                Some(Change::Add {
                     file,
                     count,
                     class,
                     axes,
                     travel,
                     tools,
-                } => {
+                }) => {
                     let (program, content) = content(&file)?;
                     let wish = Wish {
                         program,
@@ -340,8 +355,8 @@ fn carry_out(command: Command) -> anyhow::Result<()> {
                     };
                     Ask::Add { wish, content }
                 }
-                Change::Cancel { order } => Ask::Cancel { order },
-                Change::Resume { order } => Ask::Resume { order },
+                Some(Change::Cancel { order }) => Ask::Cancel { order },
+                Some(Change::Resume { order }) => Ask::Resume { order },
             };
             answer(&dir, &ask, |order| format!("order {}\n", order["order"]))
         }
@@ -483,18 +498,25 @@ fn journal(answer: &Value) -> String {
         .collect()
 }
 
+/// How something is, and why, where that says more.
+fn with_note(is: &Value, note: &Value) -> String {
+    match (word(is), word(note)) {
+        (is, note) if note.is_empty() || note == is => is,
+        (is, note) => format!("{is}: {note}"),
+    }
+}
+
 fn queue(answer: &Value) -> String {
     let mut text = String::new();
     for order in all(answer, "orders") {
         let (done, count, under_way) = (&order["completed"], &order["count"], &order["under_way"]);
         let _ = writeln!(
             text,
-            "order {} {} {done} of {count} parts, {under_way} under way, {} failed: {} {}",
+            "order {} {} {done} of {count} parts, {under_way} under way, {} failed: {}",
             order["id"],
             word(&order["program"]),
             order["failed"],
-            word(&order["state"]),
-            word(&order["note"]),
+            with_note(&order["state"], &order["note"]),
         );
         for unfit in all(order, "unfit").filter(|_| order["state"] == "open") {
             let _ = writeln!(
@@ -508,12 +530,12 @@ fn queue(answer: &Value) -> String {
     let names = width(all(answer, "attempts").map(|attempt| &attempt["machine"]));
     let programs = width(all(answer, "attempts").map(|attempt| &attempt["program"]));
     for attempt in all(answer, "attempts") {
-        let (phase, note) = (word(&attempt["phase"]), word(&attempt["note"]));
         let _ = writeln!(
             text,
-            "{:names$} {:programs$} {phase} {note}",
+            "{:names$} {:programs$} {}",
             word(&attempt["machine"]),
-            word(&attempt["program"])
+            word(&attempt["program"]),
+            with_note(&attempt["phase"], &attempt["note"]),
         );
     }
     text
@@ -543,6 +565,32 @@ mod tests {
     use serde_json::json;
 
     #[test]
+    fn the_folder_stands_before_or_behind_what_is_to_be_done_with_the_queue() {
+        let add = ["add", "p.ngc", "--count", "5"];
+        for words in [
+            [&["isocnc-cell", "queue", "--dir", "state"], &add[..]].concat(),
+            [&["isocnc-cell", "queue"], &add[..], &["--dir", "state"]].concat(),
+        ] {
+            let read = Cli::try_parse_from(&words).map(|cli| cli.command);
+            let Ok(Command::Queue { change, dir, .. }) = read else {
+                panic!("{words:?} is refused");
+            };
+            assert_eq!(dir.as_deref(), Some(Path::new("state")));
+            assert!(matches!(change, Some(Change::Add { count: 5, .. })));
+        }
+        let without = Cli::parse_from(["isocnc-cell", "queue"]);
+        let error = carry_out(without.command).unwrap_err().to_string();
+        assert!(error.contains("--dir STATE"), "{error}");
+        for (count, why) in [("-1", "-1 is not in 1..=100000"), ("0", "0 is not in 1..=100000")] {
+            let words = ["isocnc-cell", "queue", "add", "p.ngc", "--count", count];
+            let Err(error) = Cli::try_parse_from(words) else {
+                panic!("{count} is taken")
+            };
+            assert!(error.to_string().contains(why), "{error}");
+        }
+    }
+
+    #[test]
     fn a_list_fits_the_terminal_and_tells_it_nothing() {
         let machine = |name: &str, alarm: &str| json!({ "name": name, "class": "", "use": "alarm", "alive": true, "state": { "alarm": alarm } });
         let told = json!({ "machines": [machine("mill-1", "hot\u{1b}[2J\nmill-9 ready"), machine("b", "cold")] });
@@ -552,5 +600,8 @@ mod tests {
         );
         let entry = json!({ "entries": [{ "seq": 1, "kind": "note", "text": "a\rb" }] });
         assert_eq!(journal(&entry), "     1 note     a b\n");
+        let attempt = |phase: &str, note: &str| json!({ "machine": "m", "program": "p", "phase": phase, "note": note });
+        let attempts = json!({ "attempts": [attempt("completed", "completed"), attempt("failed", "stopped"), attempt("running", "")] });
+        assert_eq!(queue(&attempts), "m p completed\nm p failed: stopped\nm p running\n");
     }
 }

@@ -7,7 +7,6 @@
 //! `controllers * (controller + board * boards_per_controller)`.
 
 use serde::{Deserialize, Serialize};
-use std::fmt::Write;
 
 /// Configurations of a file at the most.
 const CONFIGURATIONS_MAX: usize = 10_000;
@@ -208,8 +207,8 @@ impl Model {
 
 /// As a table for people.
 pub fn table(all: &[Judged]) -> String {
-    let mut text =
-        String::from("axes  axes/board  boards  controllers  boards/controller    cost  printed   load  against\n");
+    // 80 columns, as far as nothing stands against it.
+    let mut text = String::from("axes  axes/board  boards  controllers  on each    cost  printed    load  against\n");
     for judged in all {
         let Configuration {
             axes,
@@ -219,15 +218,15 @@ pub fn table(all: &[Judged]) -> String {
             printed_cost,
         } = judged.configuration;
         let printed = printed_cost.map_or_else(|| "-".into(), |cost| cost.to_string());
-        // Writing to a string does not fail.
-        let _ = writeln!(
-            text,
-            "{axes:4}  {axes_per_board:10}  {:6}  {controllers:11}  {boards_per_controller:17}  {:6}  {printed:>7}  {:4.1} %  {}",
+        let line = format!(
+            "{axes:4}  {axes_per_board:10}  {:6}  {controllers:11}  {boards_per_controller:7}  {:6}  {printed:>7}  {:4.1} %  {}",
             judged.boards,
             judged.cost,
             judged.load_percent,
             judged.against.join("; "),
         );
+        text.push_str(line.trim_end());
+        text.push('\n');
     }
     text
 }
@@ -247,6 +246,11 @@ mod tests {
         for one in &judged {
             assert_eq!(one.against, Vec::<String>::new(), "{one:?}");
         }
+        let text = table(&judged);
+        assert!(
+            text.lines().all(|line| line.len() <= 80 && line == line.trim_end()),
+            "{text}"
+        );
         // Rows with one board in all are printed with 2, where the model gives 3.
         let others: Vec<(u32, f64)> = judged
             .iter()
