@@ -170,6 +170,20 @@ pub struct EthercatNode {
     pub outputs: Vec<Pdo>,
     /// PDOs from it, whose entries are [`Node::inputs`] (1C13).
     pub inputs: Vec<Pdo>,
+    /// What its ESI file has it told at its start, modules in its slots first (F030), in order.
+    pub start: Vec<StartCommand>,
+    /// `ModuleIdent` of what stands in each of its slots, 0: nothing.
+    pub modules: Vec<u32>,
+}
+
+/// A value that an ESI file has a device told in PRE-OP.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct StartCommand {
+    pub index: u16,
+    pub sub: u8,
+    /// All sub-indices at once.
+    pub complete: bool,
+    pub value: Vec<u8>,
 }
 
 /// A process data object of EtherCAT.

@@ -1,11 +1,13 @@
 //! What only EtherCAT has: keys of `[bus]` and of `[[bus.node]]`; keys of POWERLINK that mean nothing there.
 //!
-//! In:  tables of the machine file, the ESI file that a node names. Out: clocks, aliases and PDOs that fit that file.
+//! In:  tables of the machine file, the ESI file that a node names. Out: clocks, aliases, PDOs and modules that fit that file, and what it
+//! has a device told at its start.
 
-use super::document::Section;
-use super::types::{BusClock, EthercatNode, Identity, Mapped, Pdo, SyncClock};
+use super::document::{Item, Section};
+use super::error::nearest;
+use super::types::{BusClock, EthercatNode, Identity, Mapped, Pdo, StartCommand, SyncClock};
 use cia402::profile::axis_of;
-use obd::device::{EsiDevice, EsiPdo, parse_esi};
+use obd::device::{DeviceErrors, EsiChoice, EsiDevice, EsiFile, EsiModule, EsiPdo, EsiSlot, parse_esi, parse_esi_with};
 use std::path::Path;
 
 /// Keys of `[bus]` that are POWERLINK's, and why EtherCAT has none.
@@ -49,7 +51,7 @@ pub(super) const NODE_OF_POWERLINK: [(&str, &str); 8] = [
     ("cross", "devices of EtherCAT do not hear each other"),
 ];
 /// Keys of a node that are EtherCAT's.
-pub(super) const NODE_OF_ETHERCAT: [(&str, &str); 6] = [
+pub(super) const NODE_OF_ETHERCAT: [(&str, &str); 7] = [
     ("alias", "is for EtherCAT: on POWERLINK the id is the address"),
     ("dc", "is for EtherCAT: nodes of POWERLINK follow the SoC"),
     ("shift_us", "is for EtherCAT: nodes of POWERLINK follow the SoC"),
@@ -62,6 +64,7 @@ pub(super) const NODE_OF_ETHERCAT: [(&str, &str); 6] = [
         "watchdog_ms",
         "is for EtherCAT: nodes of POWERLINK count SoCs, bus.soc_lost_max",
     ),
+    ("modules", "is for EtherCAT: modules stand in an ESI file"),
 ];
 
 /// From the PDO of one axis to that of the next, as drives usually have it, and most.
@@ -111,7 +114,8 @@ impl Esi {
 
     /// Objects that the device exchanges as it comes; `None`: it has none, or some that are not exchanged.
     pub(super) fn usual(&self, outputs: bool) -> Option<Vec<Mapped>> {
-        let objects = assigned(&self.device, outputs).ok()?;
+        let assigned: Vec<&EsiPdo> = self.device.assigned(outputs).collect();
+        let objects = objects(&assigned).ok()?;
         (!objects.is_empty()).then_some(objects)
     }
 
@@ -152,19 +156,27 @@ impl Esi {
 /// Octets of PDOs in which no entry begins have this index, and their number in the payload as sub-index.
 const PADDING: u16 = 0x5FFF;
 
+/// An object of whole octets, and which bits of its first octet are of an entry: the others are gaps.
+pub(crate) type Used = (Mapped, u8);
+
 /// What a device exchanges as it comes, in whole octets.
 ///
 /// # Errors
 /// The entry that is not exchanged, in words.
-pub(crate) fn assigned(device: &EsiDevice, outputs: bool) -> Result<Vec<Mapped>, String> {
+pub(crate) fn assigned(device: &EsiDevice, outputs: bool) -> Result<Vec<Used>, String> {
     let assigned: Vec<&EsiPdo> = device.assigned(outputs).collect();
-    objects(&assigned)
+    used(&assigned)
+}
+
+/// Entries of PDOs one behind the other.
+fn objects(pdos: &[&EsiPdo]) -> Result<Vec<Mapped>, String> {
+    Ok(used(pdos)?.into_iter().map(|(object, _)| object).collect())
 }
 
 /// Entries of PDOs one behind the other. Those of less than an octet, and gaps, are gathered into octets, each called by the first
 /// entry that begins in it.
-fn objects(pdos: &[&EsiPdo]) -> Result<Vec<Mapped>, String> {
-    let mut objects: Vec<Mapped> = Vec::new();
+fn used(pdos: &[&EsiPdo]) -> Result<Vec<Used>, String> {
+    let mut objects: Vec<Used> = Vec::new();
     // Bits of the last octet that are taken, and whether it has its name; 0: it is full.
     let (mut taken, mut is_named) = (0, true);
     for (pdo, entry) in pdos
@@ -179,7 +191,7 @@ fn objects(pdos: &[&EsiPdo]) -> Result<Vec<Mapped>, String> {
             bits: entry.bits,
         };
         if taken == 0 && !is_gap && matches!(bits, 8 | 16 | 32 | 64) {
-            objects.push(object);
+            objects.push((object, u8::MAX));
             continue;
         }
         if !is_gap && taken + bits > 8 {
@@ -192,18 +204,22 @@ fn objects(pdos: &[&EsiPdo]) -> Result<Vec<Mapped>, String> {
         while bits > 0 {
             if taken == 0 {
                 let number = u8::try_from(objects.len() + 1);
-                objects.push(Mapped {
+                let padding = Mapped {
                     index: PADDING,
                     sub: number.map_err(|_| format!("PDO 0x{:04X}: more than 255 objects", pdo.index))?,
                     bits: 8,
-                });
+                };
+                objects.push((padding, 0));
                 is_named = false;
             }
-            if let Some(octet) = objects.last_mut().filter(|_| !is_gap && !is_named) {
-                *octet = Mapped { bits: 8, ..object };
-                is_named = true;
-            }
             let part = bits.min(8 - taken);
+            if let Some((octet, used)) = objects.last_mut().filter(|_| !is_gap) {
+                if !is_named {
+                    *octet = Mapped { bits: 8, ..object };
+                    is_named = true;
+                }
+                *used |= (u8::MAX >> (8 - part)) << taken;
+            }
             taken = (taken + part) % 8;
             bits -= part;
         }
@@ -218,7 +234,12 @@ pub(super) fn have_padding(objects: &[Mapped]) -> bool {
 
 /// Reads the ESI file of a node; `Some(None)`: there is none.
 pub(super) fn esi(section: &mut Section<'_, '_>, folder: &Path) -> Option<Option<Esi>> {
+    let chosen = modules(section);
     let Some(item) = section.optional("device_file") else {
+        if section.has("modules") {
+            section.wrong("modules", "needs device_file, an ESI file: it tells slots and modules");
+            return None;
+        }
         return Some(None);
     };
     let path = folder.join(item.text(&section.key("device_file"))?);
@@ -232,12 +253,7 @@ pub(super) fn esi(section: &mut Section<'_, '_>, folder: &Path) -> Option<Option
     };
     let parsed = match parse_esi(&file, &octets) {
         Ok(parsed) => parsed,
-        Err(errors) => {
-            for line in errors.lines().take(super::device::MISTAKES_TOLD) {
-                section.wrong("device_file", format!("is no ESI file that can be used: {line}"));
-            }
-            return None;
-        }
+        Err(errors) => return cannot_be_used(section, &errors),
     };
     let wanted = |section: &mut Section<'_, '_>, key| section.optional_integer(key, 0..=i64::from(u32::MAX));
     let (product, revision) = (wanted(section, "product_code")?, wanted(section, "revision")?);
@@ -262,9 +278,29 @@ pub(super) fn esi(section: &mut Section<'_, '_>, folder: &Path) -> Option<Option
         section.wrong("device_file", rule);
         return None;
     };
+    let refitted = match chosen? {
+        Some(chosen) => {
+            let modules = fit(section, &chosen, &parsed, device)?;
+            let choice = EsiChoice {
+                product: device.product,
+                revision: device.revision,
+                modules: &modules,
+            };
+            match parse_esi_with(&file, &octets, Some(choice)) {
+                Ok(parsed) => Some(parsed),
+                Err(errors) => return cannot_be_used(section, &errors),
+            }
+        }
+        None => None,
+    };
+    let refitted = refitted
+        .as_ref()
+        .and_then(|esi| esi.find(device.product, Some(device.revision)));
+    let device = refitted.unwrap_or(device);
     if let Some(slot) = &device.open_slot {
         let rule = format!(
-            "does not tell what {} exchanges: {slot} may hold one of several modules, and none of them is usual (ModuleIdent Default)",
+            "does not tell what {} exchanges: {slot} may hold one of several modules, and none of them is usual (ModuleIdent Default): \
+             modules of the node chooses them",
             device.name
         );
         section.wrong("device_file", rule);
@@ -284,6 +320,152 @@ pub(super) fn esi(section: &mut Section<'_, '_>, folder: &Path) -> Option<Option
         device: device.clone(),
         file,
     }))
+}
+
+fn cannot_be_used<T>(section: &Section<'_, '_>, errors: &DeviceErrors) -> Option<T> {
+    for line in errors.lines().take(super::device::MISTAKES_TOLD) {
+        section.wrong("device_file", format!("is no ESI file that can be used: {line}"));
+    }
+    None
+}
+
+/// A module that is asked for: its key, its item, its name.
+type Asked<'d, 'l> = (String, Item<'d, 'l>, &'l str);
+
+/// `modules`, one for each slot; `Some(None)`: those that are usual.
+fn modules<'d, 'l>(section: &mut Section<'d, 'l>) -> Option<Option<Vec<Asked<'d, 'l>>>> {
+    let Some(item) = section.optional("modules") else {
+        return Some(None);
+    };
+    let path = section.key("modules");
+    let items = item.items(&path)?.into_iter().enumerate();
+    let named = items.map(|(at, item)| {
+        let key = format!("{path}[{at}]");
+        let name = item.text(&key)?;
+        Some((key, item, name))
+    });
+    // Each that is no text is told.
+    let named: Vec<Option<Asked<'_, '_>>> = named.collect();
+    named.into_iter().collect::<Option<_>>().map(Some)
+}
+
+/// `ModuleIdent` of what is asked for, slot by slot.
+fn fit(section: &Section<'_, '_>, chosen: &[Asked<'_, '_>], esi: &EsiFile, device: &EsiDevice) -> Option<Vec<u32>> {
+    let fitted: Vec<Option<u32>> = chosen
+        .iter()
+        .enumerate()
+        .map(|(at, (key, item, name))| {
+            let fitted = match device.slots.get(at) {
+                Some(slot) => fit_one(slot, at + 1, name, &esi.modules),
+                None => Err((
+                    format!("is too many: {} has {} slots", device.name, device.slots.len()),
+                    None,
+                )),
+            };
+            let refused = |(rule, hint)| item.log.wrong(item.value.span(), key, rule, hint);
+            fitted.map_err(refused).ok()
+        })
+        .collect();
+    let mut left = device.slots.iter().enumerate().skip(chosen.len());
+    if let Some((at, slot)) = left.find(|(_, slot)| slot.is_needed) {
+        let rule = format!("ends before {}", cannot_be_empty(slot, at + 1, &esi.modules));
+        section.wrong("modules", rule);
+        return None;
+    }
+    fitted.into_iter().collect()
+}
+
+/// `ModuleIdent` of a module by its name or number, in this slot; 0: it is empty.
+///
+/// # Errors
+/// Why it cannot be, and what may be meant.
+fn fit_one(slot: &EsiSlot, number: usize, name: &str, modules: &[EsiModule]) -> Result<u32, (String, Option<String>)> {
+    if name.is_empty() {
+        return match slot.is_needed {
+            true => Err((cannot_be_empty(slot, number, modules), None)),
+            false => Ok(0),
+        };
+    }
+    let ident = name
+        .strip_prefix("0x")
+        .and_then(|digits| u32::from_str_radix(digits, 16).ok());
+    let is_it = |module: &&EsiModule| module.name == name || Some(module.ident) == ident;
+    let found: Vec<u32> = modules.iter().filter(is_it).map(|module| module.ident).collect();
+    if found.is_empty() {
+        let hint = nearest(name, modules.iter().map(|module| module.name.as_str()));
+        return Err((
+            "is no module of the device file, by its type or as ModuleIdent like \"0x21\"".to_owned(),
+            hint.map(|near| format!("did you mean {near:?}?")),
+        ));
+    }
+    let fitting: Vec<u32> = found.into_iter().filter(|ident| slot.modules.contains(ident)).collect();
+    match fitting[..] {
+        [ident] => Ok(ident),
+        [] => Err((
+            format!(
+                "cannot stand in slot {number} ({}), which takes {}",
+                slot.name,
+                takes(slot, modules)
+            ),
+            None,
+        )),
+        _ => {
+            let all: Vec<String> = fitting.iter().map(|ident| format!("0x{ident:X}")).collect();
+            Err((
+                format!("is the type of several modules: one of {}", all.join(", ")),
+                None,
+            ))
+        }
+    }
+}
+
+fn cannot_be_empty(slot: &EsiSlot, number: usize, modules: &[EsiModule]) -> String {
+    format!(
+        "slot {number} ({}) cannot be empty: it takes {}",
+        slot.name,
+        takes(slot, modules)
+    )
+}
+
+/// `DI4 (0x20), AO1 (0x21)`
+fn takes(slot: &EsiSlot, modules: &[EsiModule]) -> String {
+    const TOLD: usize = 12;
+    let own = modules.iter().filter(|module| slot.modules.contains(&module.ident));
+    let mut own: Vec<String> = own
+        .map(|module| format!("{} (0x{:X})", module.name, module.ident))
+        .collect();
+    let more = own.len().saturating_sub(TOLD);
+    own.truncate(TOLD);
+    if more > 0 {
+        own.push(format!("{more} more"));
+    }
+    match own.is_empty() {
+        true => "none of the modules of the device file".to_owned(),
+        false => own.join(", "),
+    }
+}
+
+/// Steps of which the mailbox can do what is asked: to PRE-OP, where it comes up, and from there.
+const IN_PRE_OP: [&str; 2] = ["IP", "PS"];
+
+/// Start-up commands of an ESI file, without what the control sets from other keys.
+fn start(esi: &Esi) -> Vec<StartCommand> {
+    let commands = esi.device.coe.iter().flat_map(|coe| &coe.start);
+    commands
+        .filter(|command| {
+            command
+                .transitions
+                .iter()
+                .any(|step| IN_PRE_OP.contains(&step.as_str()))
+        })
+        .filter(|command| !set_by_main_device(command.index, command.sub))
+        .map(|command| StartCommand {
+            index: command.index,
+            sub: command.sub,
+            complete: command.complete,
+            value: command.data.clone(),
+        })
+        .collect()
 }
 
 /// Around a node.
@@ -315,6 +497,8 @@ pub(super) fn node(
         watchdog_ms: watchdog_ms?.map(|ms| ms as u16),
         outputs: outputs?,
         inputs: inputs?,
+        start: around.esi.map_or(Vec::new(), start),
+        modules: around.esi.map_or(Vec::new(), |esi| esi.device.modules.clone()),
     })
 }
 

@@ -295,3 +295,74 @@ fn an_entry_of_an_esi_file_that_cannot_be_exchanged_is_named() {
         told(&crossing)
     );
 }
+
+/// A coupler whose slots are open: a machine file has to say what stands in them.
+const COUPLER: &str = r##"<?xml version="1.0"?>
+<EtherCATInfo><Vendor><Id>#xFACE</Id></Vendor><Descriptions>
+  <Devices><Device><Type ProductCode="#x1000" RevisionNo="#x1">COUPLER</Type>
+    <Sm>MBoxOut</Sm><Sm>MBoxIn</Sm><Sm>Outputs</Sm><Sm>Inputs</Sm>
+    <Mailbox><CoE PdoAssign="1"><InitCmd><Transition>SO</Transition><Index>#x2000</Index><SubIndex>1</SubIndex><Data>07</Data></InitCmd>
+      <InitCmd><Transition>PS</Transition><Index>#x1C12</Index><SubIndex>0</SubIndex><Data>00</Data></InitCmd></CoE></Mailbox>
+    <Slots SlotPdoIncrement="1" SlotIndexIncrement="#x10" DownloadModuleIdentList="1">
+      <Slot MinInstances="0" MaxInstances="1"><Name>Outputs</Name><ModuleIdent>#x21</ModuleIdent><ModuleIdent>#x22</ModuleIdent></Slot>
+      <Slot MinInstances="1" MaxInstances="1"><Name>Any</Name><ModuleIdent>#x20</ModuleIdent><ModuleIdent>#x21</ModuleIdent></Slot>
+    </Slots>
+  </Device></Devices>
+  <Modules>
+    <Module><Type ModuleIdent="#x20">DI4</Type><TxPdo Fixed="1" Sm="3"><Index DependOnSlot="1">#x1A00</Index>
+      <Entry><Index DependOnSlot="1">#x6000</Index><SubIndex>1</SubIndex><BitLen>8</BitLen></Entry></TxPdo></Module>
+    <Module><Type ModuleIdent="#x21">AO1</Type><RxPdo Fixed="1" Sm="2"><Index DependOnSlot="1">#x1600</Index>
+      <Entry><Index DependOnSlot="1">#x7000</Index><SubIndex>17</SubIndex><BitLen>16</BitLen></Entry></RxPdo>
+      <Mailbox><CoE><InitCmd><Transition>PS</Transition><Index DependOnSlot="1">#x8000</Index><SubIndex>2</SubIndex>
+        <Data>3412</Data></InitCmd></CoE></Mailbox></Module>
+    <Module><Type ModuleIdent="#x22">AO1</Type></Module>
+  </Modules>
+</Descriptions></EtherCATInfo>"##;
+
+#[test]
+fn modules_of_slots_are_chosen_by_type_or_number() {
+    let (_file, text) = with_terminal(COUPLER, "modules = [\"0x21\", \"DI4\"]");
+    let config = read(&text);
+    let io = &config.bus.nodes[1];
+    let objects = |list: &[Mapped]| list.iter().map(Mapped::to_string).collect::<Vec<_>>();
+    assert_eq!(objects(&io.outputs), ["0x7000:17/16"]);
+    assert_eq!(objects(&io.inputs), ["0x6010:1/8"]);
+    assert_eq!(own(io).modules, [0x21, 0x20]);
+    // Not what is for SAFE-OP, nor what the control assigns itself.
+    let start: Vec<(u16, u8)> = own(io).start.iter().map(|it| (it.index, it.sub)).collect();
+    assert_eq!(start, [(0xF030, 0), (0xF030, 1), (0xF030, 2), (0xF030, 0), (0x8000, 2)]);
+    // The first slot may be empty.
+    let config = read(&with_terminal(COUPLER, "modules = [\"\", \"AO1\"]\ninputs = []").1);
+    assert_eq!(objects(&config.bus.nodes[1].outputs), ["0x7010:17/16"]);
+    assert_eq!(own(&config.bus.nodes[1]).modules, [0, 0x21]);
+}
+
+#[test]
+#[rustfmt::skip] // one case a line
+fn modules_that_cannot_be_are_refused_at_their_places() {
+    let slot = "slot 2 (Any) cannot be empty: it takes DI4 (0x20), AO1 (0x21)";
+    for (modules, refused) in [
+        ("", "device_file = \"FILE\": does not tell what COUPLER exchanges: slot \"Outputs\" in line 8 may hold one of several modules, and none of them is usual (ModuleIdent Default): modules of the node chooses them".to_owned()),
+        ("modules = [\"\", \"DO4\"]", "modules[1] = \"DO4\": is no module of the device file, by its type or as ModuleIdent like \"0x21\"; did you mean \"DI4\"?".to_owned()),
+        ("modules = [\"\", \"0x99\"]", "modules[1] = \"0x99\": is no module of the device file, by its type or as ModuleIdent like \"0x21\"".to_owned()),
+        ("modules = [\"DI4\", \"DI4\"]", "modules[0] = \"DI4\": cannot stand in slot 1 (Outputs), which takes AO1 (0x21), AO1 (0x22)".to_owned()),
+        ("modules = [\"AO1\", \"DI4\"]", "modules[0] = \"AO1\": is the type of several modules: one of 0x21, 0x22".to_owned()),
+        ("modules = [\"\", \"DI4\", \"DI4\"]", "modules[2] = \"DI4\": is too many: COUPLER has 2 slots".to_owned()),
+        ("modules = [\"\", \"\"]", format!("modules[1] = \"\": {slot}")),
+        ("modules = [\"\"]", format!("modules = [\"\"]: ends before {slot}")),
+        ("modules = [\"\", 32]", "modules[1] = 32: must be a string, is an integer".to_owned()),
+        ("modules = \"DI4\"", "modules = \"DI4\": must be an array, is a string".to_owned()),
+    ] {
+        let (file, text) = with_terminal(COUPLER, modules);
+        let told: Vec<String> = messages(&text).iter().map(|line| line.replace(&file.path().display().to_string(), "FILE")).collect();
+        let place = |line: &str| line.splitn(4, ':').nth(3).map(|line| line.trim().trim_start_matches("bus.node[1].").to_owned());
+        assert_eq!(told.iter().filter_map(|line| place(line)).collect::<Vec<_>>(), [refused], "{modules}");
+        // The line of the key.
+        let line = text.lines().position(|line| line.starts_with(if modules.is_empty() { "device_file" } else { "modules" })).map(|at| at + 1);
+        assert!(told[0].starts_with(&format!("m.toml:{}:", line.unwrap_or(0))), "{told:?}");
+    }
+    let (_file, text) = with_terminal(TERMINAL, "modules = [\"DI4\"]");
+    assert!(messages(&text)[0].ends_with("modules[0] = \"DI4\": is too many: MIXED has 0 slots"), "{:?}", messages(&text));
+    let alone = machine("", "", "modules = [\"DI4\"]");
+    assert!(messages(&alone)[0].ends_with("needs device_file, an ESI file: it tells slots and modules"), "{:?}", messages(&alone));
+}

@@ -8,7 +8,7 @@
 use super::SimError;
 use super::carrier::{Carrier, Device, tables};
 use super::drive;
-use crate::config::{Config, Mapped, Node, NodeIndex, Pdo};
+use crate::config::{Config, Mapped, Node, NodeIndex, Pdo, StartCommand};
 use ::ethercat::sub::models::{self, CoeModel};
 use ::ethercat::sub::{
     Application, COMMUNICATION, ClockConfig, Cycle, ENTRIES, OCTETS, ObjectStore, PDO_ENTRIES, Segment, SubDevice,
@@ -38,6 +38,9 @@ const APART_NS: u64 = 1_300_007;
 const PATIENCE: u64 = 4;
 /// Of simulated devices whose identity the machine file leaves open: a drive, a node of inputs and outputs, a coupler.
 const PRODUCTS: [u32; 3] = [0x0402_0002, 0x0401_0002, 0x0001_0001];
+/// Modules that the main device expects in the slots of a device, and those that stand in them (ETG.5001).
+const MODULE_LIST: u16 = 0xF030;
+const MODULES_FOUND: u16 = 0xF050;
 /// All objects lie in one part.
 const PART: usize = 0;
 
@@ -56,6 +59,15 @@ struct Behind {
 
 impl Application for Behind {
     fn start(&mut self, objects: &mut ObjectStore, period_ns: u32) -> Result<(), AlStatusCode> {
+        let list = |index: u16| -> Vec<Vec<u8>> {
+            let values = (0..=u8::MAX).map_while(|sub| objects.read(index, sub).ok());
+            values.map(<[u8]>::to_vec).collect()
+        };
+        // A main device that has told no modules means those that there are.
+        let told = list(MODULE_LIST);
+        if told.first().is_some_and(|count| *count != [0]) && told != list(MODULES_FOUND) {
+            return Err(AlStatusCode::MODULES);
+        }
         match &mut self.device {
             Device::Drive(drive) => drive
                 .set_period(objects.part(PART), period_ns)
@@ -329,6 +341,7 @@ fn sub_device(config: &Config, index: NodeIndex) -> Result<SubDeviceConfig, SimE
     let failed = |error: AbortCode| SimError::new(node, error);
     let mut lines = vec![COMMUNICATION, pdo_lines(node)?];
     lines.extend(tables(config, index));
+    lines.push(file_lines(node, &lines)?);
     let mut objects = ObjectStore::new();
     objects
         .add(0x1000..=0xFFFF, 0, &lines)
@@ -338,6 +351,7 @@ fn sub_device(config: &Config, index: NodeIndex) -> Result<SubDeviceConfig, SimE
         objects.set_write_check(drive::check_write);
     }
     assign(&mut objects, node).map_err(failed)?;
+    find_modules(&mut objects, node).map_err(failed)?;
     let usual = identity(match device {
         Device::Drive(_) => PRODUCTS[0],
         Device::Io(_) => PRODUCTS[1],
@@ -420,6 +434,78 @@ fn pdo_lines(node: &Node) -> Result<&'static [EntryDef], SimError> {
         }
     }
     Ok(lines.leak())
+}
+
+/// Lines of objects that no simulated device has, but this node by its ESI file: what it exchanges, and what it is told at its start. They
+/// are kept as those of PDOs.
+fn file_lines(node: &Node, others: &[&[EntryDef]]) -> Result<&'static [EntryDef], SimError> {
+    let line = |index, sub, octets| {
+        let line = |data_type| EntryDef::rw(index, data_type, "By its ESI file").sub(sub);
+        match octets {
+            1 => line(DataType::U8),
+            2 => line(DataType::U16),
+            4 => line(DataType::U32),
+            8 => line(DataType::U64),
+            octets => line(DataType::OctetString).capacity(octets as u16),
+        }
+    };
+    let Some(own) = &node.ethercat else { return Ok(&[]) };
+    let exchanged = |pdos: &[Pdo], mapped: &[Mapped]| -> Vec<EntryDef> {
+        // What the machine file alone says of a device has to be there.
+        let is_of_file = pdos.iter().all(|pdo| pdo.entries.is_empty());
+        let mapped = mapped.iter().filter(|_| is_of_file);
+        mapped
+            .map(|it| line(it.index, it.sub, usize::from(it.bits / 8)))
+            .collect()
+    };
+    let outputs = exchanged(&own.outputs, &node.outputs).into_iter().map(EntryDef::rpdo);
+    let inputs = exchanged(&own.inputs, &node.inputs).into_iter().map(EntryDef::tpdo);
+    let mut wanted: Vec<EntryDef> = outputs.chain(inputs).collect();
+    for StartCommand { index, sub, value, .. } in own.start.iter().filter(|command| !command.complete) {
+        wanted.push(line(*index, *sub, value.len()));
+        if *index == MODULE_LIST {
+            wanted.push(line(MODULES_FOUND, *sub, value.len()));
+        }
+    }
+    for StartCommand { index, value, .. } in own.start.iter().filter(|command| command.complete) {
+        let parts = parts(value).ok_or_else(|| {
+            let cause = format!("complete access of 0x{index:04X}: lengths of its entries are not known");
+            SimError::new(node, cause)
+        })?;
+        wanted.extend(parts.into_iter().map(|(sub, octets)| line(*index, sub, octets)));
+    }
+    let mut lines: Vec<EntryDef> = Vec::new();
+    for wanted in wanted {
+        let is_it = |line: &EntryDef| {
+            line.index == wanted.index && (line.sub_first..=line.sub_last).contains(&wanted.sub_first)
+        };
+        if !others.iter().copied().flatten().chain(&lines).any(is_it) {
+            lines.push(wanted);
+        }
+    }
+    lines.sort_by_key(|line| (line.index, line.sub_first));
+    Ok(lines.leak())
+}
+
+/// Sub-indices of a value of complete access and their octets: their number, an octet that fills, and values of one length.
+fn parts(value: &[u8]) -> Option<Vec<(u8, usize)>> {
+    let (count, octets) = (*value.first()?, value.len().saturating_sub(2));
+    let each = octets.checked_div(count.into())?;
+    (each * usize::from(count) == octets && matches!(each, 1 | 2 | 4 | 8)).then(|| {
+        std::iter::once((0, 1))
+            .chain((1..=count).map(|sub| (sub, each)))
+            .collect()
+    })
+}
+
+/// The modules that stand in the slots of a device that is told them: those of the machine file.
+fn find_modules(objects: &mut ObjectStore, node: &Node) -> Result<(), AbortCode> {
+    let start = node.ethercat.as_ref().map_or(&[][..], |own| &own.start);
+    let list = start
+        .iter()
+        .filter(|command| command.index == MODULE_LIST && !command.complete);
+    list.into_iter()
+        .try_for_each(|command| objects.preset(MODULES_FOUND, command.sub, &command.value))
 }
 
 /// Assigns and maps what the machine file has.

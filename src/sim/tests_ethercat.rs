@@ -1,11 +1,12 @@
 //! The main device of this project against the simulated machine, on virtual time.
 
 use super::{FaultOrder, SimMachine, test_config};
+use crate::bus::ethercat::setup;
 use crate::config::{BusKind, Mapped, Node, Profile, SimFaultKind};
 use cia402::axis::{Axis, AxisConfig, AxisFault, Feedback, Request, Status};
 use cia402::profile::State;
 use ethercat::main::config::{ClockConfig, Config, DeviceConfig, Expected, PdoConfig, ProcessDataConfig, Times};
-use ethercat::main::{DeviceState, MainDevice, PhaseConfig, PhaseLoop};
+use ethercat::main::{DeviceState, MainDevice, PhaseConfig, PhaseLoop, SetupError};
 use ethercat::wire::coe::Object;
 
 const MS: u64 = 1_000_000;
@@ -70,17 +71,32 @@ impl Rig {
         for node in file.bus.nodes.iter_mut().filter(|node| node.profile == Profile::Cia402) {
             node.inputs.reverse();
         }
-        let config = Box::leak(Box::new(Config {
+        let config = Config {
             cycle_ns: MS as u32,
             devices: file.bus.nodes.iter().map(device).collect::<Vec<_>>().leak(),
             lost_max: 2,
             times: Times::default(),
-        }));
+        };
+        Rig::with(machine, config, 3)
+    }
+
+    /// The main device of a machine file, which nobody controls, in front of the machine of another one.
+    fn of_file(file: crate::config::Config, simulated: &crate::config::Config) -> Rig {
+        let file: &'static crate::config::Config = Box::leak(Box::new(file));
+        let plans: &'static [_] = crate::bus::plan(file).leak();
+        let tables: &'static [_] = setup::tables(file, plans).leak();
+        let devices: &'static [_] = setup::devices(file, plans, tables).leak();
+        let machine = SimMachine::new(simulated).unwrap_or_else(|error| panic!("{error}"));
+        Rig::with(machine, setup::network(file, devices), 0)
+    }
+
+    fn with(machine: SimMachine, config: Config<'static>, axes: usize) -> Rig {
+        let config = Box::leak(Box::new(config));
         Rig {
             machine,
             main: Box::new(MainDevice::new([0x10; 6], config).expect("it fits")),
             phase: PhaseLoop::new(PhaseConfig::of_cycle(MS as u32)),
-            axes: (0..3).map(|_| Axis::new(AxisConfig::default())).collect(),
+            axes: (0..axes).map(|_| Axis::new(AxisConfig::default())).collect(),
             commanded: [0; 3],
             outputs: [0; 2],
             now_ns: MS,
@@ -156,7 +172,9 @@ impl Rig {
             output[2..6].copy_from_slice(&setpoint.target_position.to_le_bytes());
             output[6] = setpoint.mode as u8;
         }
-        self.main.outputs_mut(IO).copy_from_slice(&self.outputs);
+        if !self.axes.is_empty() {
+            self.main.outputs_mut(IO).copy_from_slice(&self.outputs);
+        }
     }
 
     fn cycles(&mut self, cycles: u32) {
@@ -176,6 +194,15 @@ impl Rig {
             .map(|event| event.to_string())
             .collect();
         panic!("not within {cycles} cycles: {what}; {events:?}");
+    }
+
+    /// A value of the first device by SDO.
+    fn read(&mut self, object: Object) -> Option<Result<Vec<u8>, SetupError>> {
+        let number = self.main.sdo_read(0, object).expect("room for an order");
+        (0..200).find_map(|_| {
+            self.cycle();
+            Some(self.main.sdo_result(number)?.map(<[u8]>::to_vec))
+        })
     }
 
     fn all(&self, status: Status) -> bool {
@@ -319,4 +346,129 @@ fn a_node_without_room_for_its_process_data_is_refused() {
         error.to_string(),
         "simulated node 10 (io): 1032 octets in one direction: a simulated device has room for 1024"
     );
+}
+
+/// A coupler of a maker: an output module or an input module in its first slot, input modules in the others.
+const COUPLER: &str = r##"<?xml version="1.0"?>
+<EtherCATInfo><Vendor><Id>#xFACE</Id></Vendor><Descriptions>
+  <Devices><Device><Type ProductCode="#x1000" RevisionNo="#x1">COUPLER</Type>
+    <Sm>MBoxOut</Sm><Sm>MBoxIn</Sm><Sm>Outputs</Sm><Sm>Inputs</Sm>
+    <Mailbox><CoE PdoAssign="1" CompleteAccess="1"><InitCmd CompleteAccess="1">
+      <Transition>PS</Transition><Index>#xF800</Index><SubIndex>0</SubIndex><Data>0200 0A00 0B00</Data></InitCmd></CoE></Mailbox>
+    <Slots SlotPdoIncrement="1" SlotIndexIncrement="#x10" DownloadModuleIdentList="1">
+      <Slot MinInstances="0" MaxInstances="3"><Name>Any</Name><ModuleIdent>#x20</ModuleIdent><ModuleIdent>#x21</ModuleIdent></Slot>
+    </Slots>
+  </Device></Devices>
+  <Modules>
+    <Module><Type ModuleIdent="#x20">DI4</Type>
+      <TxPdo Fixed="1" Sm="3"><Index DependOnSlot="1">#x1A00</Index>
+        <Entry><Index DependOnSlot="1">#x6800</Index><SubIndex>1</SubIndex><BitLen>4</BitLen></Entry>
+        <Entry><Index>0</Index><BitLen>4</BitLen></Entry></TxPdo></Module>
+    <Module><Type ModuleIdent="#x21">AO1</Type>
+      <RxPdo Fixed="1" Sm="2"><Index DependOnSlot="1">#x1600</Index>
+        <Entry><Index DependOnSlot="1">#x7000</Index><SubIndex>17</SubIndex><BitLen>16</BitLen></Entry></RxPdo>
+      <Mailbox><CoE><InitCmd><Transition>PS</Transition><Index DependOnSlot="1">#x8000</Index><SubIndex>2</SubIndex>
+        <Data>34120000</Data></InitCmd></CoE></Mailbox></Module>
+  </Modules>
+</Descriptions></EtherCATInfo>"##;
+
+/// A machine of this coupler with these modules.
+fn modular(modules: &str) -> crate::config::Config {
+    of_esi(COUPLER, &format!("modules = {modules}"))
+}
+
+/// A machine of the device of an ESI file, with further keys.
+fn of_esi(esi: &str, keys: &str) -> crate::config::Config {
+    let file = tempfile::NamedTempFile::new().expect("a file");
+    std::fs::write(file.path(), esi).expect("it can be written");
+    let text = format!(
+        "schema = 1\n[machine]\nname = \"small\"\nkinematics = \"none\"\n[bus]\nkind = \"ethercat-memory\"\n[[bus.node]]\nid = 1\n\
+         profile = \"io\"\ndevice_file = \"{}\"\n{keys}\n",
+        file.path().display()
+    );
+    crate::config::parse(&text, std::path::Path::new("m.toml")).unwrap_or_else(|errors| panic!("{errors}"))
+}
+
+#[test]
+fn a_coupler_with_chosen_modules_comes_to_op_and_was_told_of_them() {
+    let config = modular("[\"AO1\", \"\", \"0x20\"]");
+    let mut rig = Rig::of_file(config.clone(), &config);
+    rig.until(3000, "in OP", |rig| rig.main.is_operational());
+    for (index, sub, expected) in [
+        (0xF030, 0, &[3][..]),
+        (0xF030, 1, &[0x21, 0, 0, 0]),
+        (0xF030, 2, &[0; 4]),
+        (0xF030, 3, &[0x20, 0, 0, 0]),
+        // The device's own command, and that of its module.
+        (0xF800, 2, &[0x0B, 0]),
+        (0x8000, 2, &[0x34, 0x12, 0, 0]),
+        (0x1C12, 1, &[0x00, 0x16]),
+        (0x1C13, 1, &[0x02, 0x1A]),
+    ] {
+        let complete = false;
+        let value = rig.read(Object { index, sub, complete });
+        assert_eq!(value, Some(Ok(expected.to_vec())), "0x{index:04X}:{sub}");
+    }
+    assert_eq!((rig.main.outputs_mut(0).len(), rig.main.inputs(0).len()), (2, 1));
+}
+
+/// Modules of the same process data, so that nothing else tells them apart.
+#[test]
+fn a_coupler_with_other_modules_says_so() {
+    let simulated = modular("[\"AO1\", \"\", \"DI4\"]");
+    let mut file = simulated.clone();
+    let own = file.bus.nodes[0].ethercat.as_mut().expect("of EtherCAT");
+    let third = own
+        .start
+        .iter_mut()
+        .find(|command| (command.index, command.sub) == (0xF030, 3));
+    third.expect("the list").value[0] = 0x22;
+    let mut rig = Rig::of_file(file, &simulated);
+    rig.cycles(3000);
+    assert!(!rig.main.is_operational());
+    let told: Vec<String> = std::iter::from_fn(|| rig.main.pop_event())
+        .map(|event| event.to_string())
+        .collect();
+    assert!(
+        told.iter()
+            .any(|line| line.contains("modules differ from those configured")),
+        "{told:?}"
+    );
+}
+
+/// As much as a simulated device has room for, both ways: three buffers of each lie side by side in its memory.
+#[test]
+fn most_process_data_of_both_directions_do_not_meet_in_the_memory_of_a_device() {
+    const OCTETS: usize = 1024;
+    let pdo = |kind: &str, manager: u8, pdo: u16, object: u16| {
+        let entry = |sub: usize| {
+            format!("<Entry><Index>#x{object:04X}</Index><SubIndex>{sub}</SubIndex><BitLen>64</BitLen></Entry>")
+        };
+        let entries: String = (1..=OCTETS / 8).map(entry).collect();
+        format!("<{kind} Fixed=\"1\" Sm=\"{manager}\"><Index>#x{pdo:04X}</Index>{entries}</{kind}>")
+    };
+    let esi = format!(
+        "<EtherCATInfo><Vendor><Id>#xFACE</Id></Vendor><Descriptions><Devices><Device><Type ProductCode=\"7\">WIDE</Type>\
+         <Sm>MBoxOut</Sm><Sm>MBoxIn</Sm><Sm>Outputs</Sm><Sm>Inputs</Sm>{}{}<Mailbox><CoE PdoAssign=\"1\"/></Mailbox>\
+         </Device></Devices></Descriptions></EtherCATInfo>",
+        pdo("RxPdo", 2, 0x1600, 0x3800),
+        pdo("TxPdo", 3, 0x1A00, 0x3900)
+    );
+    let config = of_esi(&esi, "");
+    let mut rig = Rig::of_file(config.clone(), &config);
+    rig.until(3000, "in OP", |rig| rig.main.is_operational());
+    for round in 0..9_u8 {
+        for (at, octet) in rig.main.outputs_mut(0).iter_mut().enumerate() {
+            *octet = (at as u8).wrapping_mul(31).wrapping_add(round) | 1;
+        }
+        rig.cycle();
+        assert_eq!(rig.main.inputs(0), [0; OCTETS], "{round}");
+    }
+    let last: Vec<u8> = rig.main.outputs_mut(0)[OCTETS - 8..].to_vec();
+    let object = Object {
+        index: 0x3800,
+        sub: (OCTETS / 8) as u8,
+        complete: false,
+    };
+    assert_eq!(rig.read(object), Some(Ok(last)));
 }

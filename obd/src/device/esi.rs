@@ -3,10 +3,12 @@
 //! In:  the text. Out: the devices of the file; mistakes in the [`Log`]. Names are compared without their namespace; elements and
 //! attributes that are not known are skipped, as the schema is extended by every edition.
 //!
-//! A modular device has slots, and modules that stand in them (ETG.5001). A module that the maker puts into a slot by default is taken as
-//! there: its PDOs are those of the device then, moved by the number of the slot. A slot that is left open is named.
+//! A modular device has slots, and modules that stand in them (ETG.5001). Whoever reads the file chooses them; else a module that the maker
+//! puts into a slot by default is taken as there. Its PDOs and start-up commands are those of the device then, moved by the number of the
+//! slot. A slot that is left open is named.
 //!
-//! Not read: groups, pictures, EEPROM data, object dictionaries, which the device itself can tell; start-up commands of modules.
+//! Not read: groups, PDOs that only align those of groups of modules, pictures, EEPROM data, object dictionaries, which the device itself
+//! can tell.
 
 use super::error::Log;
 use super::value::integer;
@@ -20,6 +22,8 @@ use std::vec::Vec;
 const PDO_BITS_MAX: u32 = 1486 * 8;
 /// Most slots of a device.
 const SLOTS_MAX: u32 = 256;
+/// The list of modules that are expected (ETG.5001): its sub-index is the number of the slot, from 1.
+const MODULE_LIST: u16 = 0xF030;
 /// Longest value of a start-up command, octets.
 const DATA_MAX: usize = 4096;
 
@@ -34,6 +38,8 @@ pub struct EsiFile {
     pub vendor_name: String,
     /// All devices, in the order of the file.
     pub devices: Vec<EsiDevice>,
+    /// Modules for slots of devices.
+    pub modules: Vec<EsiModule>,
     /// What is odd, and changes nothing that is used.
     pub notes: Vec<DeviceMistake>,
 }
@@ -59,8 +65,43 @@ pub struct EsiDevice {
     pub coe: Option<EsiCoe>,
     /// Modes of its distributed clocks; the first one is the maker's own choice.
     pub op_modes: Vec<EsiOpMode>,
+    /// Places for modules, in order.
+    pub slots: Vec<EsiSlot>,
+    /// `ModuleIdent` of what stands in each of them, 0: nothing.
+    pub modules: Vec<u32>,
     /// The first slot of which the file does not tell the module, so that process data are not known: in words, with its line.
     pub open_slot: Option<String>,
+}
+
+/// A module that can stand in a slot.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct EsiModule {
+    /// `ModuleIdent`, by which a device knows it.
+    pub ident: u32,
+    /// Order code.
+    pub name: String,
+}
+
+/// A place for a module.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct EsiSlot {
+    /// Its name.
+    pub name: String,
+    /// `ModuleIdent` of all that can stand in it.
+    pub modules: Vec<u32>,
+    /// It cannot be empty.
+    pub is_needed: bool,
+}
+
+/// Modules that are chosen for a device.
+#[derive(Clone, Copy, Debug)]
+pub struct EsiChoice<'a> {
+    /// Which device of the file.
+    pub product: u32,
+    /// Its revision, exactly.
+    pub revision: u32,
+    /// `ModuleIdent` for each slot from the first on, 0: it is empty, as all behind these.
+    pub modules: &'a [u32],
 }
 
 /// What a SyncManager or an FMMU is for.
@@ -228,9 +269,17 @@ impl EsiDevice {
 /// # Errors
 /// Every mistake in the file.
 pub fn parse_esi(file: &str, octets: &[u8]) -> Result<EsiFile, DeviceErrors> {
+    parse_esi_with(file, octets, None)
+}
+
+/// Reads an ESI file, with chosen modules in the slots of one of its devices.
+///
+/// # Errors
+/// Every mistake in the file.
+pub fn parse_esi_with(file: &str, octets: &[u8], choice: Option<EsiChoice<'_>>) -> Result<EsiFile, DeviceErrors> {
     let text = super::text(file, octets)?;
     let mut log = Log::new(file, &text);
-    let read = read(&text, &mut log);
+    let read = read(&text, &mut log, choice);
     let notes = log.finish()?;
     let mut esi = read.ok_or_else(|| DeviceErrors::whole(file, "is refused for a reason that was lost".to_string()))?;
     esi.file = file.to_string();
@@ -238,7 +287,7 @@ pub fn parse_esi(file: &str, octets: &[u8]) -> Result<EsiFile, DeviceErrors> {
     Ok(esi)
 }
 
-fn read(text: &str, log: &mut Log<'_>) -> Option<EsiFile> {
+fn read(text: &str, log: &mut Log<'_>, choice: Option<EsiChoice<'_>>) -> Option<EsiFile> {
     let document = xml::document(text, log)?;
     let root = document.root_element();
     let name = root.tag_name().name();
@@ -246,7 +295,7 @@ fn read(text: &str, log: &mut Log<'_>) -> Option<EsiFile> {
         log.wrong(root.range().start, "root element", Some(name), "expected EtherCATInfo");
         return None;
     }
-    let mut reader = Reader { log };
+    let mut reader = Reader { log, choice };
     let vendor = child(root, "Vendor");
     let number = vendor.and_then(|vendor| child(vendor, "Id"));
     let vendor_id = reader.needed(number, root, "Vendor Id", 0..=u32::MAX.into());
@@ -273,6 +322,7 @@ fn read(text: &str, log: &mut Log<'_>) -> Option<EsiFile> {
         vendor: vendor_id? as u32,
         vendor_name: vendor.map_or_else(String::new, |vendor| name_of(vendor)),
         devices,
+        modules: modules.iter().map(Module::named).collect(),
         ..EsiFile::default()
     })
 }
@@ -332,6 +382,20 @@ struct Module<'a, 'i> {
     node: Node<'a, 'i>,
 }
 
+impl<'a> Module<'a, '_> {
+    /// What slots may ask for instead of single modules.
+    fn class(&self) -> Option<&'a str> {
+        child(self.node, "Type").and_then(|kind| kind.attribute("ModuleClass"))
+    }
+
+    fn named(&self) -> EsiModule {
+        EsiModule {
+            ident: self.ident,
+            name: child(self.node, "Type").map_or_else(String::new, |kind| words(kind).to_string()),
+        }
+    }
+}
+
 /// By how much objects of a module lie behind those of the same module in the first slot.
 #[derive(Clone, Copy, Debug, Default)]
 struct Shift {
@@ -341,6 +405,7 @@ struct Shift {
 
 struct Reader<'r, 't> {
     log: &'r mut Log<'t>,
+    choice: Option<EsiChoice<'r>>,
 }
 
 impl Reader<'_, '_> {
@@ -441,6 +506,8 @@ impl Reader<'_, '_> {
                 .and_then(|mailbox| child(mailbox, "CoE"))
                 .map(|coe| self.coe(coe)),
             op_modes: Vec::new(),
+            slots: Vec::new(),
+            modules: Vec::new(),
             open_slot: None,
             sync_managers,
         };
@@ -476,53 +543,135 @@ impl Reader<'_, '_> {
         Some(Module { ident, node })
     }
 
-    /// Puts the modules that are usual into the slots of a device.
+    /// Puts the modules that are chosen, else those that are usual, into the slots of a device.
     fn slots(&mut self, slots: Node<'_, '_>, device: &mut EsiDevice, modules: &[Module<'_, '_>]) {
         const STEP: RangeInclusive<i128> = 0..=0xFFFF;
         const COUNT: RangeInclusive<i128> = 0..=255;
         let steps = ["SlotPdoIncrement", "SlotIndexIncrement"];
         let of_all = steps.map(|name| self.attribute(slots, name, STEP));
-        let mut number = 0;
+        let chosen = self
+            .choice
+            .filter(|it| (it.product, it.revision) == (device.product, device.revision));
+        let mut start = Vec::new();
         for slot in named(slots, "Slot") {
             let own = steps.map(|name| self.attribute(slot, name, STEP));
             let [pdo_step, object_step] = [0, 1].map(|at| own[at].or(of_all[at]).unwrap_or(0) as u32);
             let least = self.attribute(slot, "MinInstances", COUNT).unwrap_or(0) as u32;
             let most = self.attribute(slot, "MaxInstances", COUNT).unwrap_or(1) as u32;
-            if number + most.max(least).max(1) > SLOTS_MAX {
+            let first = device.slots.len() as u32;
+            let count = most.max(least).max(1);
+            if first + count > SLOTS_MAX {
                 let rule = std::format!("is beyond the {SLOTS_MAX} slots that a device can have");
                 self.log.wrong(slot.range().start, "Slot", Some(&name_of(slot)), rule);
                 return;
             }
-            let idents: Vec<Node<'_, '_>> = named(slot, "ModuleIdent").collect();
-            let usual = idents.iter().find(|ident| is_set(**ident, "Default"));
-            // Where one has to be and there is one only, it is that.
-            let only = idents.first().filter(|_| idents.len() == 1 && least > 0);
-            let Some(chosen) = usual.or(only) else {
+            let Some((allowed, usual)) = self.modules_of(slot, least, modules) else {
+                continue;
+            };
+            if chosen.is_none() && usual.is_none() {
                 let line = self.log.line(slot.range().start);
                 let told = std::format!("slot {:?} in line {line}", name_of(slot));
                 device.open_slot.get_or_insert(told);
-                number += most.max(least).max(1);
-                continue;
-            };
-            let ident = self.needed(Some(*chosen), slot, "Slot ModuleIdent", 0..=u32::MAX.into());
-            let Some(ident) = ident.map(|ident| ident as u32) else {
-                continue;
-            };
-            let Some(module) = modules.iter().find(|module| module.ident == ident) else {
-                let rule = "is no module of this file";
-                self.log
-                    .wrong(text_at(*chosen), "Slot ModuleIdent", Some(words(*chosen)), rule);
-                continue;
-            };
-            for place in 0..least.max(1) {
+            }
+            for number in first..first + count {
+                device.slots.push(EsiSlot {
+                    name: name_of(slot),
+                    modules: allowed.clone(),
+                    is_needed: number < first + least,
+                });
+                let ident = match chosen {
+                    Some(chosen) => chosen.modules.get(number as usize).copied().unwrap_or(0),
+                    None => usual.filter(|_| number < first + least.max(1)).unwrap_or(0),
+                };
+                device.modules.push(ident);
+                let Some(module) = modules.iter().find(|module| ident != 0 && module.ident == ident) else {
+                    continue;
+                };
                 let shift = Shift {
-                    pdo: pdo_step * (number + place),
-                    object: object_step * (number + place),
+                    pdo: pdo_step * number,
+                    object: object_step * number,
                 };
                 self.all_pdos(module.node, device, shift);
+                let coe = child(module.node, "Mailbox").and_then(|mailbox| child(mailbox, "CoE"));
+                let commands = coe.into_iter().flat_map(|coe| named(coe, "InitCmd"));
+                start.extend(commands.filter_map(|command| self.command(command, shift.object)));
             }
-            number += most.max(least).max(1);
         }
+        let list = match is_set(slots, "DownloadModuleIdentList") {
+            true => self.module_list(slots, &device.modules),
+            false => Vec::new(),
+        };
+        match &mut device.coe {
+            // Objects of a module are there when the device knows of it.
+            Some(coe) => {
+                coe.start.splice(0..0, list);
+                coe.start.extend(start);
+            }
+            None if list.is_empty() && start.is_empty() => {}
+            None => {
+                let rule = "have start-up commands, but the device has no CoE mailbox";
+                self.log.wrong(slots.range().start, "Slots", None, rule);
+            }
+        }
+    }
+
+    /// Modules that can stand in a slot, and the one that usually does.
+    fn modules_of(
+        &mut self,
+        slot: Node<'_, '_>,
+        least: u32,
+        modules: &[Module<'_, '_>],
+    ) -> Option<(Vec<u32>, Option<u32>)> {
+        let mut allowed = Vec::new();
+        let mut usual = None;
+        for node in named(slot, "ModuleIdent") {
+            let ident = self.needed(Some(node), slot, "Slot ModuleIdent", 0..=u32::MAX.into())? as u32;
+            allowed.push(ident);
+            if is_set(node, "Default") {
+                usual = usual.or(Some((node, ident)));
+            }
+        }
+        for class in named(slot, "ModuleClass") {
+            let name = words(child(class, "Class").unwrap_or(class));
+            let of_class = modules.iter().filter(|module| module.class() == Some(name));
+            allowed.extend(of_class.map(|module| module.ident));
+        }
+        // Where one has to be and there is one only, it is that.
+        if least > 0 && allowed.len() == 1 {
+            usual = usual.or_else(|| Some((child(slot, "ModuleIdent")?, allowed[0])));
+        }
+        if let Some((node, ident)) = usual
+            && modules.iter().all(|module| module.ident != ident)
+        {
+            let rule = "is no module of this file";
+            self.log
+                .wrong(text_at(node), "Slot ModuleIdent", Some(words(node)), rule);
+            return None;
+        }
+        Some((allowed, usual.map(|(_, ident)| ident)))
+    }
+
+    /// Commands that tell a device its modules, up to the last one that there is: an array is written with sub-index 0 at 0, then its
+    /// values, then their number.
+    fn module_list(&mut self, slots: Node<'_, '_>, modules: &[u32]) -> Vec<EsiCommand> {
+        let count = modules.iter().rposition(|ident| *ident != 0).map_or(0, |last| last + 1);
+        let Ok(count) = u8::try_from(count) else {
+            let rule = std::format!("have {count} modules, a list of modules has 255");
+            self.log.wrong(slots.range().start, "Slots", None, rule);
+            return Vec::new();
+        };
+        let command = |sub: u8, data: Vec<u8>| EsiCommand {
+            transitions: Vec::from(["PS".to_string()]),
+            index: MODULE_LIST,
+            sub,
+            data,
+            comment: "modules".to_string(),
+            ..EsiCommand::default()
+        };
+        let values = (1..=count).zip(modules);
+        let values = values.map(|(sub, ident)| command(sub, ident.to_le_bytes().to_vec()));
+        let (begin, end) = (command(0, Vec::from([0])), command(0, Vec::from([count])));
+        [begin].into_iter().chain(values).chain([end]).collect()
     }
 
     /// Adds the PDOs of a device, or of a module of it.
@@ -598,13 +747,13 @@ impl Reader<'_, '_> {
             configure: is_set(node, "PdoConfig"),
             complete_access: is_set(node, "CompleteAccess"),
             start: named(node, "InitCmd")
-                .filter_map(|command| self.command(command))
+                .filter_map(|command| self.command(command, 0))
                 .collect(),
         }
     }
 
-    fn command(&mut self, node: Node<'_, '_>) -> Option<EsiCommand> {
-        let index = self.needed(child(node, "Index"), node, "InitCmd Index", 0..=0xFFFF)?;
+    fn command(&mut self, node: Node<'_, '_>, by: u32) -> Option<EsiCommand> {
+        let index = self.moved(child(node, "Index"), node, "InitCmd Index", 0..=0xFFFF, by)?;
         let what = |field: &str| std::format!("InitCmd 0x{index:04X} {field}");
         let sub = self.needed(child(node, "SubIndex"), node, &what("SubIndex"), 0..=255)?;
         let Some(data) = child(node, "Data") else {
@@ -641,7 +790,7 @@ impl Reader<'_, '_> {
         }
         Some(EsiCommand {
             transitions,
-            index: index as u16,
+            index,
             sub: sub as u8,
             complete: is_set(node, "CompleteAccess"),
             data: octets,

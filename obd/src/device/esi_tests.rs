@@ -210,15 +210,15 @@ const MODULAR: &str = r##"<?xml version="1.0"?>
       <TxPdo Fixed="1" Sm="3"><Index>#x1AFF</Index><Name>State</Name>
         <Entry><Index>#xF100</Index><SubIndex>1</SubIndex><BitLen>16</BitLen><Name>State</Name><DataType>UINT</DataType></Entry>
       </TxPdo>
-      <Mailbox><CoE PdoAssign="1"/></Mailbox>
-      <Slots SlotPdoIncrement="1" SlotIndexIncrement="#x10">
+      <Mailbox><CoE PdoAssign="1"><InitCmd><Transition>PS</Transition><Index>#xF800</Index><SubIndex>1</SubIndex><Data>07</Data></InitCmd></CoE></Mailbox>
+      <Slots SlotPdoIncrement="1" SlotIndexIncrement="#x10" DownloadModuleIdentList="1">
         <Slot MinInstances="0" MaxInstances="1"><Name>Outputs</Name>
-          <ModuleIdent>#x20</ModuleIdent><ModuleIdent Default="1">#x21</ModuleIdent></Slot>
+          <ModuleIdent Default="1">#x21</ModuleIdent><ModuleClass><Class>IN</Class></ModuleClass></Slot>
         <Slot MinInstances="2" MaxInstances="2"><Name>Inputs</Name><ModuleIdent>#x20</ModuleIdent></Slot>
       </Slots>
     </Device></Devices>
     <Modules>
-      <Module><Type ModuleIdent="#x20">DI4</Type><Name>Inputs</Name>
+      <Module><Type ModuleIdent="#x20" ModuleClass="IN">DI4</Type><Name>Inputs</Name>
         <TxPdo Fixed="1" Sm="3"><Index DependOnSlot="1">#x1A00</Index><Exclude DependOnSlot="true">#x1A80</Exclude>
           <Entry><Index DependOnSlot="1">#x6000</Index><SubIndex>1</SubIndex><BitLen>4</BitLen><DataType>BIT4</DataType></Entry>
           <Entry><Index>0</Index><BitLen>4</BitLen></Entry>
@@ -228,6 +228,7 @@ const MODULAR: &str = r##"<?xml version="1.0"?>
         <RxPdo Fixed="1" Sm="2"><Index DependOnSlot="1">#x1600</Index>
           <Entry><Index DependOnSlot="1">#x7000</Index><SubIndex>17</SubIndex><BitLen>16</BitLen><DataType>INT</DataType></Entry>
         </RxPdo>
+        <Mailbox><CoE><InitCmd><Transition>PS</Transition><Index DependOnSlot="1">#x8000</Index><SubIndex>2</SubIndex><Data>3412</Data></InitCmd></CoE></Mailbox>
       </Module>
     </Modules>
   </Descriptions>
@@ -259,6 +260,84 @@ fn modules_that_are_usual_stand_in_their_slots() {
     let esi = parse_esi("d", open.as_bytes()).unwrap();
     assert_eq!(esi.devices[0].open_slot.as_deref(), Some("slot \"Outputs\" in line 14"));
     assert_eq!(esi.devices[0].rx_pdos, []);
+}
+
+/// Index, sub-index and octets of the commands of the coupler.
+fn commands(device: &EsiDevice) -> Vec<(u16, u8, Vec<u8>)> {
+    let coe = device.coe.as_ref().expect("a mailbox");
+    let all = coe.start.iter();
+    all.map(|command| (command.index, command.sub, command.data.clone()))
+        .collect()
+}
+
+#[test]
+fn modules_that_are_chosen_bring_pdos_and_commands_of_their_slots() {
+    let with = |modules: &[u32]| {
+        let choice = EsiChoice {
+            product: 0x1000,
+            revision: 1,
+            modules,
+        };
+        parse_esi_with("d", MODULAR.as_bytes(), Some(choice)).unwrap()
+    };
+    let esi = with(&[0, 0, 0x20]);
+    let device = &esi.devices[0];
+    let pdos = |pdos: &[EsiPdo]| -> Vec<u16> { pdos.iter().map(|pdo| pdo.index).collect() };
+    assert_eq!(
+        (pdos(&device.rx_pdos), pdos(&device.tx_pdos)),
+        (vec![], vec![0x1AFF, 0x1A02])
+    );
+    assert_eq!((&device.modules, &device.open_slot), (&vec![0, 0, 0x20], &None));
+    let ident = |ident: u32| ident.to_le_bytes().to_vec();
+    let list = [(0xF030, 0, vec![0]), (0xF030, 1, ident(0)), (0xF030, 2, ident(0))];
+    let rest = [(0xF030, 3, ident(0x20)), (0xF030, 0, vec![3]), (0xF800, 1, vec![7])];
+    assert_eq!(commands(device), [list, rest].concat());
+    // The list of modules, the commands of the device, those of its modules as far behind as their slots.
+    let esi = with(&[0x21]);
+    let device = &esi.devices[0];
+    assert_eq!(
+        commands(device),
+        [
+            (0xF030, 0, vec![0]),
+            (0xF030, 1, ident(0x21)),
+            (0xF030, 0, vec![1]),
+            (0xF800, 1, vec![7]),
+            (0x8000, 2, vec![0x34, 0x12])
+        ]
+    );
+    // A class is all of its modules; the second and the third slot are two places for one kind.
+    let slot = |name: &str, modules: &[u32], is_needed| EsiSlot {
+        name: name.to_string(),
+        modules: modules.to_vec(),
+        is_needed,
+    };
+    let inputs = slot("Inputs", &[0x20], true);
+    assert_eq!(
+        device.slots,
+        [slot("Outputs", &[0x21, 0x20], false), inputs.clone(), inputs]
+    );
+    let names: Vec<(u32, &str)> = esi.modules.iter().map(|it| (it.ident, it.name.as_str())).collect();
+    assert_eq!(names, [(0x20, "DI4"), (0x21, "AO1")]);
+    // A choice for another device changes nothing.
+    let other = EsiChoice {
+        product: 0x1000,
+        revision: 2,
+        modules: &[],
+    };
+    let usual = parse_esi("d", MODULAR.as_bytes()).unwrap();
+    assert_eq!(parse_esi_with("d", MODULAR.as_bytes(), Some(other)).unwrap(), usual);
+    assert_eq!(usual.devices[0].modules, [0x21, 0x20, 0x20]);
+    // Without the attribute the device is not told.
+    let untold = MODULAR.replace(" DownloadModuleIdentList=\"1\"", "");
+    let esi = parse_esi("d", untold.as_bytes()).unwrap();
+    assert_eq!(commands(&esi.devices[0])[0], (0xF800, 1, vec![7]));
+    // What has no mailbox cannot be told.
+    let mute = MODULAR.replacen("<Mailbox><CoE PdoAssign=\"1\">", "<Mailbox><Other>", 1);
+    let mute = mute.replacen("</CoE></Mailbox>", "</Other></Mailbox>", 1);
+    assert_eq!(
+        mistakes(&mute),
+        ["d:13:7: Slots: have start-up commands, but the device has no CoE mailbox"]
+    );
 }
 
 #[test]

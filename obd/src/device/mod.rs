@@ -21,7 +21,8 @@ mod xml;
 pub use description::{DeviceDescription, DeviceIdentity, Features, Format, Object};
 pub use error::{DeviceErrors, DeviceMistake};
 pub use esi::{
-    EsiCoe, EsiCommand, EsiDevice, EsiEntry, EsiFile, EsiOpMode, EsiPdo, EsiSyncManager, EsiUsage, parse_esi,
+    EsiChoice, EsiCoe, EsiCommand, EsiDevice, EsiEntry, EsiFile, EsiModule, EsiOpMode, EsiPdo, EsiSlot, EsiSyncManager,
+    EsiUsage, parse_esi, parse_esi_with,
 };
 pub use profile::{ConfigurationWrite, MappingRefusal, StoredParameters, set_by_managing_node};
 pub use value::{TypeCode, Value};

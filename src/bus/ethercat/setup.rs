@@ -69,16 +69,25 @@ pub fn tables<'c>(config: &'c Config, plans: &'c [NodePlan]) -> Vec<Table<'c>> {
     };
     let table = |(node, plan): (&'c Node, &'c NodePlan)| {
         let own = node.ethercat.as_ref();
-        let start = plan.writes.iter().map(|write| StartValue {
+        let writes = plan.writes.iter().map(|write| StartValue {
             index: write.index,
             sub: write.sub,
             complete: false,
             value: &write.value,
         });
+        let is_written = |index, sub| plan.writes.iter().any(|write| (write.index, write.sub) == (index, sub));
+        let of_file = own.map_or(&[][..], |own| &own.start);
+        let of_file = of_file.iter().filter(|it| it.complete || !is_written(it.index, it.sub));
+        let of_file = of_file.map(|it| StartValue {
+            index: it.index,
+            sub: it.sub,
+            complete: it.complete,
+            value: &it.value,
+        });
         Table {
             outputs: pdos(own.map_or(&[], |own| &own.outputs)),
             inputs: pdos(own.map_or(&[], |own| &own.inputs)),
-            start: start.collect(),
+            start: of_file.chain(writes).collect(),
         }
     };
     config.bus.nodes.iter().zip(plans).map(table).collect()

@@ -33,6 +33,8 @@ pub(super) struct Module {
     name: String,
     /// What it exchanges as it comes: outputs, inputs; `None`: not in whole octets.
     exchanges: [Option<Vec<Mapped>>; 2],
+    /// Which bits of each octet of those are something, by its ESI file; `None`: all, as far as is known.
+    used: [Option<Vec<u8>>; 2],
     /// Why it tells nothing of itself.
     why: Option<String>,
     /// Its name in the machine file; empty: by its kind and position.
@@ -112,6 +114,7 @@ pub(super) fn ask(lead: &mut Lead<'_, '_>, device: usize, found: Found) -> anyho
         device_type: None,
         name: String::new(),
         exchanges: lead.octets(device).map(|octets| Some(plain(octets))),
+        used: [None, None],
         why: None,
         node_name: String::new(),
         device_file: None,
@@ -205,10 +208,13 @@ impl Module {
     /// Takes the names of what it exchanges from its ESI file, where that has as many octets as the device, and what of it has a sign.
     fn describe(&mut self, device: &EsiDevice) {
         let octets = |objects: &[Mapped]| objects.iter().map(|object| u32::from(object.bits) / 8).sum::<u32>();
-        for (own, is_output) in self.exchanges.iter_mut().zip([true, false]) {
-            let is_as_long = |of_file: &Vec<Mapped>| own.as_ref().is_none_or(|own| octets(own) == octets(of_file));
-            if let Some(of_file) = config::esi_assigned(device, is_output).ok().filter(is_as_long) {
-                *own = Some(of_file);
+        for ((own, used), is_output) in self.exchanges.iter_mut().zip(&mut self.used).zip([true, false]) {
+            let Ok(of_file) = config::esi_assigned(device, is_output) else {
+                continue;
+            };
+            let (of_file, bits): (Vec<Mapped>, Vec<u8>) = of_file.into_iter().unzip();
+            if own.as_ref().is_none_or(|own| octets(own) == octets(&of_file)) {
+                (*own, *used) = (Some(of_file), Some(bits));
             }
         }
         let entries = device
@@ -282,18 +288,20 @@ impl Module {
             }
         }
         text += "\n";
-        for (name, objects) in [("input", inputs), ("output", outputs)] {
+        let [used_outputs, used_inputs] = &self.used;
+        for (name, objects, used) in [("input", inputs, used_inputs), ("output", outputs, used_outputs)] {
             let objects = objects.iter().flatten();
             for (number, object) in objects.enumerate() {
-                text += &channel(name, number, object, self.signed.contains(object));
+                let used = used.as_ref().map_or(u8::MAX, |used| used[number]);
+                text += &channel(name, number, object, used, self.signed.contains(object));
             }
         }
         text
     }
 }
 
-/// Channels of an object: one for each bit of an octet, else one of its value.
-fn channel(name: &str, number: usize, object: &Mapped, is_signed: bool) -> String {
+/// Channels of an object: one for each bit of an octet that is used, else one of its value.
+fn channel(name: &str, number: usize, object: &Mapped, used: u8, is_signed: bool) -> String {
     let place = format!("object = \"0x{:04X}:{}\"", object.index, object.sub);
     if object.bits > 8 {
         let signed = if is_signed { "signed = true\n" } else { "" };
@@ -305,7 +313,7 @@ fn channel(name: &str, number: usize, object: &Mapped, is_signed: bool) -> Strin
         let number = number * 8 + bit;
         format!("[[bus.node.channel]]\nname = \"{name}-{number:02}\"\n{place}\nbit = {bit}\n\n")
     };
-    (0..8).map(bit).collect()
+    (0..8).filter(|bit| used >> bit & 1 != 0).map(bit).collect()
 }
 
 /// A machine file of these devices. What exchanges nothing, such as a coupler, is left out.

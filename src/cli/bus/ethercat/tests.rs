@@ -334,6 +334,52 @@ fn a_scan_tells_which_numbers_have_a_sign() {
     }
 }
 
+/// What lies in the gaps of an ESI file is nothing that could have a name.
+#[test]
+fn a_scan_proposes_no_channels_for_gaps() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("m.toml");
+    let entry = |index: &str, sub: u8, bits: u8| {
+        format!("<Entry><Index>{index}</Index><SubIndex>{sub}</SubIndex><BitLen>{bits}</BitLen></Entry>")
+    };
+    let inputs = [
+        entry("#x6000", 1, 1),
+        entry("#x6000", 2, 2),
+        entry("0", 0, 2),
+        entry("#x6000", 3, 1),
+        entry("0", 0, 2),
+    ];
+    let file = format!(
+        "<EtherCATInfo><Vendor><Id>2</Id></Vendor><Descriptions><Devices><Device><Type ProductCode=\"2\">DIO</Type>\
+         <Sm>Outputs</Sm><Sm>Inputs</Sm><RxPdo Fixed=\"1\" Sm=\"0\"><Index>#x1600</Index>{}</RxPdo>\
+         <TxPdo Fixed=\"1\" Sm=\"1\"><Index>#x1A00</Index>{}</TxPdo></Device></Devices></Descriptions></EtherCATInfo>",
+        entry("0", 0, 8),
+        inputs.concat()
+    );
+    std::fs::write(folder.path().join("maker.xml"), file).expect("our folder");
+    let identity = Identity {
+        vendor: 2,
+        product: 2,
+        revision: 1,
+        serial: 9,
+    };
+    let mut wire = Wire::with([digital_terminal(identity)]);
+    let (told, well) = scanned(&mut wire, &path, false, Some(folder.path()));
+    assert!(well, "{told}");
+    let text = std::fs::read_to_string(&path).expect("a file");
+    assert!(text.contains("outputs = [\"0x5FFF:1/8\"]"), "{told}{text}");
+    let channels: Vec<&str> = text.split("[[bus.node.channel]]\n").skip(1).collect();
+    let named = |name: &str, bit: u8| format!("name = \"{name}\"\nobject = \"0x6000:1\"\nbit = {bit}");
+    let expected = [("input-00", 0), ("input-01", 1), ("input-02", 2), ("input-05", 5)];
+    let expected = expected.map(|(name, bit)| named(name, bit));
+    assert_eq!(
+        channels.iter().map(|it| it.trim()).collect::<Vec<_>>(),
+        expected,
+        "{text}"
+    );
+    config::read(&path).unwrap_or_else(|errors| panic!("{errors}"));
+}
+
 /// Devices that nobody asks for stay where they are.
 #[test]
 fn only_the_device_that_is_asked_is_led_to_pre_op() {
