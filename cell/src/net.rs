@@ -235,8 +235,8 @@ impl Net {
         }
         // A list that cannot be read lets nobody new in, and nobody out.
         self.ca.valid()?;
-        self.listed = written;
         self.open_anew()?;
+        self.listed = written;
         Ok(true)
     }
 
@@ -367,6 +367,16 @@ fn open(ca: &Ca, address: SocketAddr, identity: &Identity, events: &Events) -> R
         .callback(move |sample| {
             if let Some((machine, Topic::Alive)) = parse_key(sample.key_expr().as_str()) {
                 alive.give(Event::Alive(machine.to_owned(), sample.kind() == SampleKind::Put));
+            }
+        })
+        .background()
+        .wait()
+        .map_err(failed)?;
+    session
+        .declare_queryable(Topic::Heard.key("*"))
+        .callback(|query| {
+            if let Err(cause) = query.reply(query.key_expr().clone(), "").wait() {
+                tracing::debug!("{cause}");
             }
         })
         .background()

@@ -426,6 +426,37 @@ fn serves_as_machine(shop: &Shop, address: SocketAddr) -> Result<(), String> {
     session.map(drop).map_err(|error| error.to_string())
 }
 
+/// As a link that is lost between the two sessions of a supervisor that makes its own anew.
+#[test]
+fn a_link_at_which_nobody_hears_is_made_anew() {
+    use cell_link::zenoh::Wait;
+    let shop = Shop::new();
+    shop.ca.issue("mill").unwrap();
+    let (certificate, key) = shop.ca.issue_server(shop.folder.path(), &["127.0.0.1".into()]).unwrap();
+    let identity = Identity {
+        certificate,
+        key,
+        ca: shop.path("ca/ca.crt"),
+    };
+    let deaf = cell_link::carrier::listen(shop.address, &identity, &shop.ca.valid().unwrap().0).unwrap();
+    let sessions = Arc::new(std::sync::Mutex::new(std::collections::HashSet::new()));
+    let linked = Arc::clone(&sessions);
+    deaf.info()
+        .link_events_listener()
+        .callback(move |event| _ = linked.lock().unwrap().insert(event.link().zid().to_string()))
+        .background()
+        .wait()
+        .unwrap();
+    let _mill = shop.control_as("mill", shop.identity("mill"), Remote::Upload);
+    until("a second session", || {
+        (sessions.lock().unwrap().len() > 1).then_some(())
+    });
+
+    deaf.close().wait().unwrap();
+    let supervisor = shop.supervisor();
+    until("a supervisor that hears", || machine(&supervisor.of, "mill"));
+}
+
 #[test]
 fn a_control_that_was_killed_says_what_became_of_its_order() {
     let shop = Shop::new();

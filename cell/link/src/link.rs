@@ -7,7 +7,7 @@
 //! | `cell` (the caller's) | state and journal as they change, ends of orders into the ledger |
 //! | `cell-orders` | hold, stop, questions: at once |
 //! | `cell-programs` | stores, checks and starts programs, one at a time |
-//! | `cell-connect` | until there is a session, which from then on makes itself again |
+//! | `cell-connect` | until there is a session, which from then on makes itself again; anew where nobody hears at it |
 
 use crate::carrier::{self, Identity};
 use crate::control::{Control, Refused};
@@ -38,6 +38,10 @@ const HEARTBEAT: Duration = Duration::from_secs(1);
 const NAP: Duration = Duration::from_millis(250);
 /// The same while the disk of the control takes what has happened.
 const SHORT_NAP: Duration = Duration::from_millis(5);
+/// A supervisor that is linked is asked so often whether it hears.
+const ASK: Duration = Duration::from_secs(5);
+/// One that has not answered for so long never will: the link has got lost between two sessions of its own.
+const DEAF: Duration = Duration::from_secs(15);
 /// Between two tries to reach a supervisor that was never there.
 const RETRY: Duration = Duration::from_secs(1);
 /// Entries of a journal in one message, octets: with what is around them it is none that is too long.
@@ -171,6 +175,50 @@ fn ended(shared: &Shared<'_>, how: Result<(), Refused>) {
 struct Live {
     session: Session,
     _token: LivelinessToken,
+    /// When the supervisor was asked whether it hears.
+    asked: Instant,
+    /// When it has answered, or was not linked.
+    heard: Arc<Mutex<Instant>>,
+}
+
+impl Live {
+    /// Asks whether the supervisor hears; whether it has not for too long.
+    fn is_deaf(&mut self, machine: &str) -> bool {
+        if self.asked.elapsed() < ASK {
+            return false;
+        }
+        self.asked = Instant::now();
+        let note = |heard: &Mutex<Instant>| *heard.lock().unwrap_or_else(PoisonError::into_inner) = Instant::now();
+        if self.session.info().routers_zid().wait().next().is_none() {
+            // A link that is lost is made again by the session itself.
+            note(&self.heard);
+            return false;
+        }
+        let heard = Arc::clone(&self.heard);
+        let asked = (self.session.get(Topic::Heard.key(machine)).timeout(ASK))
+            .callback(move |reply| {
+                if reply.result().is_ok() {
+                    note(&heard);
+                }
+            })
+            .wait();
+        if let Err(cause) = asked {
+            tracing::debug!("cell: {cause}");
+        }
+        self.heard.lock().unwrap_or_else(PoisonError::into_inner).elapsed() >= DEAF
+    }
+
+    /// Ends it; nobody waits for that.
+    fn leave(self) {
+        let close = move || {
+            if let Err(cause) = self.session.close().wait() {
+                tracing::debug!("cell: {cause}");
+            }
+        };
+        if let Err(cause) = std::thread::Builder::new().name("cell-close".into()).spawn(close) {
+            tracing::debug!("cell: {cause}");
+        }
+    }
 }
 
 /// Tells the supervisor how the machine is.
@@ -240,7 +288,7 @@ impl<'a> Teller<'a> {
 
     fn tell(mut self, orders: SyncSender<Query>, programs: SyncSender<Query>) -> Result<(), LinkError> {
         let (sessions, connected) = sync_channel(1);
-        connect_in_background(self.shared, sessions);
+        connect_in_background(self.shared, sessions.clone());
         let mut live: Option<Live> = None;
         let mut last_told: Option<(State, Instant)> = None;
         while !self.shared.stops() {
@@ -251,6 +299,14 @@ impl<'a> Teller<'a> {
             {
                 live = Some(self.begin(session, &orders, &programs)?);
                 last_told = None;
+            }
+            if live.as_mut().is_some_and(|live| live.is_deaf(&self.shared.machine)) {
+                let address = &self.shared.settings.supervisor;
+                tracing::warn!("cell: {address} is linked and answers nothing: it is connected to anew");
+                if let Some(deaf) = live.take() {
+                    deaf.leave();
+                }
+                connect_in_background(self.shared, sessions.clone());
             }
             self.note_hands(&status);
             let news = self.news(&status)?;
@@ -320,7 +376,12 @@ impl<'a> Teller<'a> {
             .declare_token(Topic::Alive.key(&self.shared.machine))
             .wait()
             .map_err(failed)?;
-        Ok(Live { session, _token: token })
+        Ok(Live {
+            session,
+            _token: token,
+            asked: Instant::now(),
+            heard: Arc::new(Mutex::new(Instant::now())),
+        })
     }
 
     /// Nobody waits for a supervisor that does not read: what is dropped is asked for again.

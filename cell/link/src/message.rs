@@ -42,11 +42,13 @@ pub enum Topic {
     Order,
     /// Asked with [`Order`]: runs a program.
     Run,
+    /// Asked by the control, with nothing: the supervisor answers with nothing.
+    Heard,
 }
 
 impl Topic {
     /// All of them.
-    pub const ALL: [Topic; 7] = [
+    pub const ALL: [Topic; 8] = [
         Topic::Alive,
         Topic::State,
         Topic::Journal,
@@ -54,6 +56,7 @@ impl Topic {
         Topic::Program,
         Topic::Order,
         Topic::Run,
+        Topic::Heard,
     ];
 
     /// As it is written.
@@ -66,6 +69,7 @@ impl Topic {
             Topic::Program => "program",
             Topic::Order => "order",
             Topic::Run => "run",
+            Topic::Heard => "heard",
         }
     }
 
