@@ -3,9 +3,11 @@
 In:  the serial port, a file of G-code. Out: exit code 0 and a line with what was seen, or what was missing.
 """
 
+import os
 import sys
 import threading
 import time
+import traceback
 
 from grbl_streamer import GrblStreamer
 
@@ -52,4 +54,13 @@ def main(port, job):
     print("done", len(states), "states")
 
 
-main(*sys.argv[1:])
+try:
+    main(*sys.argv[1:])
+    code = 0
+except BaseException:
+    traceback.print_exc()
+    code = 1
+sys.stdout.flush()
+sys.stderr.flush()
+# The sender's own threads would keep this process for ever.
+os._exit(code)
