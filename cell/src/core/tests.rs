@@ -101,7 +101,7 @@ impl Fake {
                     What::Hold | What::Stop => say(state(Phase::Completed, "")),
                 }
             }
-            Topic::Alive | Topic::State => unreachable!(),
+            Topic::Alive | Topic::State | Topic::Heard => unreachable!(),
         }
     }
 }
