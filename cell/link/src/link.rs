@@ -23,7 +23,7 @@ use serde_json::{Map, Value, json};
 use std::fmt::Write;
 use std::io;
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -40,8 +40,8 @@ const NAP: Duration = Duration::from_millis(250);
 const SHORT_NAP: Duration = Duration::from_millis(5);
 /// A supervisor that is linked is asked so often whether it hears.
 const ASK: Duration = Duration::from_secs(5);
-/// One that has not answered for so long never will: the link has got lost between two sessions of its own.
-const DEAF: Duration = Duration::from_secs(15);
+/// One that has not answered so many times in a row never will: the link has got lost between two sessions of its own.
+const UNHEARD_MAX: u32 = 3;
 /// Between two tries to reach a supervisor that was never there.
 const RETRY: Duration = Duration::from_secs(1);
 /// Entries of a journal in one message, octets: with what is around them it is none that is too long.
@@ -177,8 +177,8 @@ struct Live {
     _token: LivelinessToken,
     /// When the supervisor was asked whether it hears.
     asked: Instant,
-    /// When it has answered, or was not linked.
-    heard: Arc<Mutex<Instant>>,
+    /// How many times since it has answered last.
+    unheard: Arc<AtomicU32>,
 }
 
 impl Live {
@@ -188,24 +188,24 @@ impl Live {
             return false;
         }
         self.asked = Instant::now();
-        let note = |heard: &Mutex<Instant>| *heard.lock().unwrap_or_else(PoisonError::into_inner) = Instant::now();
         if self.session.info().routers_zid().wait().next().is_none() {
             // A link that is lost is made again by the session itself.
-            note(&self.heard);
+            self.unheard.store(0, Ordering::Relaxed);
             return false;
         }
-        let heard = Arc::clone(&self.heard);
+        let unheard = Arc::clone(&self.unheard);
+        let is_deaf = unheard.fetch_add(1, Ordering::Relaxed) >= UNHEARD_MAX;
         let asked = (self.session.get(Topic::Heard.key(machine)).timeout(ASK))
             .callback(move |reply| {
                 if reply.result().is_ok() {
-                    note(&heard);
+                    unheard.store(0, Ordering::Relaxed);
                 }
             })
             .wait();
         if let Err(cause) = asked {
             tracing::debug!("cell: {cause}");
         }
-        self.heard.lock().unwrap_or_else(PoisonError::into_inner).elapsed() >= DEAF
+        is_deaf
     }
 
     /// Ends it; nobody waits for that.
@@ -380,7 +380,7 @@ impl<'a> Teller<'a> {
             session,
             _token: token,
             asked: Instant::now(),
-            heard: Arc::new(Mutex::new(Instant::now())),
+            unheard: Arc::default(),
         })
     }
 
