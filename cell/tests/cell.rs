@@ -429,9 +429,11 @@ fn serves_as_machine(shop: &Shop, address: SocketAddr) -> Result<(), String> {
 /// As a link that is lost between the two sessions of a supervisor that makes its own anew.
 #[test]
 fn a_link_at_which_nobody_hears_is_made_anew() {
+    use cell_link::message::Topic;
     use cell_link::zenoh::Wait;
     let shop = Shop::new();
     shop.ca.issue("mill").unwrap();
+    shop.ca.issue("asks").unwrap();
     let (certificate, key) = shop.ca.issue_server(shop.folder.path(), &["127.0.0.1".into()]).unwrap();
     let identity = Identity {
         certificate,
@@ -455,6 +457,18 @@ fn a_link_at_which_nobody_hears_is_made_anew() {
     deaf.close().wait().unwrap();
     let supervisor = shop.supervisor();
     until("a supervisor that hears", || machine(&supervisor.of, "mill"));
+    // It says so to whoever is of this cell, else each link would be made anew for ever.
+    let asks = cell_link::carrier::connect(&shop.address.to_string(), &shop.identity("asks")).unwrap();
+    let asked = |machine: &str| {
+        asks.get(Topic::Heard.key(machine))
+            .timeout(Duration::from_secs(5))
+            .wait()
+            .unwrap()
+    };
+    until("an answer", || {
+        asked("asks").recv().ok().filter(|reply| reply.result().is_ok())
+    });
+    assert!(asked("mill").recv().is_err(), "each asks for itself alone");
 }
 
 #[test]
