@@ -47,6 +47,24 @@ fn supervisor(folder: &Path, address: SocketAddr) -> Child {
         .expect("a process")
 }
 
+/// A shop with certificates for these machines, and its supervisor: its folder, the supervisor's folder and address, its process.
+fn shop(names: &[String]) -> (tempfile::TempDir, PathBuf, SocketAddr, Child) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let state = folder.path().join("state");
+    let ca = Ca::init(&folder.path().join("ca")).expect("an authority");
+    for name in names {
+        ca.issue(name).expect("a certificate");
+    }
+    let address = std::net::TcpListener::bind("127.0.0.1:0")
+        .and_then(|listener| listener.local_addr())
+        .expect("a port");
+    let child = supervisor(folder.path(), address);
+    while serve::ask(&state, &Ask::Machines).is_err() {
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    (folder, state, address, child)
+}
+
 fn alive(state: &Path) -> usize {
     let Ok(answer) = serve::ask(state, &Ask::Machines) else {
         return 0;
@@ -149,19 +167,7 @@ fn strangers() {
         ("say what is no TLS", Some(&b"GET / HTTP/1.1\r\n\r\n"[..])),
         ("say nothing", Some(&b""[..])),
     ] {
-        let folder = tempfile::tempdir().expect("a folder");
-        let state = folder.path().join("state");
-        let ca = Ca::init(&folder.path().join("ca")).expect("an authority");
-        for name in ["there", "comes"] {
-            ca.issue(name).expect("a certificate");
-        }
-        let address = std::net::TcpListener::bind("127.0.0.1:0")
-            .and_then(|listener| listener.local_addr())
-            .expect("a port");
-        let mut child = supervisor(folder.path(), address);
-        while serve::ask(&state, &Ask::Machines).is_err() {
-            std::thread::sleep(Duration::from_millis(50));
-        }
+        let (folder, state, address, mut child) = shop(&["there".into(), "comes".into()]);
         let (stop, no_more) = (Arc::new(AtomicBool::new(false)), AtomicBool::new(false));
         let (_, there) = control(folder.path(), "there", address, &stop);
         until_all(&state, 1);
@@ -234,20 +240,8 @@ fn main() {
     let (_, hard) = getrlimit(Resource::RLIMIT_NOFILE).expect("limits");
     setrlimit(Resource::RLIMIT_NOFILE, hard.min(16_384), hard).expect("more files");
     let count = number("ISOCNC_CELL_CONTROLS", 256);
-    let folder = tempfile::tempdir().expect("a folder");
-    let state = folder.path().join("state");
-    let ca = Ca::init(&folder.path().join("ca")).expect("an authority");
     let names: Vec<String> = (0..count).map(|number| format!("m-{number}")).collect();
-    for name in &names {
-        ca.issue(name).expect("a certificate");
-    }
-    let address = std::net::TcpListener::bind("127.0.0.1:0")
-        .and_then(|listener| listener.local_addr())
-        .expect("a port");
-    let mut child = supervisor(folder.path(), address);
-    while serve::ask(&state, &Ask::Machines).is_err() {
-        std::thread::sleep(Duration::from_millis(50));
-    }
+    let (folder, state, address, mut child) = shop(&names);
 
     let stop = Arc::new(AtomicBool::new(false));
     let begun = Instant::now();

@@ -8,6 +8,7 @@
 //! | `cell-orders` | hold, stop, questions: at once |
 //! | `cell-programs` | stores, checks and starts programs, one at a time |
 //! | `cell-connect` | until there is a session, which from then on makes itself again; anew where nobody hears at it |
+//! | `cell-close` | ends a session at which nobody hears |
 
 use crate::carrier::{self, Identity};
 use crate::control::{Control, Refused};
