@@ -46,7 +46,7 @@ pub enum CaError {
     #[error("{0}: there is an authority already, and all its certificates would be worth nothing")]
     /// There is an authority already.
     Exists(String),
-    #[error("a certificate cannot be made: {0}")]
+    #[error("a certificate cannot be made")]
     /// The library that makes certificates refused.
     Rcgen(#[from] rcgen::Error),
 }
@@ -201,9 +201,13 @@ impl Ca {
         trust::secret(&key).map_err(at(&key))?;
         let pair = KeyPair::from_pem(&read(&key)?).map_err(|error| CaError::File {
             file: key,
-            what: error.to_string(),
+            what: format!("holds no key: {error}"),
         })?;
-        Ok(Issuer::from_ca_cert_pem(&read(&self.certificate())?, pair)?)
+        let file = self.certificate();
+        Issuer::from_ca_cert_pem(&read(&file)?, pair).map_err(|error| CaError::File {
+            file,
+            what: format!("holds no certificate of an authority: {error}"),
+        })
     }
 
     /// Makes the certificate of a machine.
@@ -317,5 +321,39 @@ mod tests {
         std::fs::write(ca.list(), "[{}]").unwrap();
         let error = ca.issue("mill-2").unwrap_err().to_string();
         assert!(error.contains("issued.json: missing field"), "{error}");
+    }
+
+    #[test]
+    fn a_certificate_that_does_not_count_at_this_time_is_told_with_its_file_and_the_clock() {
+        use cell_link::carrier::{Identity, connect};
+        let folder = tempfile::tempdir().unwrap();
+        let ca = Ca::init(folder.path()).unwrap();
+        ca.issue("mill").unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let identity = Identity {
+            certificate: at("mill.crt"),
+            key: at("mill.key"),
+            ca: at("ca.crt"),
+        };
+        let told = || connect("127.0.0.1:1", &identity).unwrap_err().to_string();
+        assert!(told().starts_with("nobody answers there"));
+        let (key, now) = (KeyPair::generate().unwrap(), OffsetDateTime::now_utc());
+        for (from, to) in [(-9, -2), (2, 9)] {
+            let mut params = params("mill.1", 1);
+            (params.not_before, params.not_after) = (now + Duration::days(from), now + Duration::days(to));
+            let made = params.signed_by(&key, &ca.issuer().unwrap()).unwrap();
+            std::fs::write(at("mill.crt"), made.pem()).unwrap();
+            let told = told();
+            assert!(
+                told.contains("mill.crt: counts from") && told.contains("this PC's clock says"),
+                "{told}"
+            );
+        }
+        std::fs::write(at("ca.crt"), "x").unwrap();
+        let told = ca.issue("mill").unwrap_err().to_string();
+        assert!(told.contains("ca.crt: holds no certificate"), "{told}");
+        std::fs::write(at("ca.key"), "x").unwrap();
+        let told = ca.issue("mill").unwrap_err().to_string();
+        assert!(told.contains("ca.key: holds no key"), "{told}");
     }
 }

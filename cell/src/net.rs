@@ -6,19 +6,20 @@
 use crate::ca::{Ca, CaError};
 use crate::core::{Event, Question};
 use cell_link::carrier::{self, CarrierError, Identity};
-use cell_link::message::{Envelope, Journal, State, Topic, parse_key};
+use cell_link::message::{BadMessage, Envelope, Journal, State, Topic, parse_key};
 use cell_link::zenoh::sample::{Sample, SampleKind};
 use cell_link::zenoh::{self, Session, Wait};
-use std::collections::HashSet;
+use nix::errno::Errno;
+use std::collections::{HashMap, HashSet};
 use std::fmt;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
-use std::sync::{Arc, OnceLock};
-use std::time::{Duration, SystemTime};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::time::{Duration, Instant, SystemTime};
 use tracing::field::{Field, Visit};
-use tracing::{Level, Subscriber};
+use tracing::{Level, Metadata, Subscriber};
 use tracing_subscriber::Layer;
 use tracing_subscriber::layer::Context;
 
@@ -109,20 +110,55 @@ impl Queue {
     }
 }
 
+/// A machine that says what is no message is told of so often.
+const TELL_AGAIN: Duration = Duration::from_secs(60);
+/// Refusals that are told in a second: strangers fill neither the log nor the store.
+const REFUSALS_MAX: u32 = 10;
+
 /// What the encryption says of clients that it refuses, for the store: a layer of the log.
-pub struct Refusals(OnceLock<Events>);
+pub struct Refusals {
+    events: OnceLock<Events>,
+    /// Since when those of this second are counted.
+    second: Mutex<Option<(Instant, u32)>>,
+    is_out_of_files: AtomicBool,
+}
+
+/// Whether this is of the encryption, which advises to open more files whatever it is; it is told in the supervisor's words.
+pub fn is_of_encryption(metadata: &Metadata<'_>) -> bool {
+    metadata.target().starts_with("zenoh_link_tls") && *metadata.level() == Level::WARN
+}
 
 impl Refusals {
     /// They go nowhere yet.
     #[allow(clippy::new_without_default)]
     pub const fn new() -> Refusals {
-        Refusals(OnceLock::new())
+        Refusals {
+            events: OnceLock::new(),
+            second: Mutex::new(None),
+            is_out_of_files: AtomicBool::new(false),
+        }
     }
 
     /// Where they go from now on.
     pub fn to(&self, events: Events) {
         // A second supervisor of a process has them in its log.
-        let _ = self.0.set(events);
+        let _ = self.events.set(events);
+    }
+
+    /// Whether the process had no file left for a connection since the last call.
+    ///
+    /// Zenoh then looks at no handshake any more, not even at those that are over, so that it would have none left for ever.
+    pub fn takes_out_of_files(&self) -> bool {
+        self.is_out_of_files.swap(false, Ordering::Relaxed)
+    }
+
+    fn is_told(&self) -> bool {
+        let mut second = self.second.lock().unwrap_or_else(PoisonError::into_inner);
+        let (begun, count) = second
+            .take_if(|(begun, _)| begun.elapsed() < Duration::from_secs(1))
+            .unwrap_or((Instant::now(), 0));
+        *second = Some((begun, count.saturating_add(1)));
+        count < REFUSALS_MAX
     }
 }
 
@@ -136,13 +172,17 @@ impl<S: Subscriber> Layer<S> for &'static Refusals {
                 }
             }
         }
-        let is_refusal =
-            event.metadata().target().starts_with("zenoh_link_tls") && *event.metadata().level() == Level::WARN;
-        if let Some(events) = self.0.get().filter(|_| is_refusal) {
+        let is_refusal = is_of_encryption(event.metadata());
+        if let Some(events) = self.events.get().filter(|_| is_refusal && self.is_told()) {
             let mut message = Message(String::new());
             event.record(&mut message);
-            // What Zenoh advises is of too many open files.
             let what = message.0.split(". Hint").next().unwrap_or_default();
+            if [Errno::EMFILE, Errno::ENFILE]
+                .iter()
+                .any(|errno| what.ends_with(&format!("(os error {})", *errno as i32)))
+            {
+                self.is_out_of_files.store(true, Ordering::Relaxed);
+            }
             events.give(Event::Refused(format!("encryption: {what}")));
         }
     }
@@ -352,7 +392,6 @@ fn open(ca: &Ca, address: SocketAddr, identity: &Identity, events: &Events) -> R
                     "{}: its certificate {name} {why}: nothing of it is heard",
                     event.link().dst()
                 );
-                tracing::warn!("refused: {text}");
                 linked.give(Event::Refused(text));
             }
         })
@@ -384,11 +423,17 @@ fn open(ca: &Ca, address: SocketAddr, identity: &Identity, events: &Events) -> R
         .map_err(failed)?;
     for topic in [Topic::State, Topic::Journal] {
         let events = events.clone();
+        let told = Mutex::default();
         session
             .declare_subscriber(topic.key("*"))
             .callback(move |sample| {
-                if let Some(event) = event(topic, &sample) {
-                    events.give_message(event, sample.payload().len());
+                let Some((machine, _)) = parse_key(sample.key_expr().as_str()) else {
+                    return;
+                };
+                match event(topic, machine, &sample) {
+                    Ok(event) => events.give_message(event, sample.payload().len()),
+                    Err(bad) if is_due(&told, machine) => events.give(Event::Refused(format!("{machine}: {bad}"))),
+                    Err(_) => {}
                 }
             })
             .background()
@@ -398,16 +443,23 @@ fn open(ca: &Ca, address: SocketAddr, identity: &Identity, events: &Events) -> R
     Ok(session)
 }
 
-fn event(topic: Topic, sample: &Sample) -> Option<Event> {
-    let (machine, _) = parse_key(sample.key_expr().as_str())?;
+/// Whether it is time to tell of a machine again: its next message is as bad as the last one.
+fn is_due(told: &Mutex<HashMap<String, Instant>>, machine: &str) -> bool {
+    let mut told = told.lock().unwrap_or_else(PoisonError::into_inner);
+    let is_due = told.get(machine).is_none_or(|told| told.elapsed() >= TELL_AGAIN);
+    if is_due {
+        told.insert(machine.to_owned(), Instant::now());
+    }
+    is_due
+}
+
+fn event(topic: Topic, machine: &str, sample: &Sample) -> Result<Event, BadMessage> {
     let octets = sample.payload().to_bytes();
-    let read = match topic {
-        Topic::State => {
-            Envelope::<State>::from_octets(&octets).map(|said| Event::State(machine.to_owned(), Box::new(said.body)))
-        }
-        _ => Envelope::<Journal>::from_octets(&octets).map(|said| Event::Journal(machine.to_owned(), said.body)),
-    };
-    read.inspect_err(|bad| tracing::warn!("{machine}: {bad}")).ok()
+    let machine = machine.to_owned();
+    match topic {
+        Topic::State => Envelope::<State>::from_octets(&octets).map(|said| Event::State(machine, Box::new(said.body))),
+        _ => Envelope::<Journal>::from_octets(&octets).map(|said| Event::Journal(machine, said.body)),
+    }
 }
 
 #[cfg(test)]
@@ -487,21 +539,24 @@ mod tests {
         }
         assert!(kept > 0);
         assert_eq!(queue.octets.load(Ordering::Relaxed), 0, "all of it was taken");
-        let (sender, answer) = sync_channel(1);
-        let ask = crate::core::Ask::Journal {
-            machine: "mill".into(),
-            since: Some(0),
-        };
-        core.take(
-            vec![Event::Ask(ask, Box::new(move |answer| sender.send(answer).unwrap()))],
-            now,
-        );
-        let answer: Value = answer.try_recv().unwrap().unwrap();
-        let seqs = answer["entries"]
-            .as_array()
-            .unwrap()
-            .iter()
-            .filter_map(|entry| entry["seq"].as_u64());
-        assert!(seqs.eq(1..=COUNT), "each of them is there, once");
+        // An answer has no more than a message of a control.
+        let mut seqs = Vec::new();
+        loop {
+            let (sender, answer) = sync_channel(1);
+            let ask = crate::core::Ask::Journal {
+                machine: "mill".into(),
+                since: Some(seqs.len() as u64),
+            };
+            let reply = Box::new(move |answer| sender.send(answer).unwrap());
+            core.take(vec![Event::Ask(ask, reply)], now);
+            let answer: Value = answer.try_recv().unwrap().unwrap();
+            let entries = answer["entries"].as_array().unwrap();
+            if entries.is_empty() {
+                break;
+            }
+            assert!(answer.to_string().len() < 5 << 20);
+            seqs.extend(entries.iter().filter_map(|entry| entry["seq"].as_u64()));
+        }
+        assert!(seqs.iter().copied().eq(1..=COUNT), "each of them is there, once");
     }
 }

@@ -5,12 +5,14 @@
 //! Whatever belongs together is one transaction, on the disk before anything is told or sent (WAL, `synchronous = FULL`). A disk that is
 //! full undoes the transaction as a whole.
 
-use cell_link::message::{OrderState, Phase, Use};
-use rusqlite::{Connection, OptionalExtension, Row, params};
+use cell_link::message::{MESSAGE_MAX, OrderState, Phase, Use};
+use rusqlite::{Connection, OptionalExtension, Row, Rows, params};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::path::Path;
 
+/// Entries of journals in one answer, octets: as many as a message of a control may have.
+const ANSWER_OCTETS: usize = MESSAGE_MAX;
 /// Version of the tables.
 const VERSION: i64 = 1;
 
@@ -216,6 +218,20 @@ fn attempt(row: &Row<'_>) -> Outcome<Attempt> {
     })
 }
 
+/// Entries, as far as they fit into an answer; the first one always does.
+fn fitting(mut rows: Rows<'_>) -> Outcome<Vec<Value>> {
+    let (mut entries, mut octets) = (Vec::new(), 0);
+    while let Some(row) = rows.next()? {
+        let entry: String = row.get(0)?;
+        octets += entry.len();
+        if octets > ANSWER_OCTETS && !entries.is_empty() {
+            break;
+        }
+        entries.push(serde_json::from_str(&entry).unwrap_or_default());
+    }
+    Ok(entries)
+}
+
 const ATTEMPT: &str = "SELECT id, parts_order, machine, program, sha256, phase, note, sent_unix_s, took_s FROM attempt";
 
 impl Store {
@@ -353,35 +369,31 @@ impl Store {
         self.db.prepare(sql)?.execute([machine]).map(drop)
     }
 
-    /// Entries of a machine behind a number, the oldest first.
+    /// Entries of a machine behind a number, the oldest first: so many at the most, and no more than fit into an answer.
     pub fn journal(&self, machine: &str, since: u64, most: u32) -> Outcome<Vec<Value>> {
         let sql = "SELECT entry FROM journal WHERE machine = ?1 AND seq > ?2
             AND book = (SELECT book FROM machine WHERE name = ?1) ORDER BY seq LIMIT ?3";
         let mut rows = self.db.prepare(sql)?;
         // Numbers beyond those of the table are behind all of it.
         let since = i64::try_from(since).unwrap_or(i64::MAX);
-        let entries = rows.query_map(params![machine, since, most], |row| row.get::<_, String>(0))?;
-        entries
-            .map(|entry| Ok(serde_json::from_str(&entry?).unwrap_or_default()))
-            .collect()
+        fitting(rows.query(params![machine, since, most])?)
     }
 
-    /// The last entries of a machine, the oldest first.
+    /// The last entries of a machine, the oldest first, as many as above.
     pub fn last_entries(&self, machine: &str, most: u32) -> Outcome<Vec<Value>> {
         let sql = "SELECT entry FROM journal WHERE machine = ?1
             AND book = (SELECT book FROM machine WHERE name = ?1) ORDER BY seq DESC LIMIT ?2";
         let mut rows = self.db.prepare(sql)?;
-        let entries = rows.query_map(params![machine, most], |row| row.get::<_, String>(0))?;
-        let mut entries: Vec<Value> = entries
-            .map(|entry| Ok(serde_json::from_str(&entry?).unwrap_or_default()))
-            .collect::<Outcome<_>>()?;
+        let mut entries = fitting(rows.query(params![machine, most])?)?;
         entries.reverse();
         Ok(entries)
     }
 
     /// Alarms that nobody has acknowledged, the newest first: machine, number, time, text.
     pub fn alarms(&self) -> Outcome<Vec<(String, u64, f64, String)>> {
-        let sql = "SELECT machine, seq, unix_s, text FROM journal WHERE kind = 'alarm' AND acknowledged = 0 ORDER BY unix_s DESC LIMIT 500";
+        let sql =
+            "SELECT machine, seq, unix_s, substr(text, 1, 2000) FROM journal WHERE kind = 'alarm' AND acknowledged = 0
+            ORDER BY unix_s DESC LIMIT 500";
         let mut rows = self.db.prepare(sql)?;
         let alarms = rows.query_map([], |row| {
             Ok((row.get(0)?, row.get::<_, i64>(1)? as u64, row.get(2)?, row.get(3)?))

@@ -135,14 +135,19 @@ fn machine(desk: &Desk, name: &str) -> Option<Value> {
         .cloned()
 }
 
+/// All of it; an answer has so many octets at the most.
 fn journal(desk: &Desk, name: &str) -> Vec<Value> {
-    let ask = Ask::Journal {
-        machine: name.into(),
-        since: Some(0),
-    };
-    desk.ask(ask)
-        .map(|answer| answer["entries"].as_array().unwrap().clone())
-        .unwrap_or_default()
+    let mut all: Vec<Value> = Vec::new();
+    loop {
+        let ask = Ask::Journal {
+            machine: name.into(),
+            since: Some(all.last().map_or(0, |entry| entry["seq"].as_u64().unwrap())),
+        };
+        match desk.ask(ask) {
+            Ok(told) if told["entries"] != json!([]) => all.extend(told["entries"].as_array().unwrap().clone()),
+            _ => return all,
+        }
+    }
 }
 
 fn upload(desk: &Desk, machine: &str, content: &str) -> Result<Value, String> {
@@ -390,6 +395,245 @@ fn a_machine_speaks_for_itself_alone() {
     let liar = cell_link::carrier::connect(&shop.address.to_string(), &shop.identity("liar")).unwrap();
     assert!(!speaks(&liar, &supervisor.of));
     drop(good);
+}
+
+/// All that a certificate of this cell cannot do to another machine: hear it, answer for it, order it about, end it.
+#[test]
+fn a_machine_neither_hears_nor_orders_another_one() {
+    use cell_link::message::{Envelope, Order, Topic, What, sum};
+    use cell_link::zenoh::Wait;
+    let shop = Shop::new();
+    shop.ca.issue("liar").unwrap();
+    let good = shop.control("good", Remote::Run);
+    let supervisor = shop.supervisor();
+    let desk = &supervisor.of;
+    until("good", || {
+        (machine(desk, "good")?["state"]["is_ready"] == true).then_some(())
+    });
+    // Two sessions, for one hears what it says itself.
+    let session = || cell_link::carrier::connect(&shop.address.to_string(), &shop.identity("liar")).unwrap();
+    let (hears, liar) = (session(), session());
+    let heard = Arc::new(std::sync::Mutex::new(Vec::new()));
+    for keys in ["**", "cell/**", "cell/*/state", "cell/good/**", "cell/good/run", "@/**"] {
+        let (said, asked) = (Arc::clone(&heard), Arc::clone(&heard));
+        let subscribed = hears.declare_subscriber(keys).callback(move |sample| {
+            said.lock().unwrap().push(sample.key_expr().to_string());
+        });
+        subscribed.background().wait().unwrap();
+        let answers = hears.declare_queryable(keys).callback(move |query| {
+            asked.lock().unwrap().push(query.key_expr().to_string());
+        });
+        answers.background().wait().unwrap();
+    }
+    let _alive = liar
+        .liveliness()
+        .declare_token(Topic::Alive.key("good"))
+        .wait()
+        .unwrap();
+    let order = |what| {
+        let id = "forged".into();
+        Envelope::new(1, Order { id, what, boot: None }).to_octets()
+    };
+    let content = "(takes 3600)\n";
+    upload(desk, "good", content).unwrap();
+    let run = What::Run {
+        program: "p.ngc".into(),
+        sha256: sum(content.as_bytes()),
+    };
+    for (key, said) in [
+        ("cell/good/run", order(run.clone())),
+        ("cell/*/run", order(run)),
+        ("cell/good/order", order(What::Stop)),
+        ("cell/**", order(What::Stop)),
+        ("cell/good/journal", Envelope::new(1, json!({ "since": 0 })).to_octets()),
+        ("cell/good/describe", Vec::new()),
+        ("cell/good/heard", Vec::new()),
+    ] {
+        let asked = liar
+            .get(key)
+            .payload(said.clone())
+            .timeout(Duration::from_secs(5))
+            .wait()
+            .unwrap();
+        let answers = asked.into_iter().filter(|reply| reply.result().is_ok()).count();
+        assert_eq!(answers, 0, "{key}");
+        // What is put under a key of many is heard by nobody, either.
+        let _ = liar.put(key, said).wait();
+    }
+    // The supervisor's own questions and orders have gone to the one that is meant.
+    let started = run_program(desk, "good").unwrap();
+    assert_eq!(runs(&shop.path("good")).unwrap(), [started["id"].as_str().unwrap()]);
+    liar.close().wait().unwrap();
+    assert!(machine(desk, "good").is_some() && machine(desk, "liar").is_none());
+    assert_eq!(*heard.lock().unwrap(), Vec::<String>::new());
+    drop(good);
+}
+
+/// What a supervisor could say wrong to a control, or somebody in its place.
+#[test]
+fn an_id_runs_once_and_orders_of_others_are_not_answered() {
+    use cell_link::message::{Envelope, Order, OrderState, Phase, Topic, Upload, What, sum};
+    use cell_link::zenoh::Wait;
+    let shop = Shop::new();
+    shop.ca.issue("mill").unwrap();
+    let (certificate, key) = shop.ca.issue_server(shop.folder.path(), &["127.0.0.1".into()]).unwrap();
+    let identity = Identity {
+        certificate,
+        key,
+        ca: shop.path("ca/ca.crt"),
+    };
+    let session = cell_link::carrier::listen(shop.address, &identity, &shop.ca.valid().unwrap().0).unwrap();
+    let mill = shop.control_as("mill", shop.identity("mill"), Remote::Run);
+    let ask = |topic: Topic, payload: Vec<u8>, attachment: Vec<u8>| {
+        let get = session.get(topic.key("mill")).payload(payload).attachment(attachment);
+        let reply = get.timeout(Duration::from_secs(60)).wait().unwrap().recv().ok()?;
+        Some(match reply.result() {
+            Ok(sample) => Ok(sample.payload().to_bytes().into_owned()),
+            Err(error) => Err(String::from_utf8_lossy(&error.payload().to_bytes()).into_owned()),
+        })
+    };
+    let content = b"(takes 0)\n".to_vec();
+    let said = Envelope::new(1, Upload::of("p.ngc", &content)).to_octets();
+    until("the link", || ask(Topic::Program, content.clone(), said.clone())?.ok());
+    let run = |id: &str, boot: Option<u64>| Order {
+        id: id.into(),
+        what: What::Run {
+            program: "p.ngc".into(),
+            sha256: sum(&content),
+        },
+        boot,
+    };
+    let order = |order: &Order| ask(Topic::Run, Envelope::new(1, order).to_octets(), Vec::new());
+    let state = |order_: &Order| {
+        let octets = order(order_)?.ok()?;
+        Some(Envelope::<OrderState>::from_octets(&octets).unwrap().body)
+    };
+    assert_eq!(order(&run("a", Some(1))), None, "it is for another one");
+    until("a run", || {
+        state(&run("a", None)).filter(|state| state.phase != Phase::Refused)
+    });
+    until("its end", || {
+        state(&run("a", None)).filter(|state| state.phase == Phase::Completed)
+    });
+    // The same id with another program.
+    let mut other = run("a", None);
+    other.what = What::Run {
+        program: "q.ngc".into(),
+        sha256: String::new(),
+    };
+    assert_eq!(state(&other).unwrap().phase, Phase::Completed);
+    assert_eq!(runs(&shop.path("mill")).unwrap(), ["a"]);
+
+    let mut later = Envelope::new(1, run("b", None));
+    later.v = 2;
+    let refused = ask(Topic::Run, later.to_octets(), Vec::new()).unwrap().unwrap_err();
+    assert!(refused.contains("version 2"), "{refused}");
+    for (topic, payload) in [
+        (Topic::Run, b"{}".to_vec()),
+        (Topic::Run, vec![0xff; 100]),
+        (Topic::Run, vec![b' '; 70_000]),
+        (Topic::Order, vec![b'['; 60_000]),
+        (Topic::Journal, Vec::new()),
+        (Topic::Program, content.clone()),
+    ] {
+        assert!(ask(topic, payload, Vec::new()).unwrap().is_err(), "{topic:?}");
+    }
+    for id in ["", "../x", &"x".repeat(65)] {
+        assert_eq!(state(&run(id, None)).unwrap().phase, Phase::Refused, "{id}");
+    }
+    assert_eq!(runs(&shop.path("mill")).unwrap(), ["a"]);
+    drop(mill);
+}
+
+/// As where the folder of a machine was copied to a second one.
+#[test]
+fn two_controls_with_one_certificate_are_told_and_share_no_order() {
+    let shop = Shop::new();
+    let supervisor = shop.supervisor();
+    let desk = &supervisor.of;
+    let mill = shop.control("mill", Remote::Run);
+    until("mill", || machine(desk, "mill"));
+    let copy = shop.control_as("copy", shop.identity("mill"), Remote::Run);
+    until("two of them", || {
+        let overview = desk.ask(Ask::Overview).unwrap();
+        let refusals = overview["refusals"].as_array().unwrap();
+        let is_told = |one: &Value| one["text"].as_str().unwrap().starts_with("mill: two controls speak");
+        refusals.iter().any(is_told).then_some(())
+    });
+    let wish = Wish {
+        program: "part.ngc".into(),
+        count: 3,
+        ..Wish::default()
+    };
+    let content = b"(takes 0.1)\n".to_vec();
+    desk.ask(Ask::Add { wish, content }).unwrap();
+    drop(copy);
+    until("the parts", || {
+        (desk.ask(Ask::Queue).unwrap()["orders"][0]["state"] == "done").then_some(())
+    });
+    let mut all = [runs(&shop.path("mill")).unwrap(), runs(&shop.path("copy")).unwrap()].concat();
+    all.sort();
+    all.dedup();
+    assert_eq!(all.len(), 3);
+    drop(mill);
+}
+
+/// A control of another version, or one that lies about itself.
+#[test]
+fn what_is_no_message_is_told_once_and_changes_nothing() {
+    use cell_link::message::{Envelope, Journal, State, Topic};
+    use cell_link::zenoh::Wait;
+    let shop = Shop::new();
+    shop.ca.issue("odd").unwrap();
+    let supervisor = shop.supervisor();
+    let desk = &supervisor.of;
+    let odd = cell_link::carrier::connect(&shop.address.to_string(), &shop.identity("odd")).unwrap();
+    let mut later = Envelope::new(1, State::default());
+    later.v = 2;
+    let refusals = || {
+        let overview = desk.ask(Ask::Overview).unwrap();
+        overview["refusals"].as_array().unwrap().clone()
+    };
+    until("the version", || {
+        odd.put(Topic::State.key("odd"), later.to_octets()).wait().unwrap();
+        let is_told = |one: &Value| {
+            one["text"]
+                .as_str()
+                .unwrap()
+                .contains("odd: not a message of a cell: version 2")
+        };
+        refusals().iter().any(is_told).then_some(())
+    });
+    // All of it is dropped; the last one is right, and counts.
+    let huge = "x".repeat(3 << 20);
+    let journal = |seq: u64| Journal {
+        since: seq - 1,
+        entries: vec![json!({ "seq": seq, "unix_s": 1.0, "kind": "alarm", "text": huge })],
+        more: false,
+        last: seq,
+    };
+    for seq in 1..=20 {
+        let said = Envelope::new(seq, journal(seq)).to_octets();
+        until("room", || {
+            odd.put(Topic::Journal.key("odd"), said.clone()).wait().unwrap();
+            let told = desk.ask(Ask::Machines).unwrap();
+            (told["machines"][0]["journal"] == seq).then_some(())
+        });
+    }
+    assert_eq!(refusals().len(), 1);
+    // Answers to people stay short, whatever it has told.
+    let overview = desk.ask(Ask::Overview).unwrap();
+    assert_eq!(overview["alarms"].as_array().unwrap().len(), 20);
+    assert!(overview.to_string().len() < 100_000);
+    let told = journal_octets(desk, "odd", None);
+    assert!(told < 8 << 20, "{told}");
+    let told = journal_octets(desk, "odd", Some(3));
+    assert!(told < 8 << 20 && told > 3 << 20, "{told}");
+}
+
+fn journal_octets(desk: &Desk, name: &str, since: Option<u64>) -> usize {
+    let machine = name.into();
+    desk.ask(Ask::Journal { machine, since }).unwrap().to_string().len()
 }
 
 #[test]

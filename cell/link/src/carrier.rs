@@ -12,6 +12,7 @@ use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use x509_parser::prelude::{FromDer, Pem, X509Certificate};
+use x509_parser::time::ASN1Time;
 use zenoh::{Session, Wait};
 
 /// Longest file of a certificate or a key, octets.
@@ -107,6 +108,28 @@ fn path(file: &Path) -> Result<&str, CarrierError> {
     file.to_str().ok_or_else(|| wrong(file, "its path is no UTF-8"))
 }
 
+/// The same of a certificate, which must count now: encryption says less of that, and says it to the other side.
+fn certificate(file: &Path) -> Result<&str, CarrierError> {
+    let text = files::read::read(file, PEM_MAX).map_err(|cause| wrong(file, cause))?;
+    let pem = Pem::iter_from_buffer(&text).next().and_then(Result::ok);
+    if let Some(pem) = pem
+        && let Ok((_, certificate)) = X509Certificate::from_der(&pem.contents)
+        && let validity = certificate.validity()
+        && !validity.is_valid()
+    {
+        return Err(wrong(
+            file,
+            format!(
+                "counts from {} to {}, and this PC's clock says {}",
+                validity.not_before,
+                validity.not_after,
+                ASN1Time::now()
+            ),
+        ));
+    }
+    path(file)
+}
+
 /// The same of a key.
 fn secret(file: &Path) -> Result<&str, CarrierError> {
     let mode = std::fs::metadata(file).map_err(|cause| wrong(file, cause))?.mode();
@@ -151,9 +174,9 @@ pub fn connect(address: &str, identity: &Identity) -> Result<Session, CarrierErr
         "client",
         PROGRAM_MAX + BESIDE,
         json!({
-            "root_ca_certificate": path(&identity.ca)?,
+            "root_ca_certificate": certificate(&identity.ca)?,
             "enable_mtls": true,
-            "connect_certificate": path(&identity.certificate)?,
+            "connect_certificate": certificate(&identity.certificate)?,
             "connect_private_key": secret(&identity.key)?,
             // The list of authorities of the web counts as well, which no name of a cell can have.
             "verify_name_on_connect": true,
@@ -196,9 +219,9 @@ pub fn listen(address: SocketAddr, identity: &Identity, machines: &[String]) -> 
         "router",
         MESSAGE_MAX + BESIDE,
         json!({
-            "root_ca_certificate": path(&identity.ca)?,
+            "root_ca_certificate": certificate(&identity.ca)?,
             "enable_mtls": true,
-            "listen_certificate": path(&identity.certificate)?,
+            "listen_certificate": certificate(&identity.certificate)?,
             "listen_private_key": secret(&identity.key)?,
             "close_link_on_expiration": true,
         }),

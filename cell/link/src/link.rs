@@ -100,6 +100,8 @@ pub enum LinkError {
 struct Shared<'a> {
     settings: &'a Settings,
     machine: String,
+    /// Another one after each start.
+    boot: u64,
     connect: &'a Connect<'a>,
     ledger: Mutex<Ledger>,
     /// Whether a run would be refused, and why.
@@ -122,6 +124,11 @@ impl Shared<'_> {
         self.stop.load(Ordering::Relaxed) || self.ended.load(Ordering::Relaxed)
     }
 
+    /// Whether an order is for another control that has the same certificate: the answer to it is that one's.
+    fn is_of_another(&self, order: &Order) -> bool {
+        order.boot.is_some_and(|boot| boot != self.boot)
+    }
+
     fn say<B: Serialize>(&self, body: B) -> Vec<u8> {
         Envelope::new(self.said.fetch_add(1, Ordering::Relaxed), body).to_octets()
     }
@@ -142,6 +149,9 @@ pub fn run(settings: &Settings, connect: &Connect<'_>, stop: &AtomicBool) -> Res
     let shared = Shared {
         settings,
         machine: machine.to_owned(),
+        boot: SystemTime::now()
+            .duration_since(UNIX_EPOCH)
+            .map_or(0, |since| since.as_millis() as u64),
         connect,
         ledger: Mutex::new(Ledger::open(&settings.state)?),
         why_not: Mutex::default(),
@@ -226,8 +236,6 @@ impl Live {
 struct Teller<'a> {
     shared: &'a Shared<'a>,
     control: Box<dyn Control>,
-    /// Another one after each start.
-    boot: u64,
     joints: usize,
     /// Entries up to this one were told, or will be asked for.
     told: u64,
@@ -248,9 +256,6 @@ impl<'a> Teller<'a> {
         let mut teller = Teller {
             shared,
             control,
-            boot: SystemTime::now()
-                .duration_since(UNIX_EPOCH)
-                .map_or(0, |since| since.as_millis() as u64),
             joints,
             told: last,
             is_behind: false,
@@ -461,7 +466,7 @@ impl<'a> Teller<'a> {
         let text = |key: &str| status.get(key).and_then(Value::as_str).unwrap_or_default().to_owned();
         let why_not = self.why_not(status);
         State {
-            boot: self.boot,
+            boot: self.shared.boot,
             state: text("state"),
             power: text("power"),
             activity: text("activity"),
@@ -657,6 +662,7 @@ fn answer_orders(shared: &Shared<'_>, queries: &Receiver<Query>) -> Result<(), R
                 Err(why) => refuse(query, &why),
             },
             Some(Topic::Order) => match body::<Order>(query.payload()) {
+                Ok(order) if shared.is_of_another(&order) => {}
                 Ok(order) => {
                     let state = carry_out(shared, control.as_mut(), &order)?;
                     reply(shared, query, state);
@@ -721,6 +727,7 @@ fn answer_programs(shared: &Shared<'_>, queries: &Receiver<Query>) -> Result<(),
                 }
             }
             Some(Topic::Run) => match body::<Order>(query.payload()) {
+                Ok(order) if shared.is_of_another(&order) => {}
                 Ok(order) => {
                     let state = run_program(shared, control.as_mut(), &order)?;
                     reply(shared, query, state);

@@ -347,6 +347,9 @@ pub struct Order {
     pub id: String,
     /// What is to be done.
     pub what: What,
+    /// The run of the control that is meant, as its [`State`] tells it: another one with the same certificate keeps silent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub boot: Option<u64>,
 }
 
 /// What is ordered.
@@ -463,6 +466,7 @@ mod tests {
                 program: "p.ngc".into(),
                 sha256: sum(b""),
             },
+            boot: Some(3),
         };
         let mut sent = Envelope::new(7, order);
         sent.t = 1.5;

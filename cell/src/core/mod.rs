@@ -39,6 +39,8 @@ const PRUNE_S: f64 = 3600.0;
 /// Where there was some, it goes on after so long, s, so many rows of each kind at a time: nobody waits for it.
 const PRUNE_STEP_S: f64 = 0.2;
 const PRUNE_ROWS: u32 = 500;
+/// So long after two controls have spoken with one certificate, neither gets an order, s.
+const DOUBLED_S: f64 = 10.0;
 /// Uploads under way at the same time.
 const UPLOADS_MAX: usize = 16;
 /// Waits for answers.
@@ -46,6 +48,9 @@ const QUICK: Duration = Duration::from_secs(5);
 const SLOW: Duration = Duration::from_secs(60);
 /// Machines at the most.
 const MACHINES_MAX: usize = 256;
+
+/// Why two controls with one certificate get no orders.
+const DOUBLED: &str = "two controls speak with this certificate, and get no orders: each needs its own: isocnc-cell ca issue NAME --dir CA";
 
 /// Somebody who waits for an answer.
 pub type Reply = Box<dyn FnOnce(Result<Value, String>) + Send>;
@@ -108,6 +113,9 @@ struct Machine {
     journal: u64,
     is_alive: bool,
     state: State,
+    /// The run of its control before the one of `state`; where that speaks again, there are two of them, until then.
+    boot_before: u64,
+    doubled_until_s: f64,
     heard_s: f64,
     is_asked_journal: bool,
     is_asked_described: bool,
@@ -124,6 +132,11 @@ struct Machine {
 impl Machine {
     fn is_there(&self, now: f64) -> bool {
         self.is_alive && now - self.heard_s < SILENT_S
+    }
+
+    /// The run of its control that is meant by an order; `None`: it has not spoken yet.
+    fn boot(&self) -> Option<u64> {
+        (self.heard_s > 0.0 && self.state.boot != 0).then_some(self.state.boot)
     }
 }
 
@@ -392,7 +405,7 @@ impl Core {
             Event::State(name, state) => self.state(&name, *state, now)?,
             Event::Journal(name, journal) => self.journal(&name, &journal)?,
             Event::Answer(ticket, answer) => self.answer(ticket, answer, now)?,
-            Event::Refused(text) => self.store.add_refusal(now, &text)?,
+            Event::Refused(text) => self.refused(&text, now)?,
             Event::Ask(ask, reply) => {
                 let mut reply = Some(reply);
                 let answer = self.asked_by_people(ask, &mut reply, now);
@@ -409,6 +422,11 @@ impl Core {
             }
         }
         Ok(())
+    }
+
+    fn refused(&self, text: &str, now: f64) -> Outcome<()> {
+        tracing::warn!("refused: {text}");
+        self.store.add_refusal(now, text)
     }
 
     fn ask_described(&mut self, name: &str) {
@@ -430,10 +448,21 @@ impl Core {
         }
     }
 
-    fn state(&mut self, name: &str, state: State, now: f64) -> Outcome<()> {
+    fn state(&mut self, name: &str, mut state: State, now: f64) -> Outcome<()> {
         let Some(machine) = self.machine(name)? else {
             return Ok(());
         };
+        let mut refusal = None;
+        if state.boot != machine.state.boot {
+            let before = std::mem::replace(&mut machine.boot_before, machine.state.boot);
+            if before == state.boot {
+                refusal = (now >= machine.doubled_until_s).then(|| format!("{name}: {DOUBLED}"));
+                machine.doubled_until_s = now + DOUBLED_S;
+            }
+        }
+        if now < machine.doubled_until_s {
+            (state.is_ready, state.why_not) = (false, Some(DOUBLED.into()));
+        }
         machine.count_time(now);
         machine.is_alive = true;
         machine.heard_s = now;
@@ -454,6 +483,9 @@ impl Core {
         if is_behind {
             self.ask_journal(name);
         }
+        if let Some(text) = refusal {
+            self.refused(&text, now)?;
+        }
         match order {
             Some(order) => self.attempt_is(name, &order, now),
             None => Ok(()),
@@ -461,7 +493,8 @@ impl Core {
     }
 
     fn journal(&mut self, name: &str, journal: &Journal) -> Outcome<()> {
-        let Some(machine) = self.machine(name)? else {
+        let now = self.now;
+        let Some(machine) = self.machine(name)?.filter(|machine| now >= machine.doubled_until_s) else {
             return Ok(());
         };
         if journal.last < machine.journal && journal.since == machine.journal {

@@ -2,7 +2,7 @@
 //!
 //! In:  questions and orders of people. Out: answers, some of them once a control has answered.
 
-use super::{Asked, Core, Machine, Outcome, Reply};
+use super::{Asked, Core, DOUBLED, Machine, Outcome, Reply};
 use crate::store::{OrderIs, Wish};
 use cell_link::message::{Order, OrderState, Phase, Topic, Upload, Use, What, is_program};
 use serde_json::{Value, json};
@@ -127,6 +127,7 @@ impl Core {
                     (_, None, _) => Err(format!(
                         "{machine} has no {program} from here: isocnc-cell upload {machine} FILE"
                     )),
+                    _ if self.is_doubled(&machine, now) => Err(format!("{machine}: {DOUBLED}")),
                     (.., Some((attempt, _))) => Err(format!("{machine} has an order already: {}", attempt.id)),
                     (Ok(()), Some(sha256), None) => {
                         self.run(&machine, &program, &sha256, None, reply, now)?;
@@ -218,11 +219,19 @@ impl Core {
         }
     }
 
+    fn is_doubled(&self, name: &str, now: f64) -> bool {
+        self.machines
+            .get(name)
+            .is_some_and(|machine| now < machine.doubled_until_s)
+    }
+
     fn pass(&mut self, name: &str, what: What, reply: &mut Option<Reply>, now: f64) -> Result<Value, String> {
         self.there(name, now)?;
         if let Some(reply) = reply.take() {
             let id = (self.ids)();
-            self.ask(name, Topic::Order, Order { id, what }, Asked::Passing(reply));
+            // Whoever has the certificate holds and stops.
+            let order = Order { id, what, boot: None };
+            self.ask(name, Topic::Order, order, Asked::Passing(reply));
         }
         Ok(Value::Null)
     }

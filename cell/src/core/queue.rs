@@ -66,6 +66,7 @@ impl Core {
                 program: attempt.program.clone(),
                 sha256: attempt.sha256.clone(),
             },
+            boot: self.machines.get(&attempt.machine).and_then(Machine::boot),
         };
         let payload = self.say(order);
         let asked = Asked::Attempt(attempt.machine.clone(), attempt.id.clone(), reply);
@@ -150,6 +151,7 @@ impl Core {
         for machine in self.machines.values() {
             if let Some((attempt, asked_s)) = &machine.attempt
                 && machine.is_there(now)
+                && now >= machine.doubled_until_s
                 && now - asked_s > ASK_AGAIN_S
                 && !under_way.contains(&attempt.id)
             {
@@ -172,6 +174,7 @@ impl Core {
                 let order = Order {
                     id: attempt.id,
                     what: What::Status,
+                    boot: self.machines.get(&attempt.machine).and_then(Machine::boot),
                 };
                 self.ask(&attempt.machine, Topic::Order, order, asked);
             }

@@ -542,6 +542,62 @@ fn a_machine_that_came_with_a_batch_that_was_undone_comes_again() {
 }
 
 #[test]
+fn two_controls_that_speak_as_one_machine_get_no_orders_until_one_is_gone() {
+    let mut shop = Shop::new(&["a"]);
+    shop.fakes.get_mut("a").unwrap().boot = 7;
+    shop.second();
+    let copy = State {
+        boot: 9,
+        journal: 0,
+        is_ready: true,
+        remote: Remote::Run,
+        ..State::default()
+    };
+    for _ in 0..3 {
+        shop.give(vec![Event::State("a".into(), Box::new(copy.clone()))]);
+        shop.second();
+    }
+    let id = shop.order(1, Wish::default());
+    let machine = "a".to_owned();
+    let stored = shop.core.as_ref().unwrap().store.set_stored("a", "p.ngc", Some("0"));
+    stored.unwrap();
+    let program = "p.ngc".into();
+    let refused = shop.ask(Ask::RunProgram { machine, program }).unwrap_err();
+    assert!(refused.contains("two controls speak"), "{refused}");
+    for _ in 0..20 {
+        shop.give(vec![Event::State("a".into(), Box::new(copy.clone()))]);
+        // Its journal is another one's.
+        let journal = Journal {
+            since: 0,
+            entries: Vec::new(),
+            more: false,
+            last: 0,
+        };
+        shop.give(vec![Event::Journal("a".into(), journal)]);
+        shop.second();
+    }
+    assert_eq!(shop.fakes["a"].orders.len(), 0);
+    let overview = shop.ask(Ask::Overview).unwrap();
+    let refusals = overview["refusals"].as_array().unwrap();
+    assert_eq!(refusals.len(), 1, "it is told once: {refusals:?}");
+    assert!(
+        overview["machines"][0]["state"]["why_not"]
+            .as_str()
+            .unwrap()
+            .contains("two controls")
+    );
+    // The copy is switched off.
+    for _ in 0..20 {
+        shop.second();
+        shop.end_all(Phase::Completed);
+    }
+    assert_eq!(
+        (shop.of_order(id)["state"].as_str(), shop.fakes["a"].orders.len()),
+        (Some("done"), 1)
+    );
+}
+
+#[test]
 fn a_machine_that_is_gone_is_taken_off_the_list_and_its_part_is_made_elsewhere() {
     let mut shop = Shop::new(&["a", "b"]);
     shop.fakes.get_mut("a").unwrap().note("alarm", "hot");
