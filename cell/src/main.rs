@@ -3,12 +3,15 @@
 use anyhow::Context;
 use cell::ca::Ca;
 use cell::core::Ask;
+use cell::net::is_of_encryption;
 use cell::plan::{self, Model};
 use cell::serve::{self, Settings};
 use cell::store::Wish;
 use cell_link::message::PROGRAM_MAX;
 use clap::{Args, Parser, Subcommand};
-use serde_json::Value;
+use nix::sys::resource::{Resource, getrlimit, setrlimit};
+use serde_json::{Value, json};
+use std::ffi::OsString;
 use std::fmt::Write as _;
 use std::io::{self, Write};
 use std::net::SocketAddr;
@@ -16,8 +19,16 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::time::Duration;
+use tracing_subscriber::Layer;
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
+
+/// Open files that a supervisor makes use of, where the system allows that.
+const FILES: u64 = 65_536;
+/// Somebody who waits for so long is told so.
+const SILENCE: Duration = Duration::from_secs(3);
 
 /// The supervisor of a cell of machines.
 #[derive(Parser)]
@@ -54,7 +65,7 @@ enum Command {
         #[arg(long, value_name = "ADDR:PORT", value_parser = place)]
         listen: SocketAddr,
         /// Another name or address by which controls reach this PC.
-        #[arg(long, value_name = "NAME")]
+        #[arg(long, value_name = "NAME", value_parser = host)]
         name: Vec<String>,
         /// Where the page is.
         #[arg(long, value_name = "ADDR:PORT", value_parser = place)]
@@ -104,7 +115,7 @@ enum Command {
     Journal {
         name: String,
         /// Entries behind this number, up to 500; without it, the last hundred.
-        #[arg(long, value_name = "NUMBER")]
+        #[arg(long, value_name = "NUMBER", allow_negative_numbers = true)]
         since: Option<u64>,
         #[command(flatten)]
         dir: Dir,
@@ -178,7 +189,7 @@ enum Change {
         #[arg(long, value_name = "AXIS=LENGTH", value_parser = travel)]
         travel: Vec<(char, f64)>,
         /// Tools that must be in the table, like 1,4.
-        #[arg(long, value_delimiter = ',')]
+        #[arg(long, value_delimiter = ',', value_parser = tool)]
         tools: Vec<u32>,
     },
     /// No further part of an order is begun.
@@ -191,6 +202,19 @@ enum Change {
         #[arg(value_parser = number)]
         order: i64,
     },
+}
+
+/// A name or an address that a certificate can be made for.
+fn host(text: &str) -> Result<String, String> {
+    let is_plain = |letter: char| letter.is_ascii_alphanumeric() || ".-_:".contains(letter);
+    match (1..=253).contains(&text.len()) && text.chars().all(is_plain) {
+        true => Ok(text.to_owned()),
+        false => Err("expected a name or an address by which controls reach this PC, like cell-pc.shop.lan".into()),
+    }
+}
+
+fn tool(text: &str) -> Result<u32, String> {
+    text.parse().map_err(|_| "expected numbers of tools, like 1,4".into())
 }
 
 fn number(text: &str) -> Result<i64, String> {
@@ -225,8 +249,21 @@ fn place(text: &str) -> Result<SocketAddr, String> {
 }
 
 fn main() -> ExitCode {
-    match carry_out(Cli::parse().command) {
+    let as_json = wants_json(std::env::args_os());
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) if as_json && error.use_stderr() => {
+            tell_as_json(&error.to_string());
+            return ExitCode::from(2);
+        }
+        Err(error) => error.exit(),
+    };
+    match carry_out(cli.command) {
         Ok(()) => ExitCode::SUCCESS,
+        Err(error) if as_json => {
+            tell_as_json(&format!("{error:#}"));
+            ExitCode::FAILURE
+        }
         Err(error) => {
             let lines: Vec<String> = format!("{error:#}").lines().map(plain).collect();
             // Nobody else can be told.
@@ -234,6 +271,18 @@ fn main() -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+/// Whether errors are for a program to read; known before the arguments are, for these may be wrong.
+fn wants_json(args: impl Iterator<Item = OsString>) -> bool {
+    args.take_while(|word| word != "--").any(|word| word == "--json")
+}
+
+/// An error for a program, in the shape that `isocnc` has for all of its commands.
+fn tell_as_json(text: &str) {
+    let error = json!({ "file": null, "errors": [{ "rule": text.trim_end() }] });
+    // Nobody else can be told.
+    let _ = say(&format!("{error:#}\n"));
 }
 
 fn say(text: &str) -> anyhow::Result<()> {
@@ -293,7 +342,7 @@ fn carry_out(command: Command) -> anyhow::Result<()> {
                 machine: machine.into(),
                 class: class.into(),
             };
-            answer(&dir, &ask, |_| String::new())
+            answer(&dir, &ask, |_| format!("{machine} is of class {class:?}\n"))
         }
         Command::Upload {
             name: machine,
@@ -324,8 +373,14 @@ fn carry_out(command: Command) -> anyhow::Result<()> {
                 format!("order {}: {}\n", word(&order["id"]), word(&order["phase"]))
             })
         }
-        Command::Hold { name: machine, dir } => answer(&dir, &Ask::Hold { machine }, |_| String::new()),
-        Command::Stop { name: machine, dir } => answer(&dir, &Ask::Stop { machine }, |_| String::new()),
+        Command::Hold { name, dir } => {
+            let machine = name.clone();
+            answer(&dir, &Ask::Hold { machine }, |_| format!("{name} holds\n"))
+        }
+        Command::Stop { name, dir } => {
+            let machine = name.clone();
+            answer(&dir, &Ask::Stop { machine }, |_| format!("{name} stops\n"))
+        }
         Command::Journal {
             name: machine,
             since,
@@ -358,7 +413,12 @@ fn carry_out(command: Command) -> anyhow::Result<()> {
                 Some(Change::Cancel { order }) => Ask::Cancel { order },
                 Some(Change::Resume { order }) => Ask::Resume { order },
             };
-            answer(&dir, &ask, |order| format!("order {}\n", order["order"]))
+            let done = match ask {
+                Ask::Cancel { .. } => " is cancelled: no further part is begun",
+                Ask::Resume { .. } => " goes on",
+                _ => "",
+            };
+            answer(&dir, &ask, |order| format!("order {}{done}\n", order["order"]))
         }
         Command::Plan { file, axes, json } => plan(&file, axes, json),
     }
@@ -417,9 +477,18 @@ fn run(settings: Settings) -> anyhow::Result<()> {
         .with(
             tracing_subscriber::fmt::layer()
                 .with_writer(io::stderr)
-                .with_target(true),
+                .with_target(true)
+                .with_filter(tracing_subscriber::filter::filter_fn(|metadata| {
+                    !is_of_encryption(metadata)
+                })),
         )
         .init();
+    // Each control has one, and each stranger until its handshake is given up.
+    let files = getrlimit(Resource::RLIMIT_NOFILE)
+        .and_then(|(soft, hard)| setrlimit(Resource::RLIMIT_NOFILE, soft.max(hard.min(FILES)), hard));
+    if let Err(cause) = files {
+        tracing::warn!("no more open files than before: {cause}");
+    }
     let stop = Arc::new(AtomicBool::new(false));
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
         signal_hook::flag::register_conditional_default(signal, Arc::clone(&stop))?;
@@ -436,7 +505,19 @@ fn run(settings: Settings) -> anyhow::Result<()> {
 
 /// Asks the supervisor of a folder and prints what it says.
 fn answer(dir: &Dir, ask: &Ask, text: impl Fn(&Value) -> String) -> anyhow::Result<()> {
-    let answer = serve::ask(&dir.dir, ask)?;
+    let (waits, is_answered) = channel::<()>();
+    std::thread::spawn(move || {
+        if is_answered.recv_timeout(SILENCE) == Err(RecvTimeoutError::Timeout) {
+            // Nobody else can be told.
+            let _ = writeln!(
+                io::stderr(),
+                "no answer yet; Ctrl-C ends the waiting, not what was ordered"
+            );
+        }
+    });
+    let answer = serve::ask(&dir.dir, ask);
+    drop(waits);
+    let answer = answer?;
     match dir.json {
         true => say(&(serde_json::to_string_pretty(&answer)? + "\n")),
         false => say(&text(&answer)),
@@ -464,6 +545,9 @@ fn all<'v>(value: &'v Value, key: &str) -> impl Iterator<Item = &'v Value> {
 
 fn machines(answer: &Value) -> String {
     let mut text = String::new();
+    if all(answer, "machines").next().is_none() {
+        return "no machine has spoken yet: isocnc-cell ca issue NAME --dir CA\n".into();
+    }
     let names = width(all(answer, "machines").map(|machine| &machine["name"]));
     let classes = width(all(answer, "machines").map(|machine| &machine["class"]));
     for machine in all(answer, "machines") {
@@ -508,6 +592,9 @@ fn with_note(is: &Value, note: &Value) -> String {
 
 fn queue(answer: &Value) -> String {
     let mut text = String::new();
+    if all(answer, "orders").chain(all(answer, "attempts")).next().is_none() {
+        return "no orders yet\n".into();
+    }
     for order in all(answer, "orders") {
         let (done, count, under_way) = (&order["completed"], &order["count"], &order["under_way"]);
         let _ = writeln!(
@@ -562,7 +649,6 @@ fn plan(file: &Path, axes: Option<u32>, json: bool) -> anyhow::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use serde_json::json;
 
     #[test]
     fn the_folder_stands_before_or_behind_what_is_to_be_done_with_the_queue() {

@@ -164,6 +164,8 @@ impl Supervisor {
     pub fn run(mut self, stop: &AtomicBool) {
         let mut refreshed = Instant::now();
         let mut dropped = 0;
+        // Why all links are to be opened anew.
+        let mut anew = None;
         let has_slept = watch_for_sleep();
         while !stop.load(Ordering::Relaxed) {
             let mut batch = Vec::new();
@@ -179,12 +181,18 @@ impl Supervisor {
             if refreshed.elapsed() >= REFRESH {
                 refreshed = Instant::now();
                 if has_slept.swap(false, Ordering::Relaxed) {
+                    anew = Some("this process was stopped for a while");
+                }
+                if REFUSALS.takes_out_of_files() {
+                    anew = Some("connections of strangers have taken all files of this process");
+                }
+                if let Some(why) = anew {
                     match self.net.open_anew() {
-                        Ok(()) => tracing::info!("this process was stopped for a while: all controls connect anew"),
-                        Err(cause) => {
-                            tracing::error!("{cause}");
-                            has_slept.store(true, Ordering::Relaxed);
+                        Ok(()) => {
+                            tracing::info!("{why}: all controls connect anew");
+                            anew = None;
                         }
+                        Err(cause) => tracing::error!("{cause}"),
                     }
                 }
                 match self.net.refresh() {
@@ -365,14 +373,26 @@ pub fn ask(state: &Path, ask: &Ask) -> anyhow::Result<Value> {
     };
     stream.set_read_timeout(Some(LONGEST_ANSWER))?;
     stream.set_write_timeout(Some(LONGEST_ANSWER))?;
-    // One that refuses does not read all of it, and says why.
+    let silent = |cause: std::io::Error| match cause.kind() {
+        ErrorKind::WouldBlock => anyhow::anyhow!(
+            "the supervisor has not answered for {} s: its process is stopped, or has too much to do; what was ordered may still be done",
+            LONGEST_ANSWER.as_secs()
+        ),
+        _ => anyhow::Error::new(cause).context("the supervisor does not answer"),
+    };
     let sent = stream
         .write_all((serde_json::to_string(&request)? + "\n").as_bytes())
         .and_then(|()| stream.write_all(content));
     let mut answer = Vec::new();
-    let read = stream.read_to_end(&mut answer);
-    if answer.is_empty() {
-        sent.and(read.map(drop)).context("the supervisor does not answer")?;
+    match sent {
+        Err(cause) if cause.kind() == ErrorKind::WouldBlock => return Err(silent(cause)),
+        // One that refuses does not read all of it, and says why.
+        _ => {
+            let read = stream.read_to_end(&mut answer);
+            if answer.is_empty() {
+                sent.and(read.map(drop)).map_err(silent)?;
+            }
+        }
     }
     let mut answer: Value = serde_json::from_slice(&answer).context("the supervisor has ended meanwhile")?;
     match answer["error"].as_str() {

@@ -10,24 +10,30 @@ use cell::store::Wish;
 use cell_link::carrier::Identity;
 use cell_link::message::Remote;
 use cell_link::simulated::{Simulated, runs};
+use cell_link::{Control, Refused};
 use nix::mount::{MsFlags, mount};
 use nix::sched::{CloneFlags, unshare};
+use nix::sys::resource::{Resource, setrlimit};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
-use serde_json::Value;
+use serde_json::{Map, Value, json};
 use std::fs::File;
 use std::io::Write;
-use std::net::SocketAddr;
+use std::net::{SocketAddr, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::util::SubscriberInitExt;
 
 /// What a process of this test is to be: `supervisor` or the name of a machine.
 const BE: &str = "ISOCNC_CELL_BE";
 const FOLDER: &str = "ISOCNC_CELL_FOLDER";
 const ADDRESS: &str = "ISOCNC_CELL_ADDRESS";
+/// Where this lies in the folder, the supervisor may open few files.
+const FEW_FILES: &str = "few-files";
 const MACHINES: [&str; 3] = ["a", "b", "c"];
 /// Longest wait for a shop that is left alone.
 const LONG: Duration = Duration::from_secs(240);
@@ -40,6 +46,11 @@ fn be_a_process() {
     let address: SocketAddr = std::env::var(ADDRESS).unwrap().parse().unwrap();
     let stop = Arc::new(AtomicBool::new(false));
     if name == "supervisor" {
+        if folder.join(FEW_FILES).exists() {
+            setrlimit(Resource::RLIMIT_NOFILE, 128, 128).unwrap();
+        }
+        // As the program has it: its refusals are a layer of the log.
+        tracing_subscriber::registry().with(&serve::REFUSALS).init();
         let settings = Settings {
             state: folder.join("state"),
             ca: folder.join("ca"),
@@ -56,7 +67,6 @@ fn be_a_process() {
     }
     let state = folder.join(&name);
     std::fs::create_dir_all(&state).unwrap();
-    let simulated = Simulated::new(&name, &state).unwrap();
     let settings = cell_link::Settings {
         supervisor: address.to_string(),
         identity: Identity {
@@ -66,10 +76,74 @@ fn be_a_process() {
         },
         remote: Remote::Run,
         programs: state.join("programs"),
-        state,
+        state: state.clone(),
         panel: None,
     };
+    if name == TALKER {
+        cell_link::run(&settings, &|_| Ok(Box::new(Talker::new(&state))), &stop).unwrap();
+        return;
+    }
+    let simulated = Simulated::new(&name, &state).unwrap();
     cell_link::run(&settings, &|_| Ok(simulated.connect()), &stop).unwrap();
+}
+
+const TALKER: &str = "talker";
+/// Length of its entries, octets.
+const ENTRY: usize = 8000;
+
+/// A control of which the journal takes no memory: entries are made as they are asked for, up to the number in a file, which goes on.
+struct Talker {
+    goal: PathBuf,
+    given: PathBuf,
+    /// The last entry that there is, and that the link has got.
+    last: u64,
+    last_given: u64,
+    status: Map<String, Value>,
+}
+
+impl Talker {
+    fn new(folder: &Path) -> Talker {
+        Talker {
+            goal: folder.join("goal"),
+            given: folder.join("given"),
+            last: 0,
+            last_given: 0,
+            status: Map::new(),
+        }
+    }
+
+    fn last(&mut self) -> u64 {
+        let goal = std::fs::read_to_string(&self.goal).unwrap_or_default();
+        self.last = goal.trim().parse().unwrap_or(self.last);
+        self.last
+    }
+
+    fn entry(seq: u64) -> Value {
+        json!({ "seq": seq, "unix_s": 1.0, "kind": "note", "text": format!("{seq:0ENTRY$}") })
+    }
+}
+
+impl Control for Talker {
+    fn ask(&mut self, method: &str, params: Value) -> Result<Value, Refused> {
+        match method {
+            "journal.since" => {
+                let (since, last) = (params["seq"].as_u64().unwrap(), self.last());
+                let entries: Vec<Value> = (since + 1..=last.min(since + 500)).map(Talker::entry).collect();
+                self.last_given = self.last_given.max(since + entries.len() as u64).min(last);
+                Ok(json!({ "entries": entries, "last": last }))
+            }
+            _ => Ok(json!({ "joints": [] })),
+        }
+    }
+
+    fn wait(&mut self, longest: Duration) -> Result<&Map<String, Value>, Refused> {
+        std::thread::sleep(longest.min(Duration::from_millis(20)));
+        // At the end of the test, the folder goes first.
+        let _ = std::fs::write(&self.given, self.last_given.to_string());
+        let last = self.last();
+        self.status = Map::from_iter([("messages".to_owned(), json!([{ "seq": last }]))]);
+        Ok(&self.status)
+    }
 }
 
 struct Process(Child);
@@ -131,17 +205,21 @@ struct Shop {
 impl Shop {
     /// `prepare` gets the state folder of the supervisor before that begins.
     fn begin(prepare: impl FnOnce(&Path)) -> Shop {
+        Shop::of(&MACHINES, prepare)
+    }
+
+    fn of(machines: &[&'static str], prepare: impl FnOnce(&Path)) -> Shop {
         let folder = tempfile::tempdir().unwrap();
         prepare(&folder.path().join("state"));
         let ca = Ca::init(&folder.path().join("ca")).unwrap();
-        for name in MACHINES {
+        for name in machines {
             ca.issue(name).unwrap();
         }
         let address = std::net::TcpListener::bind("127.0.0.1:0")
             .unwrap()
             .local_addr()
             .unwrap();
-        let names: Vec<&str> = ["supervisor"].into_iter().chain(MACHINES).collect();
+        let names: Vec<&str> = ["supervisor"].iter().chain(machines).copied().collect();
         let begin = |name: &&str| Process::begin(name, folder.path(), address);
         Shop {
             processes: names.iter().map(begin).collect(),
@@ -270,6 +348,102 @@ fn a_supervisor_that_sleeps_disturbs_nobody() {
         (&done["completed"], &done["failed"], shop.runs()),
         (&Value::from(9), &Value::from(0), 9)
     );
+}
+
+/// Strangers that say nothing have a file of the supervisor each, until their handshake is given up: it must not have none for ever.
+#[test]
+fn strangers_that_take_all_files_keep_nobody_out_for_long() {
+    if std::env::var(BE).is_ok() {
+        return;
+    }
+    let mut shop = Shop::of(&["a"], |_| ());
+    for process in &mut shop.processes {
+        process.kill();
+    }
+    std::fs::write(shop.folder.path().join(FEW_FILES), "").unwrap();
+    shop.begin_again(0);
+    shop.ask(&Ask::Machines);
+    let strangers: Vec<TcpStream> = (0..300).map(|_| TcpStream::connect(shop.address).unwrap()).collect();
+    std::thread::sleep(Duration::from_secs(2));
+    // They have gone; what it has of them, it has to notice.
+    drop(strangers);
+    shop.begin_again(1);
+    let begun = Instant::now();
+    while shop.ask(&Ask::Machines)["machines"][0]["alive"] != true {
+        assert!(begun.elapsed() < LONG);
+        std::thread::sleep(Duration::from_millis(100));
+    }
+}
+
+/// What a process has of the memory, MB.
+fn memory_mb(process: &Process) -> f64 {
+    let text = std::fs::read_to_string(format!("/proc/{}/status", process.0.id())).unwrap();
+    let line = text.lines().find_map(|line| line.strip_prefix("VmRSS:")).unwrap();
+    line.trim().strip_suffix(" kB").unwrap().trim().parse::<f64>().unwrap() / 1e3
+}
+
+#[test]
+fn a_control_whose_supervisor_sleeps_keeps_little_and_loses_nothing() {
+    if std::env::var(BE).is_ok() {
+        return;
+    }
+    // Entries that are told while it is awake, and while it sleeps.
+    const AWAKE: u64 = 2000;
+    const ASLEEP: u64 = 10_000;
+    let shop = Shop::of(&[TALKER], |_| ());
+    let (goal, given) = (
+        shop.folder.path().join(TALKER).join("goal"),
+        shop.folder.path().join(TALKER).join("given"),
+    );
+    let last_here = || {
+        let told = shop.ask(&Ask::Machines);
+        told["machines"][0]["journal"].as_u64().unwrap_or(0)
+    };
+    let until = |what: &str, is: &mut dyn FnMut() -> bool| {
+        let begun = Instant::now();
+        while !is() {
+            assert!(begun.elapsed() < LONG, "{what}");
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    };
+    until("the link", &mut || {
+        shop.ask(&Ask::Machines)["machines"][0]["alive"] == true
+    });
+    files::write(&goal, AWAKE.to_string()).unwrap();
+    until("all of it", &mut || last_here() == AWAKE);
+    let before = memory_mb(&shop.processes[1]);
+
+    let supervisor = Pid::from_raw(shop.processes[0].0.id() as i32);
+    kill(supervisor, Signal::SIGSTOP).unwrap();
+    files::write(&goal, (AWAKE + ASLEEP).to_string()).unwrap();
+    let mut most = before;
+    let begun = Instant::now();
+    // All links are over by then.
+    until("all of it in the link", &mut || {
+        most = most.max(memory_mb(&shop.processes[1]));
+        let given: u64 = std::fs::read_to_string(&given).unwrap_or_default().parse().unwrap_or(0);
+        given == AWAKE + ASLEEP && begun.elapsed() > Duration::from_secs(6)
+    });
+    kill(supervisor, Signal::SIGCONT).unwrap();
+    let told_mb = (ASLEEP as usize * ENTRY) as f64 / 1e6;
+    println!(
+        "{told_mb:.0} MB of entries while the supervisor slept; the control has grown by {:.0} MB",
+        most - before
+    );
+    assert!(most - before < told_mb / 2.0, "{before} MB before, {most} MB");
+
+    until("what was dropped", &mut || last_here() == AWAKE + ASLEEP);
+    let mut next = 1;
+    while next <= AWAKE + ASLEEP {
+        let told = shop.ask(&Ask::Journal {
+            machine: TALKER.into(),
+            since: Some(next - 1),
+        });
+        for entry in told["entries"].as_array().unwrap() {
+            assert_eq!(*entry, Talker::entry(next));
+            next += 1;
+        }
+    }
 }
 
 fn system(command: &str) -> Result<String, String> {
