@@ -92,12 +92,18 @@ fn read(file: &Path) -> Result<String, CaError> {
 }
 
 fn write(file: &Path, text: &str, is_secret: bool) -> Result<(), CaError> {
-    if is_secret {
-        // Empty until only its user can read it.
-        files::write(file, "").map_err(at(file))?;
-        std::fs::set_permissions(file, std::fs::Permissions::from_mode(0o600)).map_err(at(file))?;
+    if !is_secret || trust::secret(file).is_ok() {
+        return files::write(file, text).map_err(at(file));
     }
-    files::write(file, text).map_err(at(file))
+    // Empty until only its user can read it.
+    let written = files::write(file, "")
+        .and_then(|()| std::fs::set_permissions(file, std::fs::Permissions::from_mode(0o600)))
+        .and_then(|()| files::write(file, text));
+    if written.is_err() {
+        // An empty one would be taken for a key; the cause is told.
+        let _ = files::remove(file);
+    }
+    written.map_err(at(file))
 }
 
 fn params(name: &str, days: i64) -> CertificateParams {
@@ -136,10 +142,14 @@ impl Ca {
         params.is_ca = IsCa::Ca(BasicConstraints::Constrained(0));
         params.key_usages = vec![KeyUsagePurpose::KeyCertSign, KeyUsagePurpose::CrlSign];
         let made = params.self_signed(&key)?;
-        write(&ca.key(), &key.serialize_pem(), true)?;
-        ca.write_issued(&[])?;
-        write(&ca.certificate(), &made.pem(), false)?;
-        Ok(ca)
+        let written = write(&ca.key(), &key.serialize_pem(), true)
+            .and_then(|()| ca.write_issued(&[]))
+            .and_then(|()| write(&ca.certificate(), &made.pem(), false));
+        if written.is_err() {
+            // Half an authority would be in the way of another try; the cause is told.
+            let _ = files::remove(&ca.key());
+        }
+        written.map(|()| ca)
     }
 
     /// Its certificate, which every control has beside its own.

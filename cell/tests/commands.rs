@@ -1,10 +1,12 @@
 //! The program as somebody uses it who does things wrong, twice, and while the supervisor does not answer.
 
+use nix::mount::{MsFlags, mount};
+use nix::sched::{CloneFlags, unshare};
 use nix::sys::signal::{Signal, kill};
 use nix::sys::stat::Mode;
 use nix::unistd::{Pid, mkfifo};
 use serde_json::Value;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::os::unix::process::ExitStatusExt;
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
@@ -196,4 +198,58 @@ fn who_asks_a_supervisor_that_was_stopped_is_told_and_can_leave() {
     assert_eq!(said, "");
     supervisor.signal(Signal::SIGCONT);
     assert!(run(folder.path(), &["machines", "--dir", "state"]).status.success());
+}
+
+#[test]
+fn an_authority_on_a_full_disk_is_made_once_there_is_room() {
+    if !nix::unistd::geteuid().is_root() {
+        println!("SKIPPED: only root can make a small disk");
+        return;
+    }
+    unshare(CloneFlags::CLONE_NEWNS).unwrap();
+    let none = None::<&str>;
+    mount(none, "/", none, MsFlags::MS_REC | MsFlags::MS_PRIVATE, none).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    mount(
+        none,
+        folder,
+        Some("tmpfs"),
+        MsFlags::empty(),
+        Some("size=256k,mode=700"),
+    )
+    .unwrap();
+    let filler = folder.join("filler");
+    let fill = || {
+        let mut file = std::fs::File::create(&filler).unwrap();
+        while file.write_all(&[0; 4096]).is_ok() {}
+    };
+    let words = [
+        &["ca", "init", "--dir", "ca"][..],
+        &["ca", "issue", "mill", "--dir", "ca"],
+    ];
+    for words in words {
+        fill();
+        // Twice, for the first try must not be in the way of the second.
+        for _ in 0..2 {
+            let output = run(folder, words);
+            let said = String::from_utf8(output.stderr).unwrap();
+            assert!(
+                !output.status.success() && said.contains("No space left"),
+                "{words:?}: {said}"
+            );
+        }
+        std::fs::remove_file(&filler).unwrap();
+        let output = run(folder, words);
+        assert!(
+            output.status.success(),
+            "{words:?}: {}",
+            String::from_utf8_lossy(&output.stderr)
+        );
+    }
+    let key = std::fs::read_to_string(folder.join("ca/mill.key")).unwrap();
+    // A key that is there stays whole where there is no room for the next one.
+    fill();
+    assert!(!run(folder, words[1]).status.success());
+    assert_eq!(std::fs::read_to_string(folder.join("ca/mill.key")).unwrap(), key);
 }
