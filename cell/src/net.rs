@@ -27,6 +27,9 @@ use tracing_subscriber::layer::Context;
 const EVENTS: usize = 65_536;
 /// Octets that the messages of controls among them have come in.
 const EVENTS_OCTETS: usize = 64 << 20;
+/// Of these, what one machine may have: one that talks without end takes nothing away from the others.
+const EVENTS_OF_ONE: usize = 1024;
+const OCTETS_OF_ONE: usize = EVENTS_OCTETS / 4;
 
 /// Why there is no network.
 #[derive(Debug, thiserror::Error)]
@@ -47,6 +50,8 @@ pub enum NetError {
 pub struct Events {
     queue: SyncSender<(Event, usize)>,
     octets: Arc<AtomicUsize>,
+    /// Events and octets of each machine that wait.
+    of_each: Arc<Mutex<HashMap<String, (usize, usize)>>>,
     dropped: Arc<AtomicU64>,
 }
 
@@ -54,6 +59,16 @@ pub struct Events {
 pub struct Queue {
     queue: Receiver<(Event, usize)>,
     octets: Arc<AtomicUsize>,
+    of_each: Arc<Mutex<HashMap<String, (usize, usize)>>>,
+}
+
+/// The machine that an event is of, which says as much as it likes.
+fn said_by(event: &Event) -> Option<&str> {
+    match event {
+        Event::Alive(name, _) | Event::State(name, _) | Event::Journal(name, _) => Some(name),
+        // As many as there were questions, refusals or people.
+        Event::Answer(..) | Event::Refused(_) | Event::Ask(..) => None,
+    }
 }
 
 impl Events {
@@ -63,10 +78,12 @@ impl Events {
         let events = Events {
             queue: sender,
             octets: Arc::default(),
+            of_each: Arc::default(),
             dropped: Arc::default(),
         };
-        let octets = Arc::clone(&events.octets);
-        (events, Queue { queue, octets })
+        let (octets, of_each) = (Arc::clone(&events.octets), Arc::clone(&events.of_each));
+        let queue = Queue { queue, octets, of_each };
+        (events, queue)
     }
 
     /// Gives an event, or drops it: nobody waits here.
@@ -76,11 +93,26 @@ impl Events {
 
     /// The same of a message of so many octets.
     fn give_message(&self, event: Event, octets: usize) {
+        // Held until it is in the queue, which nobody waits for: what comes out was counted.
+        let mut of_each = self.of_each.lock().unwrap_or_else(PoisonError::into_inner);
+        let name = said_by(&event).map(str::to_owned);
+        let of_one = name
+            .as_ref()
+            .and_then(|name| of_each.get(name))
+            .copied()
+            .unwrap_or_default();
         let all = self.octets.fetch_add(octets, Ordering::Relaxed) + octets;
-        let is_taken = (octets == 0 || all <= EVENTS_OCTETS) && self.queue.try_send((event, octets)).is_ok();
-        if !is_taken {
-            self.octets.fetch_sub(octets, Ordering::Relaxed);
-            self.dropped.fetch_add(1, Ordering::Relaxed);
+        let is_taken = (octets == 0 || all <= EVENTS_OCTETS)
+            && of_one.0 < EVENTS_OF_ONE
+            && (octets == 0 || of_one.1 + octets <= OCTETS_OF_ONE)
+            && self.queue.try_send((event, octets)).is_ok();
+        match (is_taken, name) {
+            (true, Some(name)) => _ = of_each.insert(name, (of_one.0 + 1, of_one.1 + octets)),
+            (true, None) => {}
+            (false, _) => {
+                self.octets.fetch_sub(octets, Ordering::Relaxed);
+                self.dropped.fetch_add(1, Ordering::Relaxed);
+            }
         }
     }
 
@@ -93,6 +125,13 @@ impl Events {
 impl Queue {
     fn out(&self, (event, octets): (Event, usize)) -> Event {
         self.octets.fetch_sub(octets, Ordering::Relaxed);
+        if let Some(name) = said_by(&event) {
+            let mut of_each = self.of_each.lock().unwrap_or_else(PoisonError::into_inner);
+            match of_each.get_mut(name) {
+                Some((count, of_one)) if *count > 1 => (*count, *of_one) = (*count - 1, *of_one - octets),
+                _ => _ = of_each.remove(name),
+            }
+        }
         event
     }
 
@@ -484,6 +523,36 @@ mod tests {
     }
 
     #[test]
+    fn a_machine_that_talks_without_end_takes_no_room_from_others() {
+        let (events, queue) = Events::queue();
+        let state = |name: &str| Event::State(name.into(), Box::default());
+        for _ in 0..2 * EVENTS {
+            events.give_message(state("talks"), 9000);
+            events.give(Event::Alive("talks".into(), true));
+        }
+        for _ in 0..EVENTS_OF_ONE {
+            events.give_message(state("mill"), 9000);
+        }
+        events.give_message(Event::Answer(1, Ok(Vec::new())), 9000);
+        let waiting: Vec<Event> = queue.try_iter().collect();
+        let of = |name: &str| waiting.iter().filter(|event| said_by(event) == Some(name)).count();
+        assert_eq!(
+            (of("talks"), of("mill"), waiting.len()),
+            (EVENTS_OF_ONE, EVENTS_OF_ONE, 2 * EVENTS_OF_ONE + 1)
+        );
+        // All of it was taken, and there is room again.
+        assert_eq!(
+            (
+                queue.octets.load(Ordering::Relaxed),
+                queue.of_each.lock().unwrap().len()
+            ),
+            (0, 0)
+        );
+        events.give(state("talks"));
+        assert_eq!(queue.try_iter().count(), 1);
+    }
+
+    #[test]
     fn a_supervisor_that_sleeps_keeps_so_many_octets_and_asks_for_what_it_has_dropped() {
         const COUNT: u64 = 200;
         let (events, queue) = Events::queue();
@@ -498,7 +567,7 @@ mod tests {
             give(Event::Journal("mill".into(), body), octets);
         }
         let waiting = queue.octets.load(Ordering::Relaxed);
-        assert!(waiting <= EVENTS_OCTETS && waiting > EVENTS_OCTETS / 2, "{waiting}");
+        assert!(waiting <= OCTETS_OF_ONE && waiting > OCTETS_OF_ONE / 2, "{waiting}");
         assert!(events.dropped() > COUNT / 2, "{}", events.dropped());
         // People are not in the way of it.
         give(Event::Refused("somebody".into()), 0);
