@@ -283,7 +283,12 @@ fn socket(state: &Path) -> PathBuf {
 
 fn serve_people(listener: &UnixListener, desk: &Desk) {
     let served = Arc::new(AtomicUsize::new(0));
-    for stream in listener.incoming().flatten() {
+    for stream in listener.incoming() {
+        let Ok(stream) = stream else {
+            // Too many open files: without a pause this would take a processor for itself.
+            std::thread::sleep(TICK);
+            continue;
+        };
         if served.load(Ordering::Relaxed) >= PEOPLE_MAX {
             // Whoever does not take so little is not waited for.
             let _ = stream.set_nonblocking(true);
