@@ -435,6 +435,20 @@ mod tests {
         }
     }
 
+    /// What the control writes by itself, and what the profile of a drive asks for.
+    #[test]
+    fn every_drive_of_the_shipped_machine_shows_its_start_values() {
+        let text = include_str!("../../configs/mill3-ethercat.toml");
+        let config = config::parse(text, Path::new("m.toml")).expect("a machine file without errors");
+        let text = Summary(&config, &bus::plan(&config)).to_string();
+        for (line, count) in [
+            ("0x60C2:1   0x01               control", 3),
+            ("0x60C2:2   0xFD               control", 3),
+        ] {
+            assert_eq!(text.matches(line).count(), count, "{line} in\n{text}");
+        }
+    }
+
     #[test]
     fn the_concise_dcf_is_written_and_listed() {
         let folder = tempfile::tempdir().expect("a folder");

@@ -184,6 +184,8 @@ pub struct StartCommand {
     /// All sub-indices at once.
     pub complete: bool,
     pub value: Vec<u8>,
+    /// What it is for, in the words of the file.
+    pub comment: String,
 }
 
 /// A process data object of EtherCAT.

@@ -464,6 +464,7 @@ fn start(esi: &Esi) -> Vec<StartCommand> {
             sub: command.sub,
             complete: command.complete,
             value: command.data.clone(),
+            comment: command.comment.clone(),
         })
         .collect()
 }

@@ -6,7 +6,8 @@ use crate::bus::configuration::Configuration;
 use crate::bus::layout::Layout;
 use crate::bus::plan::NodePlan;
 use crate::bus::service::BudgetView;
-use crate::config::{Config, ConfigErrors, Node, bus_error};
+use crate::config::{Config, ConfigErrors, DriveProfile, Node, bus_error};
+use cia402::profile::axis_of;
 use ethercat::main::config::{
     ClockConfig, Config as Network, DeviceConfig, Expected, PdoConfig, Place, ProcessDataConfig, StartValue, Times,
 };
@@ -58,6 +59,59 @@ pub struct Table<'c> {
     start: Vec<StartValue<'c>>,
 }
 
+/// Who wants a value written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StartSource<'c> {
+    /// Its ESI file, with what it says of it.
+    DeviceFile(&'c str),
+    /// The profile of its drive, by its name.
+    DriveProfile(&'c str),
+    /// `sdo` of the node.
+    MachineFile,
+    /// The control, from other keys.
+    Control,
+}
+
+/// What a device is told in PRE-OP, in the order in which it is written.
+pub fn start_values<'c>(node: &'c Node, plan: &'c NodePlan) -> impl Iterator<Item = (StartValue<'c>, StartSource<'c>)> {
+    let is_written = |index, sub| plan.writes.iter().any(|write| (write.index, write.sub) == (index, sub));
+    let of_file = node.ethercat.as_ref().map_or(&[][..], |own| &own.start);
+    let of_file = of_file
+        .iter()
+        .filter(move |it| it.complete || !is_written(it.index, it.sub))
+        .map(|it| {
+            let value = StartValue {
+                index: it.index,
+                sub: it.sub,
+                complete: it.complete,
+                value: &it.value,
+            };
+            (value, StartSource::DeviceFile(&it.comment))
+        });
+    let of_plan = plan.writes.iter().map(|write| {
+        let value = StartValue {
+            index: write.index,
+            sub: write.sub,
+            complete: false,
+            value: &write.value,
+        };
+        let is_of_profile = |drive: &&DriveProfile| {
+            let mut own = drive.writes.iter();
+            own.any(|own| {
+                (own.sub, &own.value) == (write.sub, &write.value)
+                    && [write.index, axis_of(write.index).1].contains(&own.index)
+            })
+        };
+        let source = match node.drive.as_ref().filter(is_of_profile) {
+            _ if !node.writes.contains(write) => StartSource::Control,
+            Some(drive) => StartSource::DriveProfile(&drive.name),
+            None => StartSource::MachineFile,
+        };
+        (value, source)
+    });
+    of_file.chain(of_plan)
+}
+
 /// For each node its PDOs and start values.
 pub fn tables<'c>(config: &'c Config, plans: &'c [NodePlan]) -> Vec<Table<'c>> {
     let pdos = |pdos: &'c [crate::config::Pdo]| {
@@ -69,25 +123,10 @@ pub fn tables<'c>(config: &'c Config, plans: &'c [NodePlan]) -> Vec<Table<'c>> {
     };
     let table = |(node, plan): (&'c Node, &'c NodePlan)| {
         let own = node.ethercat.as_ref();
-        let writes = plan.writes.iter().map(|write| StartValue {
-            index: write.index,
-            sub: write.sub,
-            complete: false,
-            value: &write.value,
-        });
-        let is_written = |index, sub| plan.writes.iter().any(|write| (write.index, write.sub) == (index, sub));
-        let of_file = own.map_or(&[][..], |own| &own.start);
-        let of_file = of_file.iter().filter(|it| it.complete || !is_written(it.index, it.sub));
-        let of_file = of_file.map(|it| StartValue {
-            index: it.index,
-            sub: it.sub,
-            complete: it.complete,
-            value: &it.value,
-        });
         Table {
             outputs: pdos(own.map_or(&[], |own| &own.outputs)),
             inputs: pdos(own.map_or(&[], |own| &own.inputs)),
-            start: of_file.chain(writes).collect(),
+            start: start_values(node, plan).map(|(value, _)| value).collect(),
         }
     };
     config.bus.nodes.iter().zip(plans).map(table).collect()

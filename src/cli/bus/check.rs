@@ -4,6 +4,7 @@
 //! Out: text for a terminal, and the same as JSON.
 
 use crate::bus;
+use crate::bus::ethercat::setup::{StartSource, start_values};
 use crate::bus::layout::Layout;
 use crate::bus::plan::{LeftOut, LeftOutReason, NodePlan};
 use crate::bus::powerlink::cdc;
@@ -11,6 +12,7 @@ use crate::bus::powerlink::managing_node::{latencies, mn_config, node_configs};
 use crate::cli::check::print;
 use crate::config::{Channel, ChannelKind, Config, EthercatNode, Exchange, Mapped, Node, Profile, SyncClock};
 use anyhow::Context;
+use ethercat::main::config::StartValue;
 use powerlink::mn::{Budget, BudgetLine, MnConfig, NodeConfig, Part};
 use serde_json::{Value as Json, json};
 use std::fmt;
@@ -19,6 +21,8 @@ use std::process::ExitCode;
 
 /// An address, as a managing node must have one; it takes no part in what is shown.
 const ANY_MAC: [u8; 6] = [2, 0, 0, 0, 0, 0xF0];
+/// Columns of a terminal.
+const COLUMNS: usize = 80;
 /// Objects of one kind that are named where values are not written.
 const LEFT_OUT_NAMED: usize = 6;
 
@@ -239,11 +243,14 @@ pub(in crate::cli) fn write_node(
         let source = &config.bus.nodes[cross.from].name;
         writeln!(f, "       cross     {} of {source} into {}", cross.read, cross.into)?;
     }
-    let as_dcf = match (plan.configuration.len(), &node.ethercat) {
-        (_, Some(_)) => String::new(),
-        (octets, None) => format!(", {octets} octets of concise DCF"),
-    };
-    writeln!(f, "       writes    {} values{as_dcf}", plan.writes.len())?;
+    match &node.ethercat {
+        Some(_) => write_start(f, node, plan)?,
+        None => {
+            let octets = plan.configuration.len();
+            let values = plan.writes.len();
+            writeln!(f, "       writes    {values} values, {octets} octets of concise DCF")?;
+        }
+    }
     for (reason, why) in [
         (LeftOutReason::NotInDevice, "not in the device"),
         (LeftOutReason::ManagingNodeSets, "left to the managing node"),
@@ -295,6 +302,73 @@ fn write_ethercat(f: &mut fmt::Formatter<'_>, node: &Node, own: &EthercatNode) -
         })
         .collect();
     writeln!(f, "       found     at {place}; {clock}; PDOs {}", pdos.join(", "))
+}
+
+/// What a device of EtherCAT will be told before it moves anything, in the order in which it is written.
+fn write_start(f: &mut fmt::Formatter<'_>, node: &Node, plan: &NodePlan) -> fmt::Result {
+    /// Octets in a line, and lines of a value.
+    const ROW: usize = 16;
+    const ROWS: usize = 4;
+    let count = start_values(node, plan).count();
+    let order = if count == 0 { "" } else { ", in this order:" };
+    writeln!(f, "       writes    {count} values{order}")?;
+    for (start, source) in start_values(node, plan) {
+        let object = object_text(&start);
+        let value = start.value;
+        let is_number = !start.complete && value.len() <= 8;
+        let text = match is_number {
+            // As many digits as it has octets.
+            true => value
+                .iter()
+                .rev()
+                .fold("0x".to_owned(), |text, octet| format!("{text}{octet:02X}")),
+            false => format!("{} octets", value.len()),
+        };
+        let from = source_text(source);
+        let line = format!("                 {object:<10} {text:<18} {from}");
+        writeln!(f, "{}", shortened(&line, COLUMNS))?;
+        if is_number {
+            continue;
+        }
+        for row in value.chunks(ROW).take(ROWS) {
+            let octets: Vec<String> = row.iter().map(|octet| format!("{octet:02X}")).collect();
+            writeln!(f, "                   {}", octets.join(" "))?;
+        }
+        if let more @ 1.. = value.len().saturating_sub(ROW * ROWS) {
+            writeln!(f, "                   {more} more octets: --json has them")?;
+        }
+    }
+    Ok(())
+}
+
+/// `0x60C2:1`, `0x8000:all` with complete access.
+fn object_text(start: &StartValue<'_>) -> String {
+    let StartValue { index, sub, .. } = *start;
+    match start.complete {
+        true => format!("0x{index:04X}:all"),
+        false => format!("0x{index:04X}:{sub}"),
+    }
+}
+
+fn source_text(source: StartSource<'_>) -> String {
+    match source {
+        StartSource::DeviceFile("") => "device file".to_owned(),
+        StartSource::DeviceFile(comment) => {
+            let words: Vec<&str> = comment.split_whitespace().collect();
+            format!("device file: {}", words.join(" "))
+        }
+        StartSource::DriveProfile(name) => format!("drive profile {name}"),
+        StartSource::MachineFile => "machine file".to_owned(),
+        StartSource::Control => "control".to_owned(),
+    }
+}
+
+/// A line with so many columns at most.
+fn shortened(line: &str, columns: usize) -> String {
+    match line.char_indices().nth(columns) {
+        None => line.to_owned(),
+        Some(_) => line.chars().take(columns - 3).chain("...".chars()).collect(),
+    }
 }
 
 fn identity(node: &Node) -> [(&'static str, Option<u32>); 5] {
@@ -394,6 +468,17 @@ pub(in crate::cli) fn node_json(node: &Node, plan: &NodePlan) -> Json {
         fields.collect::<Vec<_>>()
     };
     let identity = identity(node).map(|(name, value)| (name.replace(' ', "_"), json!(value)));
+    // A concise DCF lists those of POWERLINK (--cdc).
+    let writes = start_values(node, plan)
+        .filter(|_| node.ethercat.is_some())
+        .map(|(start, source)| {
+            json!({
+                "object": object_text(&start),
+                "octets": start.value.iter().map(|octet| format!("{octet:02X}")).collect::<String>(),
+                "from": source_text(source),
+            })
+        });
+    let writes: Vec<Json> = writes.collect();
     json!({
         "id": node.id,
         "name": node.name,
@@ -407,7 +492,11 @@ pub(in crate::cli) fn node_json(node: &Node, plan: &NodePlan) -> Json {
         "input_octets": plan.inputs.octets,
         "outputs": layout(&plan.outputs),
         "inputs": layout(&plan.inputs),
-        "configuration_writes": plan.writes.len(),
+        "configuration_writes": match node.ethercat {
+            Some(_) => writes.len(),
+            None => plan.writes.len(),
+        },
+        "writes": writes,
         "configuration_left_out": plan.left_out.len(),
     })
 }
