@@ -112,20 +112,26 @@ impl Esi {
         }
     }
 
-    /// Objects that the device exchanges as it comes; `None`: it has none, or some that are not exchanged.
+    /// Objects that the device exchanges as it comes, which may be none in a direction; `None`: some that are not exchanged, or none in
+    /// either direction although it has some that could be.
     pub(super) fn usual(&self, outputs: bool) -> Option<Vec<Mapped>> {
         let assigned: Vec<&EsiPdo> = self.device.assigned(outputs).collect();
         let objects = objects(&assigned).ok()?;
-        (!objects.is_empty()).then_some(objects)
+        let has_others = self.device.assigned(!outputs).next().is_some();
+        (!objects.is_empty() || has_others || self.pdos(outputs).is_empty()).then_some(objects)
+    }
+
+    fn pdos(&self, outputs: bool) -> &[EsiPdo] {
+        if outputs {
+            &self.device.rx_pdos
+        } else {
+            &self.device.tx_pdos
+        }
     }
 
     /// PDOs of the file, in any order, whose entries are these objects one behind the other.
     fn cover(&self, outputs: bool, wanted: &[Mapped]) -> Option<Vec<Pdo>> {
-        let pdos = if outputs {
-            &self.device.rx_pdos
-        } else {
-            &self.device.tx_pdos
-        };
+        let pdos = self.pdos(outputs);
         let as_it_is = |pdo: &EsiPdo| Pdo {
             index: pdo.index,
             entries: Vec::new(),
@@ -583,11 +589,7 @@ fn pdos(
         .iter()
         .flat_map(|esi| indices.iter().map(move |index| (esi, *index)))
     {
-        let own = if to_device {
-            &esi.device.rx_pdos
-        } else {
-            &esi.device.tx_pdos
-        };
+        let own = esi.pdos(to_device);
         let usual = own.iter().find(|pdo| pdo.index == index);
         let cannot = match (usual, &esi.device.coe) {
             (_, None) => Some("the device has no mailbox by which its PDOs could be changed".to_owned()),
@@ -597,7 +599,16 @@ fn pdos(
         };
         if let Some(cannot) = cannot {
             let all: Vec<String> = own.iter().filter_map(told).collect();
-            let rule = format!("do not fit {}: {cannot}; it has {}", esi.file, all.join(", "));
+            let (file, all) = (&esi.file, all.join(", "));
+            let rule = match (own.is_empty(), section.has(key)) {
+                (true, _) => format!("must be [] or left out: by {file} the device has no {key}"),
+                (false, true) => format!("do not fit {file}: {cannot}; it has {all}"),
+                (false, false) => {
+                    format!(
+                        "are missing: {file} assigns none; list the objects of PDOs of the device, or [] for none: it has {all}"
+                    )
+                }
+            };
             section.wrong(key, rule);
             return None;
         }

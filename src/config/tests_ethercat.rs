@@ -274,6 +274,46 @@ fn bits_and_gaps_of_an_esi_file_are_gathered_into_octets() {
     );
 }
 
+/// What a device does not have needs no empty list; what it has and does not assign by itself has to be chosen.
+#[test]
+fn a_list_that_is_left_out_is_what_the_esi_file_assigns() {
+    let told = |esi: &str, io: &str| {
+        let (file, text) = with_terminal(esi, io);
+        let all = messages(&text);
+        all.iter()
+            .map(|line| line.replace(&file.path().display().to_string(), "FILE"))
+            .collect::<Vec<_>>()
+    };
+    let start = TERMINAL.find("<TxPdo").expect("inputs");
+    let end = TERMINAL.find("</TxPdo>").expect("inputs") + "</TxPdo>".len();
+    let outputs_only = format!("{}{}", &TERMINAL[..start], &TERMINAL[end..]);
+    let config = read(&with_terminal(&outputs_only, "").1);
+    let io = &config.bus.nodes[1];
+    assert_eq!(
+        (io.outputs.len(), &io.inputs[..], &own(io).inputs[..]),
+        (1, &[][..], &[][..])
+    );
+    assert_eq!(
+        told(&outputs_only, "inputs = [\"0x6000:1/8\"]"),
+        [
+            "m.toml:15:10: bus.node[1].inputs = [\"0x6000:1/8\"]: must be [] or left out: by FILE the device has no inputs"
+        ]
+    );
+    // Of PDOs that are only there if somebody wants them, nobody wants one.
+    let optional = TERMINAL.replace("<TxPdo Fixed=\"1\" Sm=\"1\">", "<TxPdo Fixed=\"1\">");
+    assert_eq!(read(&with_terminal(&optional, "").1).bus.nodes[1].inputs, []);
+    let none = optional.replace("<RxPdo Fixed=\"1\" Sm=\"0\">", "<RxPdo Fixed=\"1\">");
+    let told = told(&none, "outputs = []");
+    assert_eq!(told.len(), 1, "{told:?}");
+    assert!(
+        told[0].ends_with(
+            "bus.node[1].inputs: are missing: FILE assigns none; list the objects of PDOs of the device, or [] for none: it has \
+             0x1A00 with 0x6000:1/8, 0x5FFF:2/8, 0x6000:15/8, 0x6000:17/16"
+        ),
+        "{told:?}"
+    );
+}
+
 #[test]
 fn an_entry_of_an_esi_file_that_cannot_be_exchanged_is_named() {
     let told = |esi: &str| {
@@ -332,8 +372,9 @@ fn modules_of_slots_are_chosen_by_type_or_number() {
     let start: Vec<(u16, u8)> = own(io).start.iter().map(|it| (it.index, it.sub)).collect();
     assert_eq!(start, [(0xF030, 0), (0xF030, 1), (0xF030, 2), (0xF030, 0), (0x8000, 2)]);
     // The first slot may be empty.
-    let config = read(&with_terminal(COUPLER, "modules = [\"\", \"AO1\"]\ninputs = []").1);
+    let config = read(&with_terminal(COUPLER, "modules = [\"\", \"AO1\"]").1);
     assert_eq!(objects(&config.bus.nodes[1].outputs), ["0x7010:17/16"]);
+    assert_eq!(config.bus.nodes[1].inputs, []);
     assert_eq!(own(&config.bus.nodes[1]).modules, [0, 0x21]);
 }
 

@@ -177,7 +177,13 @@ impl core::fmt::Display for SetupError {
             SetupError::WrongIdentity { expected, found } => write!(f, "expected {expected}, found {found}"),
             SetupError::Eeprom(None) => f.write_str("the EEPROM does not become ready"),
             SetupError::Eeprom(Some(bits)) => f.write_str(eeprom_text(bits)),
-            SetupError::NoSyncManager(usage) => write!(f, "the EEPROM has no SyncManager for {}", usage_text(usage)),
+            SetupError::NoSyncManager(usage) => {
+                let text = usage_text(usage);
+                write!(
+                    f,
+                    "the EEPROM has no SyncManager for {text}: the device has none, their list has to be empty"
+                )
+            }
             SetupError::Length {
                 usage,
                 expected,

@@ -369,7 +369,10 @@ fn what_cannot_be_is_said_before_anything_is_written() {
     );
     assert_eq!(words, "has 1 octets of outputs that cannot be changed, not 3");
     let words = refused(models::coupler(TERMINAL), terminal_config(0));
-    assert_eq!(words, "the EEPROM has no SyncManager for outputs");
+    assert_eq!(
+        words,
+        "the EEPROM has no SyncManager for outputs: the device has none, their list has to be empty"
+    );
     let outputs = ProcessDataConfig { octets: 300, pdos: &[] };
     let words = refused(
         drive(0, 0),
