@@ -183,3 +183,10 @@ pub struct Config<'a> {
     /// How long things may take.
     pub times: Times,
 }
+
+impl Config<'_> {
+    /// No device exchanges anything: they are led to PRE-OP to be asked, also what their EEPROMs say of process data.
+    pub(super) fn only_asks(&self) -> bool {
+        !self.devices.is_empty() && self.devices.iter().all(|device| device.goal == AlState::PreOp)
+    }
+}

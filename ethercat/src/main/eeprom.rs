@@ -10,6 +10,8 @@ use crate::wire::sii::{Area, General, Identity, Mailboxes, SyncManagerEntry, Usa
 const MANAGERS_MAX: usize = 8;
 /// Categories of an EEPROM that are looked at; what has more is no EEPROM.
 const CATEGORIES_MAX: u8 = 100;
+/// Octets of PDOs that are looked at.
+const PDO_OCTETS_MAX: u32 = 4096;
 /// Pairs of words in front of the categories: alias, identity, mailboxes.
 const HEADER: [u16; 8] = [0x04, 0x08, 0x0A, 0x0C, 0x0E, 0x18, 0x1A, 0x1C];
 /// First word of the categories.
@@ -31,6 +33,30 @@ pub struct Found {
     managers: [Option<SyncManagerEntry>; MANAGERS_MAX],
     /// FMMUs for outputs and for inputs.
     fmmus: [Option<u8>; 2],
+    /// Outputs and inputs by its PDOs, where those were read.
+    process_data: [Bits; 2],
+}
+
+/// Octets of process data whose bits are kept.
+const OCTETS_MAX: usize = 32;
+
+/// Process data of a direction: how long its PDOs are, and which of its first bits have an object. The others are gaps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Bits {
+    length: u32,
+    used: [u8; OCTETS_MAX],
+}
+
+impl Bits {
+    /// An entry of a PDO.
+    fn push(&mut self, index: u16, bits: u8) {
+        for bit in self.length..self.length + u32::from(bits) {
+            if let Some(octet) = self.used.get_mut((bit / 8) as usize).filter(|_| index != 0) {
+                *octet |= 1 << (bit % 8);
+            }
+        }
+        self.length += u32::from(bits);
+    }
 }
 
 impl Found {
@@ -54,6 +80,17 @@ impl Found {
         }
     }
 
+    /// Which bits of each octet of its outputs or inputs have an object, by the PDOs of its EEPROM; `None`: those were not read, or do not
+    /// fit the SyncManager.
+    pub fn used_bits(&self, usage: Usage) -> Option<&[u8]> {
+        let bits = &self.process_data[usize::from(usage != Usage::Outputs)];
+        let (_, manager) = self.manager(usage)?;
+        let octets = bits.length.div_ceil(8);
+        bits.used
+            .get(..octets as usize)
+            .filter(|_| octets == u32::from(manager.length))
+    }
+
     /// It has a mailbox for CoE.
     pub fn has_coe(&self) -> bool {
         self.mailboxes.protocols & crate::wire::sii::protocol::COE != 0 && self.mailboxes.receive.length > 0
@@ -66,11 +103,12 @@ enum Place {
     Header(usize),
     /// Type and length of a category are read next.
     Category,
-    /// The data of a category: its type, its octets, those that came.
+    /// The data of a category: its type, its octets that are of interest, those that came, and the first word behind all of it.
     Data {
         kind: u16,
         octets: u32,
         done: u32,
+        behind: u32,
     },
 }
 
@@ -83,6 +121,10 @@ pub(super) struct Reader {
     /// The command is on its way.
     asked: bool,
     categories: u8,
+    /// PDOs are read, too.
+    has_pdos: bool,
+    /// Entries of the last PDO that are still to come, and whether it is assigned.
+    entries: (u8, bool),
     /// Entry of a category that is not whole yet.
     entry: [u8; 8],
     found: Found,
@@ -110,12 +152,15 @@ pub(super) enum Progress {
 }
 
 impl Reader {
-    pub(super) fn new() -> Reader {
+    /// `has_pdos`: what it says of process data is read, too.
+    pub(super) fn new(has_pdos: bool) -> Reader {
         Reader {
             place: Place::Header(0),
             address: HEADER[0].into(),
             asked: false,
             categories: 0,
+            has_pdos,
+            entries: (0, false),
             entry: [0; 8],
             found: Found::default(),
         }
@@ -173,32 +218,43 @@ impl Reader {
                 self.categories += 1;
                 let is_last = kind == crate::wire::sii::END || kind == 0 || self.categories > CATEGORIES_MAX;
                 self.address += 2;
-                let is_of_use = matches!(kind, category::GENERAL | category::FMMU | category::SYNC_MANAGERS);
-                if is_of_use && words > 0 {
-                    let octets = 2 * u32::from(words);
-                    self.place = Place::Data { kind, octets, done: 0 };
+                let behind = self.address + u32::from(words);
+                let octets = self.octets_of_use(kind).min(2 * u32::from(words));
+                if octets > 0 {
+                    self.entries.0 = 0;
+                    self.place = Place::Data {
+                        kind,
+                        octets,
+                        done: 0,
+                        behind,
+                    };
                 } else {
-                    self.address += u32::from(words);
+                    self.address = behind;
                 }
                 is_last
             }
-            Place::Data { kind, octets, mut done } => {
+            Place::Data {
+                kind,
+                octets,
+                mut done,
+                behind,
+            } => {
                 for octet in pair {
                     if done < octets {
                         self.octet(kind, done, octet);
                         done += 1;
                     }
                 }
-                // Categories have whole words: two of them may be less than a pair.
-                self.address += if octets.is_multiple_of(4) || done < octets {
-                    2
+                (self.place, self.address) = if done < octets {
+                    let place = Place::Data {
+                        kind,
+                        octets,
+                        done,
+                        behind,
+                    };
+                    (place, self.address + 2)
                 } else {
-                    1
-                };
-                self.place = if done < octets {
-                    Place::Data { kind, octets, done }
-                } else {
-                    Place::Category
+                    (Place::Category, behind)
                 };
                 false
             }
@@ -236,6 +292,33 @@ impl Reader {
         }
     }
 
+    /// Octets of a category that are looked at, so that one that says it is long takes no longer.
+    fn octets_of_use(&self, kind: u16) -> u32 {
+        match kind {
+            // Up to its flags.
+            category::GENERAL => 12,
+            category::FMMU => 16,
+            category::SYNC_MANAGERS => 8 * MANAGERS_MAX as u32,
+            category::RX_PDO | category::TX_PDO if self.has_pdos => PDO_OCTETS_MAX,
+            _ => 0,
+        }
+    }
+
+    /// The head of a PDO, or an entry of it.
+    fn pdo(&mut self, kind: u16) {
+        let [low, high, _, manager, _, bits, ..] = self.entry;
+        let (left, is_assigned) = self.entries;
+        let Some(left) = left.checked_sub(1) else {
+            self.entries = (self.entry[2], usize::from(manager) < MANAGERS_MAX);
+            return;
+        };
+        self.entries.0 = left;
+        if is_assigned {
+            let direction = usize::from(kind == category::TX_PDO);
+            self.found.process_data[direction].push(u16::from_le_bytes([low, high]), bits);
+        }
+    }
+
     /// An octet of a category.
     fn octet(&mut self, kind: u16, at: u32, octet: u8) {
         match kind {
@@ -251,6 +334,12 @@ impl Reader {
                     .and_then(|usage| self.found.fmmus.get_mut(usage))
                 {
                     place.get_or_insert(number);
+                }
+            }
+            category::RX_PDO | category::TX_PDO => {
+                self.entry[(at % 8) as usize] = octet;
+                if at % 8 == 7 {
+                    self.pdo(kind);
                 }
             }
             _ => {

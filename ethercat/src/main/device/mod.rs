@@ -239,7 +239,7 @@ impl<'a> Device<'a> {
             asked: false,
             asked_in: Step::Address,
             counts: (0, 0),
-            reader: Reader::new(),
+            reader: Reader::new(false),
             mailbox: Mailbox::new(Mailboxes::default(), 0),
             purpose: Purpose::None,
             item: 0,
@@ -297,7 +297,7 @@ impl<'a> Device<'a> {
         self.until_ns = now.ns.saturating_add(limit_ns);
         match step {
             Step::Features => (self.was_up, self.clock_is_right) = (false, false),
-            Step::Eeprom => self.reader = Reader::new(),
+            Step::Eeprom => self.reader = Reader::new(now.config.only_asks()),
             Step::StartValues | Step::Checks => self.item = 0,
             Step::MapOutputs => self.mapping = Mapping::new(Usage::Outputs),
             Step::MapInputs => self.mapping = Mapping::new(Usage::Inputs),

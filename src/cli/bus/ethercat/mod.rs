@@ -193,6 +193,16 @@ impl Lead<'_, '_> {
         })
     }
 
+    /// Which bits of those have an object, by the PDOs of its EEPROM; `None`: it does not tell.
+    pub(super) fn used_bits(&self, device: usize) -> [Option<Vec<u8>>; 2] {
+        use ethercat::wire::sii::Usage;
+        let found = self.main.found(device);
+        [Usage::Outputs, Usage::Inputs].map(|usage| {
+            let (_, found) = found?;
+            found.used_bits(usage).map(<[u8]>::to_vec)
+        })
+    }
+
     /// Reads or writes an object; what was read.
     ///
     /// # Errors

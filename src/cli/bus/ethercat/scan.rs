@@ -33,7 +33,7 @@ pub(super) struct Module {
     name: String,
     /// What it exchanges as it comes: outputs, inputs; `None`: not in whole octets.
     exchanges: [Option<Vec<Mapped>>; 2],
-    /// Which bits of each octet of those are something, by its ESI file; `None`: all, as far as is known.
+    /// Which bits of each octet of those are something, by its ESI file or its EEPROM; `None`: all, as far as is known.
     used: [Option<Vec<u8>>; 2],
     /// Why it tells nothing of itself.
     why: Option<String>,
@@ -127,6 +127,7 @@ pub(super) fn ask(lead: &mut Lead<'_, '_>, device: usize, found: Found) -> anyho
             let own = objects.as_mut().into_iter().flatten();
             own.for_each(|object| object.index = index);
         }
+        module.used = lead.used_bits(device);
         return Ok(module);
     }
     let mut number = |object| -> anyhow::Result<Option<u32>> {
@@ -283,7 +284,9 @@ impl Module {
                     text += &format!("{key} = [{}]\n", objects.join(", "));
                 }
                 None => {
-                    text += &format!("# {key}: not in whole octets, which this control does not exchange\n{key} = []\n")
+                    text += &format!(
+                        "# {key}: bits or gaps, which are exchanged with an ESI file alone (device_file)\n{key} = []\n"
+                    )
                 }
             }
         }

@@ -380,6 +380,52 @@ fn a_scan_proposes_no_channels_for_gaps() {
     config::read(&path).unwrap_or_else(|errors| panic!("{errors}"));
 }
 
+/// Without an ESI file, the EEPROM of a terminal says which bits are something, and the PDOs of a device with objects.
+#[test]
+fn a_scan_without_an_esi_file_proposes_no_channels_for_gaps() {
+    let identity = Identity {
+        vendor: 2,
+        product: 2,
+        revision: 1,
+        serial: 9,
+    };
+    let mut terminal = digital_terminal(identity);
+    // Entries 2 and 6 of the inputs become gaps.
+    for sub in [2, 6] {
+        let is_entry = |octets: &[u8]| octets[..3] == [0x00, 0x60, sub] && octets[5] == 1;
+        let at = terminal.eeprom.windows(8).position(is_entry).expect("an entry");
+        terminal.eeprom[at + 1] = 0;
+    }
+    let mut analog = analog_terminal(identity).expect("a terminal");
+    analog
+        .objects
+        .preset(0x1A00, 2, &0x0000_0010_u32.to_le_bytes())
+        .expect("an entry");
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("m.toml");
+    let (told, well) = scanned(&mut Wire::with([terminal, analog]), &path, false, None);
+    assert!(well, "{told}");
+    let text = std::fs::read_to_string(&path).expect("a file");
+    let [first, second] = [1, 2].map(|id| text.split("[[bus.node]]\n").nth(id).expect("a node"));
+    let bits = |name: &str| -> Vec<&str> {
+        let channels = first.split("[[bus.node.channel]]\n").skip(1);
+        let own = channels.filter(|channel| channel.starts_with(&format!("name = \"{name}-")));
+        own.filter_map(|channel| channel.trim().rsplit("bit = ").next())
+            .collect()
+    };
+    assert_eq!(bits("input"), ["0", "2", "3", "4", "6", "7"], "{text}");
+    assert_eq!(bits("output").len(), 8, "{text}");
+    assert!(
+        second.contains("# inputs: bits or gaps, which are exchanged with an ESI file alone"),
+        "{text}"
+    );
+    assert!(
+        !second.contains("name = \"analog-input") && second.contains("name = \"analog-output"),
+        "{text}"
+    );
+    config::read(&path).unwrap_or_else(|errors| panic!("{errors}"));
+}
+
 /// Devices that nobody asks for stay where they are.
 #[test]
 fn only_the_device_that_is_asked_is_led_to_pre_op() {
