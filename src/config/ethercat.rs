@@ -312,6 +312,10 @@ pub(super) fn esi(section: &mut Section<'_, '_>, folder: &Path) -> Option<Option
         section.wrong("device_file", rule);
         return None;
     }
+    if let Some(why) = &device.moved_by_group {
+        section.wrong("device_file", format!("cannot be used for {}: {why}", device.name));
+        return None;
+    }
     for (key, outputs) in [("outputs", true), ("inputs", false)] {
         if let (false, Err(why)) = (section.has(key), assigned(device, outputs)) {
             section.wrong(

@@ -7,8 +7,10 @@
 //! puts into a slot by default is taken as there. Its PDOs and start-up commands are those of the device then, moved by the number of the
 //! slot. A slot that is left open is named.
 //!
-//! Not read: groups, PDOs that only align those of groups of modules, pictures, EEPROM data, object dictionaries, which the device itself
-//! can tell.
+//! Modules may be in groups by which their PDOs are ordered and aligned (`ModulePdoGroup`). Manuals and captures of devices show PDOs of
+//! padding before and behind the modules of a group, and tell no rule for their lengths: where one might be needed, it is said.
+//!
+//! Not read: groups of devices, pictures, EEPROM data, object dictionaries, which the device itself can tell.
 
 use super::error::Log;
 use super::value::integer;
@@ -71,6 +73,8 @@ pub struct EsiDevice {
     pub modules: Vec<u32>,
     /// The first slot of which the file does not tell the module, so that process data are not known: in words, with its line.
     pub open_slot: Option<String>,
+    /// Its modules are in groups that would move their process data, so that these are not known: in words, with the line.
+    pub moved_by_group: Option<String>,
 }
 
 /// A module that can stand in a slot.
@@ -388,6 +392,12 @@ impl<'a> Module<'a, '_> {
         child(self.node, "Type").and_then(|kind| kind.attribute("ModuleClass"))
     }
 
+    /// The group of modules that it is in.
+    fn group(&self) -> Option<i128> {
+        let group = child(self.node, "Type").and_then(|kind| kind.attribute("ModulePdoGroup"));
+        group.and_then(esi_number)
+    }
+
     fn named(&self) -> EsiModule {
         EsiModule {
             ident: self.ident,
@@ -509,6 +519,7 @@ impl Reader<'_, '_> {
             slots: Vec::new(),
             modules: Vec::new(),
             open_slot: None,
+            moved_by_group: None,
             sync_managers,
         };
         self.all_pdos(node, &mut device, Shift::default());
@@ -597,6 +608,7 @@ impl Reader<'_, '_> {
                 start.extend(commands.filter_map(|command| self.command(command, shift.object)));
             }
         }
+        device.moved_by_group = self.moved_by_group(slots, device, modules);
         let list = match is_set(slots, "DownloadModuleIdentList") {
             true => self.module_list(slots, &device.modules),
             false => Vec::new(),
@@ -613,6 +625,48 @@ impl Reader<'_, '_> {
                 self.log.wrong(slots.range().start, "Slots", None, rule);
             }
         }
+    }
+
+    /// Whether groups of modules order or align what the modules of a device exchange: in words. They do not where modules stand in the order
+    /// of their groups and every PDO is as long as the longest alignment.
+    fn moved_by_group(
+        &mut self,
+        slots: Node<'_, '_>,
+        device: &EsiDevice,
+        modules: &[Module<'_, '_>],
+    ) -> Option<String> {
+        const OCTETS: RangeInclusive<i128> = 0..=255;
+        let groups: Vec<Node<'_, '_>> = named(slots, "ModulePdoGroup").collect();
+        let first = groups.first()?;
+        let alignments = groups
+            .iter()
+            .filter_map(|group| self.attribute(*group, "Alignment", OCTETS));
+        let octets = alignments.max().unwrap_or(1).max(1) as u32;
+        let stand = device
+            .modules
+            .iter()
+            .filter_map(|ident| modules.iter().find(|module| module.ident == *ident));
+        let stand: Vec<&Module<'_, '_>> = stand.collect();
+        let is_moved = |direction: &'static str, to_device: bool| {
+            let own = stand.iter().filter(|module| child(module.node, direction).is_some());
+            let order: Vec<Option<i128>> = own.map(|module| module.group()).collect();
+            let is_ordered = order.windows(2).all(|pair| match pair {
+                [Some(before), Some(behind)] => before <= behind,
+                other => other[0] == other[1],
+            });
+            let is_whole = device
+                .assigned(to_device)
+                .all(|pdo| pdo.bits().is_multiple_of(8 * octets));
+            !(order.is_empty() || is_ordered && is_whole)
+        };
+        if !is_moved("RxPdo", true) && !is_moved("TxPdo", false) {
+            return None;
+        }
+        let line = self.log.line(first.range().start);
+        Some(std::format!(
+            "process data of its modules are ordered and aligned by groups (ModulePdoGroup in line {line}), by no rule that is public; used are \
+             modules in the order of their groups, each PDO of which fills {octets} octets or a multiple of that"
+        ))
     }
 
     /// Modules that can stand in a slot, and the one that usually does.

@@ -340,6 +340,45 @@ fn modules_that_are_chosen_bring_pdos_and_commands_of_their_slots() {
     );
 }
 
+/// Groups order and align what modules exchange: used is what they leave where it is.
+#[test]
+fn groups_of_modules_that_would_move_process_data_are_told() {
+    const DI8: &str = "<Module><Type ModuleIdent=\"#x22\" ModulePdoGroup=\"0\">DI8</Type><TxPdo Fixed=\"1\" Sm=\"3\">\
+        <Index DependOnSlot=\"1\">#x1A00</Index><Entry><Index>#x6000</Index><SubIndex>1</SubIndex><BitLen>8</BitLen></Entry></TxPdo></Module>";
+    let told = |octets: &str, modules: &[u32]| {
+        let groups = std::format!("<ModulePdoGroup Alignment=\"{octets}\" RxPdo=\"#x17F4\" TxPdo=\"#x1BF4\"/></Slots>");
+        let file = MODULAR.replace("</Slots>", &groups).replace(
+            "<Type ModuleIdent=\"#x20\" ModuleClass=\"IN\">",
+            "<Type ModuleIdent=\"#x20\" ModuleClass=\"IN\" ModulePdoGroup=\"1\">",
+        );
+        let file = file.replace("</Modules>", &std::format!("{DI8}</Modules>"));
+        let choice = EsiChoice {
+            product: 0x1000,
+            revision: 1,
+            modules,
+        };
+        let esi = parse_esi_with("d", file.as_bytes(), Some(choice)).unwrap();
+        esi.devices[0].moved_by_group.clone()
+    };
+    // No modules, modules in the order of their groups, outputs of two octets.
+    for (octets, modules) in [
+        ("2", &[][..]),
+        ("1", &[0x22, 0x20]),
+        ("", &[0x22, 0x20]),
+        ("2", &[0x21]),
+    ] {
+        assert_eq!(told(octets, modules), None, "{octets} {modules:?}");
+    }
+    let rule = |octets: u32| {
+        std::format!(
+            "process data of its modules are ordered and aligned by groups (ModulePdoGroup in line 17), by no rule that is public; used are \
+             modules in the order of their groups, each PDO of which fills {octets} octets or a multiple of that"
+        )
+    };
+    assert_eq!(told("2", &[0x22, 0x20]), Some(rule(2)));
+    assert_eq!(told("1", &[0x20, 0x22]), Some(rule(1)));
+}
+
 #[test]
 fn slots_that_cannot_be_are_refused_at_their_places() {
     for (old, new, told) in [
