@@ -7,7 +7,9 @@ use super::document::{Item, Section};
 use super::error::nearest;
 use super::types::{BusClock, EthercatNode, Identity, Mapped, Pdo, StartCommand, SyncClock};
 use cia402::profile::axis_of;
-use obd::device::{DeviceErrors, EsiChoice, EsiDevice, EsiFile, EsiModule, EsiPdo, EsiSlot, parse_esi, parse_esi_with};
+use obd::device::{
+    DeviceErrors, EsiChoice, EsiDevice, EsiFile, EsiModule, EsiPdo, EsiSlot, EsiUsage, parse_esi, parse_esi_with,
+};
 use std::path::Path;
 
 /// Keys of `[bus]` that are POWERLINK's, and why EtherCAT has none.
@@ -500,8 +502,11 @@ pub(super) fn node(
     let watchdog_ms = section.optional_integer("watchdog_ms", 0..=6_553);
     let step = section.integer("pdo_step", 0..=PDO_STEP_MAX, PDO_STEP)?;
     let step = if around.is_drive { step as u16 } else { 0 };
-    let outputs = pdos(section, around.esi, true, step, outputs?);
-    let inputs = pdos(section, around.esi, false, step, inputs?);
+    let (outputs, inputs) = (outputs?, inputs?);
+    let fit =
+        [(true, outputs), (false, inputs)].map(|(to_device, objects)| fits(section, around.esi, to_device, objects));
+    let outputs = pdos(section, around.esi, true, step, outputs).filter(|_| fit[0]);
+    let inputs = pdos(section, around.esi, false, step, inputs).filter(|_| fit[1]);
     Some(EthercatNode {
         alias: alias?.map(|alias| alias as u16),
         clock: clock?,
@@ -552,6 +557,45 @@ fn clock(section: &mut Section<'_, '_>, around: &Around<'_>) -> Option<Option<Sy
         shift_ns: shift_ns as i32,
         sync1_ns: sync1.unwrap_or(0) as u32 * 1000,
     }))
+}
+
+/// Process data are kept three times in the memory of a device, which begins here.
+const BUFFERS: u32 = 3;
+const MEMORY: u16 = 0x1000;
+
+/// Whether process data fit into the memory that the SyncManager of a direction has by the ESI file.
+fn fits(section: &Section<'_, '_>, esi: Option<&Esi>, to_device: bool, objects: &[Mapped]) -> bool {
+    let (key, usage) = match to_device {
+        true => ("outputs", EsiUsage::Outputs),
+        false => ("inputs", EsiUsage::Inputs),
+    };
+    let octets: u32 = objects.iter().map(|object| u32::from(object.bits / 8)).sum();
+    let Some(esi) = esi.filter(|_| octets > 0) else {
+        return true;
+    };
+    let managers = || esi.device.sync_managers.iter().enumerate();
+    let Some((number, manager)) = managers().find(|(_, manager)| manager.usage == usage) else {
+        return true;
+    };
+    let (file, start) = (&esi.file, manager.start);
+    let end = u32::from(start) + BUFFERS * octets;
+    let has_buffers = manager.control & 3 == 0 && start >= MEMORY;
+    let behind = managers()
+        .filter(|(_, behind)| behind.start > start)
+        .min_by_key(|(_, behind)| behind.start);
+    let rule = match (manager.max_size, behind) {
+        (Some(most), _) if octets > u32::from(most) => {
+            format!("do not fit SyncManager {number}: they have {octets} octets, by {file} it holds {most}")
+        }
+        (_, Some((other, behind))) if has_buffers && end > u32::from(behind.start) => format!(
+            "do not fit SyncManager {number}: {BUFFERS} x {octets} octets from 0x{start:04X} on end at 0x{end:04X}, by {file} SyncManager \
+             {other} begins at 0x{:04X}",
+            behind.start
+        ),
+        _ => return true,
+    };
+    section.wrong(key, rule);
+    false
 }
 
 /// PDOs whose entries are these objects: those of the ESI file where they are so, else one for each axis from 1600h or 1A00h on,

@@ -213,6 +213,25 @@ fn what_a_device_cannot_do_by_its_esi_file_is_refused_at_its_place() {
     );
 }
 
+/// The memory of a device holds process data three times, up to what the file says lies behind them.
+#[test]
+fn process_data_that_do_not_fit_the_memory_of_an_esi_file_are_refused_with_the_sum() {
+    let told = |esi: &str| {
+        let objects: Vec<String> = (0x2000..0x2020).map(|index| format!("\"0x{index:04X}/64\"")).collect();
+        let outputs = format!("outputs = [\"0x6040/16\", \"0x607A/32\", {}]", objects.join(", "));
+        let (file, text) = with_esi(&esi.replace("FIXED", "0"), &outputs);
+        let all = messages(&text);
+        assert_eq!(all.len(), 1, "{all:?}");
+        all[0].replace(&file.path().display().to_string(), "FILE")
+    };
+    let sum =
+        "do not fit SyncManager 2: 3 x 262 octets from 0x1100 on end at 0x1412, by FILE SyncManager 3 begins at 0x1400";
+    assert!(told(ESI).ends_with(sum), "{}", told(ESI));
+    let limited = ESI.replace("ControlByte=\"#x64\"", "ControlByte=\"#x64\" MaxSize=\"200\"");
+    let most = "do not fit SyncManager 2: they have 262 octets, by FILE it holds 200";
+    assert!(told(&limited).ends_with(most), "{}", told(&limited));
+}
+
 /// A terminal as makers describe them: a PDO a channel, with bits, gaps and a value.
 const TERMINAL: &str = r##"<?xml version="1.0"?>
 <EtherCATInfo Version="1.6">

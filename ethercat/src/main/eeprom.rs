@@ -3,6 +3,7 @@
 //! In:  what came back from 0502h to 050Fh. Out: what to write to 0502h; in the end, what the device is.
 
 use super::event::SetupError;
+use crate::wire::coe::MAILBOX_MIN;
 use crate::wire::register::{self, eeprom};
 use crate::wire::sii::{Area, General, Identity, Mailboxes, SyncManagerEntry, Usage, category};
 
@@ -66,10 +67,20 @@ impl Found {
         all.find_map(|(number, manager)| Some((number, manager.filter(|manager| manager.usage == usage)?)))
     }
 
-    /// Where the next SyncManager behind this address begins.
-    pub(super) fn next_start(&self, start: u16) -> Option<u16> {
-        let all = self.managers.iter().flatten().filter(|manager| manager.start > start);
-        all.map(|manager| manager.start).min()
+    /// The SyncManager whose memory begins next behind this address, what it is for, and where.
+    pub(super) fn next_behind(&self, start: u16) -> Option<(u8, Usage, u16)> {
+        let all = (0..).zip(self.managers).filter_map(|(number, manager)| {
+            let manager = manager?;
+            let start = match manager.usage {
+                Usage::MailboxOut => self.mailboxes.receive.start,
+                Usage::MailboxIn => self.mailboxes.send.start,
+                Usage::Outputs | Usage::Inputs => manager.start,
+                Usage::Unused | Usage::Unknown(_) => return None,
+            };
+            Some((number, manager.usage, start))
+        });
+        all.filter(|(_, _, behind)| *behind > start)
+            .min_by_key(|(_, _, start)| *start)
     }
 
     /// The FMMU for outputs or inputs.
@@ -93,7 +104,17 @@ impl Found {
 
     /// It has a mailbox for CoE.
     pub fn has_coe(&self) -> bool {
+        self.says_coe() && self.shorter_mailbox() >= MAILBOX_MIN
+    }
+
+    /// It says that it has one, however long that is.
+    pub(super) fn says_coe(&self) -> bool {
         self.mailboxes.protocols & crate::wire::sii::protocol::COE != 0 && self.mailboxes.receive.length > 0
+    }
+
+    /// Octets of the shorter one of its mailboxes.
+    pub(super) fn shorter_mailbox(&self) -> u16 {
+        self.mailboxes.receive.length.min(self.mailboxes.send.length)
     }
 }
 

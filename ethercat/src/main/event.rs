@@ -33,14 +33,12 @@ pub enum SetupError {
     },
     /// It should be set up by SDO and has no mailbox for that.
     NoMailbox,
-    /// Its process data do not fit into its memory: each direction is kept three times.
-    NoRoom {
-        /// Octets of the outputs.
+    /// What a SyncManager holds does not fit into the memory of the device.
+    NoRoom(NoRoom),
+    /// Its mailboxes are too short for an SDO.
+    MailboxTooShort {
+        /// Octets of the shorter one.
         octets: u16,
-        /// Where they begin.
-        start: u16,
-        /// Where the next SyncManager begins.
-        next: u16,
     },
     /// It has no mailbox, and its process data have another length.
     Length {
@@ -101,6 +99,46 @@ pub enum SetupError {
         /// What it is.
         found: u32,
     },
+}
+
+/// What does not fit into the memory of a device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NoRoom {
+    /// Number of the SyncManager, and what it is for.
+    pub manager: (u8, Usage),
+    /// Where its memory begins.
+    pub start: u16,
+    /// Octets of its data.
+    pub octets: u16,
+    /// How often they are kept: process data three times.
+    pub times: u8,
+    /// What begins behind it: the number of a SyncManager and what it is for; `None`: the memory ends.
+    pub behind: Option<(u8, Usage)>,
+    /// Where that is.
+    pub end: u32,
+}
+
+impl core::fmt::Display for NoRoom {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let NoRoom {
+            manager: (number, usage),
+            start,
+            octets,
+            times,
+            behind,
+            end,
+        } = *self;
+        let own_end = u32::from(start) + u32::from(times) * u32::from(octets);
+        write!(f, "SyncManager {number} ({}) does not fit: ", usage_text(usage))?;
+        write!(
+            f,
+            "{times} x {octets} octets from {start:04X}h on end at {own_end:04X}h, "
+        )?;
+        match behind {
+            Some((number, usage)) => write!(f, "SyncManager {number} ({}) begins at {end:04X}h", usage_text(usage)),
+            None => write!(f, "the memory of the device ends at {end:04X}h"),
+        }
+    }
 }
 
 /// What a device was told of mailboxes and process data, for words.
@@ -203,10 +241,11 @@ impl core::fmt::Display for SetupError {
                 )
             }
             SetupError::NoMailbox => f.write_str("values shall be written by SDO, and it has no CoE mailbox"),
-            SetupError::NoRoom { octets, start, next } => write!(
+            SetupError::NoRoom(no_room) => no_room.fmt(f),
+            SetupError::MailboxTooShort { octets } => write!(
                 f,
-                "outputs of {octets} octets are kept three times from {start:04X}h on, which ends at {:04X}h; the next SyncManager begins at {next:04X}h",
-                u32::from(start) + 3 * u32::from(octets)
+                "a mailbox of {octets} octets by its EEPROM is too short for an SDO, which takes {}",
+                crate::wire::coe::MAILBOX_MIN
             ),
             SetupError::NoLrw => f.write_str("cannot be read and written by one datagram (LRW)"),
             SetupError::NoClock => f.write_str("has no distributed clock; switch SYNC0 off for it"),
@@ -285,6 +324,8 @@ const fn usage_text(usage: Usage) -> &'static str {
     match usage {
         Usage::Outputs => "outputs",
         Usage::Inputs => "inputs",
+        Usage::MailboxOut => "mails to it",
+        Usage::MailboxIn => "mails from it",
         _ => "mails",
     }
 }

@@ -23,7 +23,7 @@ pub use budget::Budget;
 pub use cycle::{Answered, Came, CyclicFrames, Member};
 pub use delay::{DcDevice, delays};
 pub use eeprom::Found;
-pub use event::{Break, Event, SetUp, SetupError};
+pub use event::{Break, Event, NoRoom, SetUp, SetupError};
 pub use network::{Counters, DeviceState, Diagnosis, MainDevice, Received};
 pub use orders::{ORDERS, VALUE_MAX};
 pub use phase::{PhaseConfig, PhaseLoop, phase_ns};

@@ -4,7 +4,7 @@ use super::application::{Application, Cycle};
 use super::clock::ClockConfig;
 use super::coe::{Abilities, Mails, Server};
 use super::eeprom::Eeprom;
-use super::esc::{Esc, Events, Parts};
+use super::esc::{Esc, Events, MEMORY_LEN, Parts};
 use super::objects::{ObjectStore, ProcessData};
 use crate::wire::coe::{Emergency, Message};
 use crate::wire::mailbox::{self, Mail, MailError, Protocol};
@@ -602,7 +602,7 @@ impl SubDevice {
         self.config.application.start(&mut self.objects, self.period_ns)
     }
 
-    /// Three buffers lie behind each other, in front of the next SyncManager.
+    /// Three buffers lie behind each other, in front of the next SyncManager and of the end of the memory.
     fn has_room(&self, number: u8, manager: &SyncManager) -> bool {
         if manager.is_mailbox() || manager.start < register::MEMORY {
             return true;
@@ -612,7 +612,9 @@ impl SubDevice {
             .filter(|other| *other != number)
             .map(|other| self.esc.sync_manager(other))
             .filter(|other| other.is_active() && other.start >= manager.start)
-            .all(|other| end <= u32::from(other.start))
+            .map(|other| u32::from(other.start))
+            .chain([MEMORY_LEN as u32])
+            .all(|behind| end <= behind)
     }
 
     fn disable_outputs(&mut self, off: bool) {

@@ -5,7 +5,7 @@ use ethercat::main::config::{
     ClockConfig, DeviceConfig, Expected, PdoConfig, Place, ProcessDataConfig, StartValue, Times,
 };
 use ethercat::main::{Event, SetupError};
-use ethercat::sub::{IdealMotor, Segment, SubDevice, models};
+use ethercat::sub::{IdealMotor, Segment, SubDevice, SubDeviceConfig, models};
 use ethercat::wire::register::{AlState, AlStatusCode};
 use ethercat::wire::sii::Identity;
 
@@ -322,6 +322,14 @@ fn values_that_are_refused_and_maps_that_are_fixed_are_named() {
     );
 }
 
+/// The entry of the EEPROM for the SyncManager that is used so.
+fn manager_of(device: &mut SubDeviceConfig, usage: u8) -> &mut [u8] {
+    let entry =
+        |octets: &[u8]| octets[0] == 0 && matches!(octets[1], 0x10..0x18) && octets[6] == 1 && octets[7] == usage;
+    let at = device.eeprom.windows(8).position(entry).expect("an entry");
+    &mut device.eeprom[at..at + 8]
+}
+
 #[test]
 fn what_cannot_be_is_said_before_anything_is_written() {
     let refused = |device, part: DeviceConfig<'static>| {
@@ -383,7 +391,36 @@ fn what_cannot_be_is_said_before_anything_is_written() {
     );
     assert_eq!(
         words,
-        "outputs of 300 octets are kept three times from 1100h on, which ends at 1484h; the next SyncManager begins at 1400h"
+        "SyncManager 2 (outputs) does not fit: 3 x 300 octets from 1100h on end at 1484h, SyncManager 3 (inputs) begins at 1400h"
+    );
+    // Nothing lies behind the inputs but the end of the memory.
+    let inputs = ProcessDataConfig { octets: 100, pdos: &[] };
+    let mut at_the_end = drive(0, 0);
+    manager_of(&mut at_the_end, 4)[..2].copy_from_slice(&0x2F00_u16.to_le_bytes());
+    let words = refused(
+        at_the_end,
+        DeviceConfig {
+            inputs,
+            ..drive_config(0)
+        },
+    );
+    assert_eq!(
+        words,
+        "SyncManager 3 (inputs) does not fit: 3 x 100 octets from 2F00h on end at 302Ch, the memory of the device ends at 3000h"
+    );
+    // Octet 32h of an EEPROM: length of the mails to the device.
+    let mut long = drive(0, 0);
+    long.eeprom[0x32..0x34].copy_from_slice(&256_u16.to_le_bytes());
+    assert_eq!(
+        refused(long, drive_config(0)),
+        "SyncManager 0 (mails to it) does not fit: 1 x 256 octets from 1000h on end at 1100h, SyncManager 1 (mails from it) \
+         begins at 1080h"
+    );
+    let mut short = drive(0, 0);
+    short.eeprom[0x32..0x34].copy_from_slice(&15_u16.to_le_bytes());
+    assert_eq!(
+        refused(short, drive_config(0)),
+        "a mailbox of 15 octets by its EEPROM is too short for an SDO, which takes 16"
     );
     let mut lrw = drive(0, 0);
     lrw.features = ethercat::wire::register::feature::NO_LRW;

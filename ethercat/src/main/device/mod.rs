@@ -8,7 +8,7 @@ mod sdos;
 
 use super::config::{Config, DeviceConfig, Times};
 use super::eeprom::{self, Found, Next, Progress, REPLY_LEN, Reader};
-use super::event::{SetUp, SetupError};
+use super::event::{NoRoom, SetUp, SetupError};
 use super::mail::Mailbox;
 use super::mapping::Mapping;
 use super::orders::Orders;
@@ -31,6 +31,8 @@ const QUICKEST: Object = Object {
     sub: 5,
     complete: false,
 };
+/// Addresses of a device end here.
+const MEMORY_END_MAX: u32 = 0x1_0000;
 /// Ticks of the watchdog in a millisecond, as 0400h comes out of the box.
 const WATCHDOG_TICKS: u16 = 10;
 
@@ -190,6 +192,8 @@ pub(super) struct Device<'a> {
     pub(super) logical: u32,
     pub(super) found: Found,
     pub(super) features: u16,
+    /// Where its memory ends.
+    memory_end: u32,
     pub(super) ports: DlStatus,
     pub(super) delay_ns: u32,
     pub(super) step: Step,
@@ -229,6 +233,7 @@ impl<'a> Device<'a> {
             logical: 0,
             found: Found::default(),
             features: 0,
+            memory_end: MEMORY_END_MAX,
             ports: DlStatus::default(),
             delay_ns: 0,
             step: Step::Address,
@@ -390,6 +395,10 @@ impl<'a> Device<'a> {
         if usize::from(octets) > DATA_MAX {
             return Err(SetupError::MailboxTooLong { octets });
         }
+        if found.says_coe() && !found.has_coe() {
+            let octets = found.shorter_mailbox();
+            return Err(SetupError::MailboxTooShort { octets });
+        }
         let has_values = !(config.start.is_empty() && config.checks.is_empty());
         if has_values && !found.has_coe() {
             return Err(SetupError::NoMailbox);
@@ -410,16 +419,48 @@ impl<'a> Device<'a> {
                     octets,
                 });
             }
-            let end = u32::from(manager.start) + 3 * u32::from(octets);
-            let is_kept = manager.control & 3 == 0 && manager.start >= register::MEMORY;
-            if let Some(next) = found
-                .next_start(manager.start)
-                .filter(|next| end > u32::from(*next) && is_kept)
-            {
-                return Err(SetupError::NoRoom {
+        }
+        self.check_memory(config).map_err(SetupError::NoRoom)
+    }
+
+    /// Whether mails, and process data that are kept three times, end before what lies behind them.
+    fn check_memory(&self, config: &DeviceConfig<'_>) -> Result<(), NoRoom> {
+        let Mailboxes { receive, send, .. } = self.found.mailboxes;
+        for (usage, usual, octets) in [
+            (Usage::MailboxOut, 0, receive.length),
+            (Usage::MailboxIn, 1, send.length),
+            (Usage::Outputs, 2, config.outputs.octets),
+            (Usage::Inputs, 3, config.inputs.octets),
+        ] {
+            let manager = self.found.manager(usage);
+            let start = match (usage, manager) {
+                (Usage::MailboxOut, _) => receive.start,
+                (Usage::MailboxIn, _) => send.start,
+                (_, Some((_, manager))) => manager.start,
+                (_, None) => continue,
+            };
+            // Outputs of chips without firmware are registers.
+            if octets == 0 || start < register::MEMORY {
+                continue;
+            }
+            let is_process_data = matches!(usage, Usage::Outputs | Usage::Inputs);
+            let has_buffers = is_process_data && manager.is_some_and(|(_, manager)| manager.control & 3 == 0);
+            let times = if has_buffers { 3 } else { 1 };
+            let own_end = u32::from(start) + u32::from(times) * u32::from(octets);
+            let (behind, end) = match self.found.next_behind(start) {
+                Some((number, usage, next)) if u32::from(next) < self.memory_end => {
+                    (Some((number, usage)), next.into())
+                }
+                _ => (None, self.memory_end),
+            };
+            if own_end > end {
+                return Err(NoRoom {
+                    manager: (manager.map_or(usual, |(number, _)| number), usage),
+                    start,
                     octets,
-                    start: manager.start,
-                    next,
+                    times,
+                    behind,
+                    end,
                 });
             }
         }
@@ -701,6 +742,11 @@ impl<'a> Device<'a> {
             }
             Step::Features => {
                 self.features = u16_at(data, 8).unwrap_or(0);
+                // One that tells none has all that there can be.
+                self.memory_end = match data.get(6) {
+                    None | Some(0) => MEMORY_END_MAX,
+                    Some(kib) => MEMORY_END_MAX.min(u32::from(register::MEMORY) + 1024 * u32::from(*kib)),
+                };
                 self.counts = (
                     data.get(4).map_or(0, |count| (*count).min(16)),
                     data.get(5).map_or(0, |count| (*count).min(16)),

@@ -68,6 +68,10 @@ fn process_data_have_to_be_as_they_are_mapped() {
     bench.manager(0x1001, 3, 0x1110, 8, SyncManager::INPUTS);
     assert_eq!(bench.ask(0x1001, 4), (refused(pre_op), AlStatusCode::OUTPUT_SM.0));
     bench.ask(0x1001, 0x12);
+    // They reach beyond the memory.
+    bench.manager(0x1001, 3, 0x2FF0, 8, SyncManager::INPUTS);
+    assert_eq!(bench.ask(0x1001, 4), (refused(pre_op), AlStatusCode::INPUT_SM.0));
+    bench.ask(0x1001, 0x12);
     bench.manager(0x1001, 3, 0x1400, 8, SyncManager::INPUTS);
     // SYNC0 without a cycle.
     bench.write(0x1001, register::DC_SYNC_ACTIVATION, &[3]);

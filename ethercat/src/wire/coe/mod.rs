@@ -15,6 +15,9 @@ use super::{WireError, put, slice, u16_at};
 /// Octets in front of every service.
 pub const HEADER_LEN: usize = 2;
 
+/// Octets of the shortest mailbox that carries an SDO.
+pub const MAILBOX_MIN: u16 = (mailbox::HEADER_LEN + HEADER_LEN + SDO_LEN) as u16;
+
 /// Number of a service, bits 12 to 15 of the header.
 pub mod service {
     /// Emergency.
