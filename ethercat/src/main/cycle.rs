@@ -48,7 +48,7 @@ impl Member {
 
     /// A counter that says that inputs were read: of one device that of any read, of a group only that of all.
     const fn has_inputs(&self, counter: u16) -> bool {
-        counter == self.expected || self.expected <= 3 && counter & 1 == 1
+        counter == self.expected || self.expected == 3 && counter == 1
     }
 }
 

@@ -404,6 +404,13 @@ pub enum Event {
         /// What it is.
         identity: Identity,
     },
+    /// The number of devices that answer does not stay the same, so that none can be led to OP.
+    Unsteady {
+        /// Devices now.
+        devices: u16,
+        /// Devices before.
+        before: u16,
+    },
     /// A device is there and the right one.
     Identified {
         /// Which.
@@ -490,6 +497,10 @@ pub enum Event {
 impl core::fmt::Display for Event {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match *self {
+            Event::Unsteady { devices, before } => write!(
+                f,
+                "the number of devices does not stay the same: {devices} answer now, {before} did before; look at cables and supplies"
+            ),
             Event::Silent { sent } => write!(
                 f,
                 "no answer to {sent} frames: cable, IN and OUT of the first device swapped, or its power"

@@ -754,9 +754,9 @@ impl SubDevice {
             && let Some(mut mail) = self.queue.pop_front()
         {
             // One that has made room for a repetition has its number.
-            if mail[5] & 0x70 == 0 {
+            if let Some(octet) = mail.get_mut(5).filter(|octet| **octet & 0x70 == 0) {
                 self.counters.1 = mailbox::next_counter(self.counters.1);
-                mail[5] |= self.counters.1 << 4;
+                *octet |= self.counters.1 << 4;
             }
             self.put_mail(mail);
         }

@@ -5,6 +5,7 @@
 mod boot;
 mod captures;
 mod faults;
+mod hostile;
 mod objects;
 mod weather;
 mod world;

@@ -18,6 +18,8 @@ enum Weather {
     Twice,
     Late,
     Corruption,
+    /// Answers that are not those of the devices.
+    Forgery,
     Cable,
     Power,
     /// Somebody asks a device for another state.
@@ -31,12 +33,13 @@ enum Weather {
     Everything,
 }
 
-const ALL: [Weather; 13] = [
+const ALL: [Weather; 14] = [
     Weather::Loss,
     Weather::Bursts,
     Weather::Twice,
     Weather::Late,
     Weather::Corruption,
+    Weather::Forgery,
     Weather::Cable,
     Weather::Power,
     Weather::States,
@@ -70,6 +73,7 @@ impl Weather {
                 Weather::Twice => Fate::Twice,
                 Weather::Late => Fate::Late(random.below(3_000_000)),
                 Weather::Corruption => Fate::Corrupt,
+                Weather::Forgery => Fate::Forged,
                 Weather::Everything => {
                     [Fate::Lost, Fate::Twice, Fate::Late(900_000), Fate::Corrupt][random.below(4) as usize]
                 }

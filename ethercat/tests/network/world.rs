@@ -7,9 +7,9 @@ use ethercat::main::config::{
 };
 use ethercat::main::{Event, MainDevice, PhaseConfig, PhaseLoop, Received};
 use ethercat::sub::{self, IdealMotor, Segment, SubDevice, SubDeviceConfig, models};
-use ethercat::wire::Mac;
 use ethercat::wire::register::AlState;
 use ethercat::wire::sii::Identity;
+use ethercat::wire::{Frame, Mac};
 
 pub const MAC: Mac = [0x10; 6];
 pub const CYCLE_NS: u64 = 1_000_000;
@@ -47,10 +47,14 @@ pub enum Fate {
     Twice,
     /// An octet of it is another one.
     Corrupt,
+    /// Data or working counters of its datagrams are others than those of the devices.
+    Forged,
 }
 
 /// Decides on a frame; the flag: it is one of the cycle.
 type Decide = Box<dyn FnMut(&mut Random, bool) -> Fate>;
+/// Is shown an answer; further frames that come right before it.
+type Forge = Box<dyn FnMut(&mut Random, &[u8]) -> Vec<Vec<u8>>>;
 /// Is shown every frame, and when.
 type Tap = Box<dyn FnMut(u64, &[u8])>;
 
@@ -63,6 +67,8 @@ pub struct World {
     pub phase: PhaseLoop,
     pub events: Vec<Event>,
     pub random: Random,
+    /// Chance of what is forged: all else goes on as it would without.
+    forger: Random,
     /// Where frames go.
     pub fate: Decide,
     /// Frames that come back later.
@@ -81,6 +87,7 @@ pub struct World {
     /// Time of the bus at the dates themselves, without the jitter of the frames.
     pub dates: Vec<u64>,
     pub tap: Tap,
+    pub forge: Forge,
 }
 
 /// Identity of the drives.
@@ -201,6 +208,7 @@ impl World {
             phase: PhaseLoop::new(PhaseConfig::of_cycle(cycle_ns as u32)),
             events: Vec::new(),
             random: Random(seed),
+            forger: Random(!seed),
             fate: Box::new(|_, _| Fate::Passes),
             on_way: Vec::new(),
             drives,
@@ -212,6 +220,7 @@ impl World {
             lost_last: 0,
             dates: Vec::new(),
             tap: Box::new(|_, _| {}),
+            forge: Box::new(|_, _| Vec::new()),
         }
     }
 
@@ -257,6 +266,8 @@ impl World {
         };
         let at_ns = answer.at_ns;
         (self.tap)(at_ns, &octets);
+        let forged = (self.forge)(&mut self.forger, &octets);
+        self.on_way.extend(forged.into_iter().map(|octets| (at_ns - 1, octets)));
         match fate {
             Fate::Passes => self.on_way.push((at_ns, octets)),
             Fate::LostOut | Fate::Lost => {}
@@ -264,6 +275,27 @@ impl World {
             Fate::Twice => {
                 self.on_way.push((at_ns, octets.clone()));
                 self.on_way.push((at_ns + 2000, octets));
+            }
+            Fate::Forged => {
+                let places: Vec<(usize, usize)> = Frame::parse(&octets).map_or(Vec::new(), |frame| {
+                    let datagrams = frame.datagrams();
+                    datagrams
+                        .map(|datagram| (datagram.data_at(), datagram.data.len() + 2))
+                        .collect()
+                });
+                for (at, length) in places {
+                    // The beginning tells what the rest is: of mails their length, type, number, service, toggle.
+                    let span = [16, length as u64][self.random.below(2) as usize].min(length as u64);
+                    for _ in 0..self.random.below(4) {
+                        let octet = at + self.random.below(span) as usize;
+                        octets[octet] =
+                            [octets[octet] ^ 1 << self.random.below(8), 0, 0xFF][self.random.below(3) as usize];
+                    }
+                    if self.random.below(4) == 0 {
+                        octets[at + length - 2] = self.random.below(5) as u8;
+                    }
+                }
+                self.on_way.push((at_ns, octets));
             }
             Fate::Corrupt => {
                 // Headers only: behind them nothing tells wrong data from right, which is what the FCS is for.

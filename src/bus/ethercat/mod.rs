@@ -256,6 +256,7 @@ impl<'a, L: Link, const N: usize, const F: usize> Ethercat<'a, L, N, F> {
                 (BusEvent::ForeignMaster(sign), None)
             }
             Event::Silent { .. }
+            | Event::Unsteady { .. }
             | Event::Found { .. }
             | Event::TooMany { .. }
             | Event::Slow { .. }

@@ -49,6 +49,7 @@ impl Remark {
                 }
             }
             Event::Silent { .. }
+            | Event::Unsteady { .. }
             | Event::Found { .. }
             | Event::TooMany { .. }
             | Event::More { .. }

@@ -625,7 +625,8 @@ impl<'a> Device<'a> {
         let shift_ns = i64::from(self.config?.1.clock?.shift_ns);
         let cycle_ns = u64::from(now.config.cycle_ns);
         let earliest = now.bus_ns?.wrapping_add(Device::times(now).sync_start_ns);
-        Some((earliest / cycle_ns * cycle_ns + now.grid_ns).wrapping_add_signed(shift_ns))
+        let date = (earliest / cycle_ns * cycle_ns).wrapping_add(now.grid_ns);
+        Some(date.wrapping_add_signed(shift_ns))
     }
 
     /// Adds its datagram, where it has one to send.

@@ -22,7 +22,9 @@ use super::punctuality::{Punctuality, Window};
 use super::survey::Survey;
 use crate::wire::coe::Object;
 use crate::wire::register::{self, AlControl, AlState, AlStatusCode, Fmmu, SyncManager};
-use crate::wire::{BROADCAST, Command, Datagram, FRAME_LEN_MAX, Frame, FrameWriter, Mac, WireError, answers};
+use crate::wire::{
+    Addressing, BROADCAST, Command, Datagram, FRAME_LEN_MAX, Frame, FrameWriter, Mac, WireError, answers,
+};
 
 /// Datagrams in a frame of services.
 const DATAGRAMS_MAX: usize = 128;
@@ -32,6 +34,8 @@ const EVENTS_MAX: usize = 128;
 const COUNT_NS: u64 = 20_000_000;
 /// Devices that the configuration has are waited for so long.
 const MISSING_NS: u64 = 3_000_000_000;
+/// Between two events of main devices with different addresses.
+const OTHERS_APART_NS: u64 = 1_000_000_000;
 /// Frames without an answer between two events that say so.
 const SILENT: u32 = 200;
 /// All FMMUs and SyncManagers that a chip can have.
@@ -86,6 +90,16 @@ enum Stage {
     Run,
 }
 
+impl Stage {
+    /// Nobody was counted yet.
+    const COUNT: Stage = Stage::Count {
+        seen: 0,
+        since_ns: 0,
+        begun_ns: 0,
+        unanswered: 0,
+    };
+}
+
 /// Who has asked a datagram of the frame that is under way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Owner {
@@ -124,6 +138,15 @@ impl Events {
         }
         self.ring[(self.first + self.count) % EVENTS_MAX] = Some(event);
         self.count += 1;
+    }
+
+    /// What others send at will leaves half of the room to what the main device finds.
+    fn push_unasked(&mut self, event: Event) {
+        if self.count < EVENTS_MAX / 2 {
+            self.push(event);
+        } else {
+            self.dropped = self.dropped.saturating_add(1);
+        }
     }
 
     fn pop(&mut self) -> Option<Event> {
@@ -176,7 +199,8 @@ pub struct MainDevice<'a, const N: usize, const F: usize> {
     bus_ns: Option<u64>,
     grid_ns: Option<u64>,
     window: Window,
-    other_main: Option<Mac>,
+    /// The other main device that was told last, and when.
+    other_main: Option<(Mac, u64)>,
     /// Since when more devices answer than were counted.
     more_since_ns: Option<u64>,
     shutting_down: bool,
@@ -202,12 +226,7 @@ impl<'a, const N: usize, const F: usize> MainDevice<'a, N, F> {
             devices: core::array::from_fn(|position| Device::new(position as u16)),
             count: 0,
             places: [None; N],
-            stage: Stage::Count {
-                seen: 0,
-                since_ns: 0,
-                begun_ns: 0,
-                unanswered: 0,
-            },
+            stage: Stage::COUNT,
             service: Service {
                 octets: [0; FRAME_LEN_MAX],
                 length: 0,
@@ -512,9 +531,10 @@ impl<'a, const N: usize, const F: usize> MainDevice<'a, N, F> {
                 return Received::Echo;
             }
             self.counters.foreign = self.counters.foreign.saturating_add(1);
-            if self.other_main != Some(frame.source) {
-                self.other_main = Some(frame.source);
-                self.events.push(Event::OtherMain { source: frame.source });
+            let is_news = |(told, told_ns): (Mac, u64)| told != frame.source && now_ns - told_ns >= OTHERS_APART_NS;
+            if self.other_main.is_none_or(is_news) {
+                self.other_main = Some((frame.source, now_ns));
+                self.events.push_unasked(Event::OtherMain { source: frame.source });
             }
             return Received::Foreign;
         }
@@ -539,8 +559,11 @@ impl<'a, const N: usize, const F: usize> MainDevice<'a, N, F> {
             return false;
         };
         frame.datagrams().zip(sent.datagrams()).all(|(came, sent)| {
-            (came.command, came.index, came.ado(), came.data.len())
-                == (sent.command, sent.index, sent.ado(), sent.data.len())
+            // Devices count the others by it.
+            let is_same_device = came.adp() == sent.adp() || came.command.addressing() != Addressing::Station;
+            is_same_device
+                && (came.command, came.index, came.ado(), came.data.len())
+                    == (sent.command, sent.index, sent.ado(), sent.data.len())
         })
     }
 
@@ -578,12 +601,17 @@ impl<'a, const N: usize, const F: usize> MainDevice<'a, N, F> {
     // --- From the count to OP ---
 
     fn network_lost(&mut self) {
-        if let Stage::Count { unanswered, .. } = &mut self.stage {
-            *unanswered += 1;
-            if unanswered.is_multiple_of(SILENT) {
-                let sent = *unanswered;
-                self.events.push(Event::Silent { sent });
+        match &mut self.stage {
+            Stage::Count { unanswered, .. } => {
+                *unanswered += 1;
+                if unanswered.is_multiple_of(SILENT) {
+                    let sent = *unanswered;
+                    self.events.push(Event::Silent { sent });
+                }
             }
+            // Whoever was counted may be gone.
+            Stage::Reset => self.stage = Stage::COUNT,
+            Stage::Identify | Stage::Run => {}
         }
     }
 
@@ -598,7 +626,11 @@ impl<'a, const N: usize, const F: usize> MainDevice<'a, N, F> {
             return;
         };
         if devices != seen || devices == 0 {
-            let begun_ns = if begun_ns == 0 { now_ns } else { begun_ns };
+            let mut begun_ns = if begun_ns == 0 { now_ns } else { begun_ns };
+            if now_ns - begun_ns >= MISSING_NS {
+                self.events.push(Event::Unsteady { devices, before: seen });
+                begun_ns = now_ns;
+            }
             self.stage = Stage::Count {
                 seen: devices,
                 since_ns: now_ns,
@@ -801,7 +833,7 @@ impl<'a, const N: usize, const F: usize> MainDevice<'a, N, F> {
         let device = number as u16;
         match notice {
             Notice::Up => self.events.push(Event::Up { device }),
-            Notice::Emergency(emergency) => self.events.push(Event::Emergency { device, emergency }),
+            Notice::Emergency(emergency) => self.events.push_unasked(Event::Emergency { device, emergency }),
             Notice::Left(state, code) => {
                 self.events.push(Event::Left {
                     device,

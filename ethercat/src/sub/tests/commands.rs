@@ -311,6 +311,62 @@ fn what_is_not_ethercat_passes_unless_a_device_shall_destroy_it() {
     assert_eq!(bench.segment.receive(bench.now_ns, &mut frame), None);
 }
 
+/// Every command, at the registers and what lies around them, in every state: no panic, and a drive that nobody switches on stays where
+/// it is.
+#[test]
+fn every_command_everywhere_in_every_state_moves_no_drive() {
+    let registers = (0..0x30).map(|page| page << 8).chain([
+        register::STATION,
+        register::ALIAS,
+        register::AL_CONTROL,
+        register::AL_STATUS,
+        register::EEPROM_CONTROL,
+        register::FMMU + 0x70,
+        register::SYNC_MANAGER + 0x38,
+        register::DC_SYSTEM_TIME,
+        register::DC_SYNC0_START,
+        0x1080,
+        0x107F,
+        0x1100,
+        0x1400,
+        0x2FFF,
+        0x3000,
+        0xFFFF,
+    ]);
+    let registers: Vec<u16> = registers.collect();
+    for state in [AlState::Init, AlState::PreOp, AlState::SafeOp, AlState::Op] {
+        for command in 0..16 {
+            // A segment for each, as a write to 0100h may close a port for good.
+            let mut bench = Bench::new(vec![drive(), terminal()]);
+            match state {
+                AlState::Init => {}
+                AlState::PreOp => bench.pre_op(0x1001),
+                AlState::SafeOp => {
+                    bench.pre_op(0x1001);
+                    bench.map(0x1001, 0x10000);
+                    bench.ask(0x1001, 4);
+                }
+                _ => bench.op(0x1001, 0x10000),
+            }
+            assert_eq!(bench.segment.device(0).state(), state);
+            for octets in [1, 2, 8, 128] {
+                for at in &registers {
+                    for low in [0x1001, 0, 0xFFFF] {
+                        let address = u32::from(*at) << 16 | low;
+                        // Neither of these words switches a drive on.
+                        for octet in [0, 0xFF] {
+                            bench.exchange(Command::from(command), address, &vec![octet; octets]);
+                        }
+                    }
+                    bench.wait(1_000_000);
+                }
+            }
+            let position = bench.segment.device(0).objects().read(0x6064, 0).expect("a drive");
+            assert_eq!(position, [0; 4], "{state} {command}");
+        }
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
     /// Any datagrams at any time: no panic, and the segment answers a broadcast behind them.
