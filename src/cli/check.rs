@@ -435,6 +435,52 @@ mod tests {
         }
     }
 
+    /// A person sees what will be written before power is on, on a terminal of 80 columns.
+    #[test]
+    fn start_values_of_ethercat_are_shown_with_who_wants_them() {
+        const ESI: &str = r##"<EtherCATInfo><Vendor><Id>1</Id></Vendor><Descriptions><Devices><Device><Type ProductCode="2">IO</Type>
+            <Sm>MBoxOut</Sm><Sm>MBoxIn</Sm><Sm>Outputs</Sm><Sm>Inputs</Sm>
+            <RxPdo Fixed="1" Sm="2"><Index>#x1600</Index>
+              <Entry><Index>#x7000</Index><SubIndex>1</SubIndex><BitLen>16</BitLen></Entry></RxPdo>
+            <Mailbox><CoE>
+              <InitCmd><Transition>PS</Transition><Index>#x8000</Index><SubIndex>2</SubIndex><Data>3412</Data>
+                <Comment>range of all
+                  channels, as the maker has it</Comment></InitCmd>
+              <InitCmd CompleteAccess="1"><Transition>PS</Transition><Index>#x8010</Index><SubIndex>0</SubIndex><Data>LONG</Data></InitCmd>
+              <InitCmd><Transition>PS</Transition><Index>#x8020</Index><SubIndex>1</SubIndex><Data>01</Data></InitCmd>
+            </CoE></Mailbox></Device></Devices></Descriptions></EtherCATInfo>"##;
+        let folder = tempfile::tempdir().expect("a folder");
+        std::fs::write(folder.path().join("io.xml"), ESI.replace("LONG", &"5A".repeat(70))).expect("our folder");
+        let text = "schema = 1\n[machine]\nname = \"m\"\nkinematics = \"none\"\n[bus]\nkind = \"ethercat-memory\"\n[[bus.node]]\n\
+                    id = 1\nprofile = \"io\"\ndevice_file = \"io.xml\"\nsdo = [{ object = \"0x8020:1\", value = 1000, bits = 32 }]\n";
+        let config = config::parse(text, &folder.path().join("m.toml")).unwrap_or_else(|errors| panic!("{errors}"));
+        let plans = bus::plan(&config);
+        let text = Summary(&config, &plans).to_string();
+        let row = vec!["5A"; 16].join(" ");
+        let expected = [
+            "       writes    3 values, in this order:".to_owned(),
+            "                 0x8000:2   0x1234             device file: range of all chan...".to_owned(),
+            "                 0x8010:all 70 octets          device file".to_owned(),
+            format!("                   {row}"),
+            format!("                   {row}"),
+            format!("                   {row}"),
+            format!("                   {row}"),
+            "                   6 more octets: --json has them".to_owned(),
+            "                 0x8020:1   0x000003E8         machine file".to_owned(),
+        ];
+        let expected = expected.join("\n");
+        assert!(text.contains(&expected), "no\n{expected}\nin\n{text}");
+        assert!(expected.lines().all(|line| line.len() <= 80));
+        let json = to_json(&config, &plans);
+        let node = &json["nodes"][0];
+        assert_eq!(node["configuration_writes"], 3);
+        assert_eq!(node["writes"][1]["octets"], "5A".repeat(70));
+        assert_eq!(
+            node["writes"][2],
+            json!({ "object": "0x8020:1", "octets": "E8030000", "from": "machine file" })
+        );
+    }
+
     /// What the control writes by itself, and what the profile of a drive asks for.
     #[test]
     fn every_drive_of_the_shipped_machine_shows_its_start_values() {
