@@ -56,6 +56,20 @@ impl Control {
             stream,
         }
     }
+
+    /// A sender that is greeted, after another one has gone or is let go.
+    fn connect_next(&self) -> Sender {
+        let until = Instant::now() + WAIT;
+        loop {
+            let mut next = self.connect();
+            if next.line().is_empty() {
+                assert_eq!(next.line(), "Grbl 1.1h ['$' for help]");
+                return next;
+            }
+            assert!(Instant::now() < until, "the one before is never let go");
+            std::thread::sleep(Duration::from_millis(200));
+        }
+    }
 }
 
 /// A sender of a few lines.
@@ -289,20 +303,21 @@ fn a_sender_that_never_reads_is_let_go_and_the_next_one_comes() {
     let mut stream = sender.stream.try_clone().unwrap();
     // Until what it is told fills all that is between, and the port is closed.
     let sends = std::thread::spawn(move || while stream.write_all(b"$$\n$#\n????").is_ok() {});
-    let until = Instant::now() + WAIT;
-    let mut next = loop {
-        let mut next = control.connect();
-        if next.line().is_empty() {
-            break next;
-        }
-        assert!(Instant::now() < until, "it is never let go");
-        std::thread::sleep(Duration::from_millis(200));
-    };
-    assert_eq!(next.line(), "Grbl 1.1h ['$' for help]");
+    let mut next = control.connect_next();
     assert_eq!(next.ask("G21 G90 G0 X1"), "ok");
     next.wait_for("Idle");
     drop(sender);
     sends.join().unwrap();
+}
+
+#[test]
+fn the_first_line_of_a_sender_finds_the_machine_as_it_is() {
+    let control = Control::start("first");
+    control.connect().home();
+    for _ in 0..10 {
+        let mut sender = control.connect_next();
+        assert_eq!(sender.ask("G90"), "ok", "{}", sender.status());
+    }
 }
 
 #[test]

@@ -107,10 +107,7 @@ async fn serve_one(mut stream: TcpStream, panel: &Panel) -> Result<(), String> {
                 unread.drain(..written.map_err(words)?);
                 took = Instant::now();
             }
-            line = port.answers.next_line() => {
-                let line = line.map_err(words)?.ok_or("the control has ended")?;
-                port.heard(&line);
-            }
+            line = port.line() => port.heard(&line?),
             _ = ticks.tick() => {
                 if took.elapsed() > UNREAD {
                     return Err("it does not read".into());
@@ -194,16 +191,19 @@ impl Port {
         };
         port.ask("machine.describe", &json!({}), Asked::Nothing);
         port.send().await.map_err(|cause| cause.to_string())?;
-        let line = port
-            .answers
-            .next_line()
-            .await
-            .ok()
-            .flatten()
-            .ok_or("the control has ended")?;
-        let answer: Value = serde_json::from_str(&line).unwrap_or_default();
+        let answer: Value = serde_json::from_str(&port.line().await?).unwrap_or_default();
         port.describe(&answer["result"]);
+        // Its first order, the status: a sender that is greeted before finds a machine locked that is not.
+        port.give_orders().await.map_err(|cause| cause.to_string())?;
+        let line = port.line().await?;
+        port.heard(&line);
         Ok(port)
+    }
+
+    /// The next answer of the control.
+    async fn line(&mut self) -> Result<String, String> {
+        let line = self.answers.next_line().await.map_err(|cause| cause.to_string())?;
+        line.ok_or_else(|| "the control has ended".to_owned())
     }
 
     fn describe(&mut self, machine: &Value) {
