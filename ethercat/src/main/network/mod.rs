@@ -7,6 +7,7 @@
 //! services, one at a time.
 
 mod diagnosis;
+mod events;
 
 pub use diagnosis::Diagnosis;
 
@@ -25,11 +26,10 @@ use crate::wire::register::{self, AlControl, AlState, AlStatusCode, Fmmu, SyncMa
 use crate::wire::{
     Addressing, BROADCAST, Command, Datagram, FRAME_LEN_MAX, Frame, FrameWriter, Mac, WireError, answers,
 };
+use events::Events;
 
 /// Datagrams in a frame of services.
 const DATAGRAMS_MAX: usize = 128;
-/// Events that wait to be fetched.
-const EVENTS_MAX: usize = 128;
 /// The number of devices has to stay the same for so long before it counts.
 const COUNT_NS: u64 = 20_000_000;
 /// Devices that the configuration has are waited for so long.
@@ -121,42 +121,6 @@ struct Service {
     sent_ns: Option<u64>,
 }
 
-/// Events that wait.
-#[derive(Clone, Debug)]
-struct Events {
-    ring: [Option<Event>; EVENTS_MAX],
-    first: usize,
-    count: usize,
-    dropped: u32,
-}
-
-impl Events {
-    fn push(&mut self, event: Event) {
-        if self.count == EVENTS_MAX {
-            self.dropped = self.dropped.saturating_add(1);
-            return;
-        }
-        self.ring[(self.first + self.count) % EVENTS_MAX] = Some(event);
-        self.count += 1;
-    }
-
-    /// What others send at will leaves half of the room to what the main device finds.
-    fn push_unasked(&mut self, event: Event) {
-        if self.count < EVENTS_MAX / 2 {
-            self.push(event);
-        } else {
-            self.dropped = self.dropped.saturating_add(1);
-        }
-    }
-
-    fn pop(&mut self) -> Option<Event> {
-        let event = self.ring[self.first].take()?;
-        self.first = (self.first + 1) % EVENTS_MAX;
-        self.count -= 1;
-        Some(event)
-    }
-}
-
 /// Frames so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
@@ -238,12 +202,7 @@ impl<'a, const N: usize, const F: usize> MainDevice<'a, N, F> {
             clocks: Clocks::new(),
             survey: Survey::new(),
             orders: Orders::NONE,
-            events: Events {
-                ring: [None; EVENTS_MAX],
-                first: 0,
-                count: 0,
-                dropped: 0,
-            },
+            events: Events::NONE,
             counters: Counters::default(),
             returning: None,
             turn: 0,
