@@ -379,3 +379,18 @@ impl<const N: usize, const F: usize> CyclicFrames<N, F> {
         !self.slots[..self.frames].iter().any(|slot| slot.awaited)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn inputs_came_where_the_counter_can_mean_a_read() {
+        let both = Member::one(0, 4, 4);
+        let came: std::vec::Vec<u16> = (0..8).filter(|counter| both.has_inputs(*counter)).collect();
+        assert_eq!(came, [1, 3]);
+        let only_inputs = Member::one(0, 0, 4);
+        let came: std::vec::Vec<u16> = (0..8).filter(|counter| only_inputs.has_inputs(*counter)).collect();
+        assert_eq!(came, [1]);
+    }
+}

@@ -6,7 +6,7 @@ use ethercat::main::config::Times;
 use ethercat::sub::{Segment, SubDevice, SubDeviceConfig, models};
 use ethercat::wire::coe::{Emergency, Object};
 use ethercat::wire::sii::category;
-use ethercat::wire::{BROADCAST, Command, FRAME_LEN_MAX, Frame, FrameWriter, Mac};
+use ethercat::wire::{Addressing, BROADCAST, Command, FRAME_LEN_MAX, Frame, FrameWriter, Mac};
 use proptest::prelude::*;
 use std::cell::Cell;
 use std::rc::Rc;
@@ -205,13 +205,17 @@ fn no_answer(random: &mut Random, octets: &[u8]) -> Vec<u8> {
     let chosen = &datagrams[random.below(datagrams.len() as u64) as usize];
     let header = chosen.data_at() - 10;
     let used = datagrams.last().map_or(16, |last| last.data_at() + last.data.len() + 2);
-    match random.below(6) {
+    match random.below(7) {
         0 => forged[header + 1] ^= 1 << random.below(7),
         1 => forged[header] ^= 1 << random.below(3),
         // The address: of positions devices change the first half, which tells nothing.
         2 => forged[header + 4 + random.below(2) as usize] ^= 1 << random.below(8),
         3 => forged[header + 6] ^= 1 << random.below(8),
         4 => forged[14] ^= 1 << random.below(8),
+        // Of another device.
+        5 if chosen.command.addressing() == Addressing::Station => {
+            forged[header + 2 + random.below(2) as usize] ^= 1 << random.below(8);
+        }
         _ => forged.truncate(random.below(used as u64) as usize),
     }
     forged
