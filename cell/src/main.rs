@@ -249,6 +249,7 @@ fn place(text: &str) -> Result<SocketAddr, String> {
 }
 
 fn main() -> ExitCode {
+    cell_link::carrier::prepare();
     let as_json = wants_json(std::env::args_os());
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,

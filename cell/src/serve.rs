@@ -131,7 +131,8 @@ impl Supervisor {
         files::make_folder(state).with_context(place)?;
         trust::folder(state).with_context(place)?;
         // Programs and the journal of a shop are nobody else's.
-        std::fs::set_permissions(state, std::fs::Permissions::from_mode(0o700)).with_context(place)?;
+        std::fs::set_permissions(state, std::fs::Permissions::from_mode(0o700))
+            .with_context(|| format!("{}: only its owner may make it his alone", state.display()))?;
         for name in ["lock", "cell.db", "cell.db-wal", "cell.db-shm"] {
             let file = state.join(name);
             trust::file(&file).with_context(|| format!("{}", file.display()))?;

@@ -9,16 +9,19 @@ use cell_link::message::{MESSAGE_MAX, OrderState, Phase, Use};
 use rusqlite::{Connection, OptionalExtension, Row, Rows, params};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+use std::collections::HashMap;
 use std::path::Path;
 
 /// Entries of journals in one answer, octets: as many as a message of a control may have.
 const ANSWER_OCTETS: usize = MESSAGE_MAX;
 /// Version of the tables.
-const VERSION: i64 = 1;
+const VERSION: i64 = 2;
+/// Entries of the journal of one machine, octets: beyond that its oldest ones go, so that none fills the disk for all.
+const JOURNAL_OCTETS: i64 = 256 << 20;
 
 const TABLES: &str = "
 CREATE TABLE machine (name TEXT PRIMARY KEY, class TEXT NOT NULL DEFAULT '', described TEXT NOT NULL DEFAULT 'null',
-    journal INTEGER NOT NULL DEFAULT 0, book INTEGER NOT NULL DEFAULT 0) STRICT;
+    journal INTEGER NOT NULL DEFAULT 0, book INTEGER NOT NULL DEFAULT 0, octets INTEGER NOT NULL DEFAULT 0) STRICT;
 CREATE TABLE journal (machine TEXT NOT NULL, book INTEGER NOT NULL, seq INTEGER NOT NULL, unix_s REAL NOT NULL, kind TEXT NOT NULL,
     text TEXT NOT NULL, entry TEXT NOT NULL, acknowledged INTEGER NOT NULL DEFAULT 0, PRIMARY KEY (machine, book, seq)) STRICT, WITHOUT ROWID;
 CREATE INDEX alarm ON journal (kind, acknowledged) WHERE kind = 'alarm';
@@ -33,6 +36,12 @@ CREATE INDEX attempt_open ON attempt (phase) WHERE ended_unix_s IS NULL;
 CREATE TABLE time_used (machine TEXT NOT NULL, day INTEGER NOT NULL, what TEXT NOT NULL, seconds REAL NOT NULL,
     PRIMARY KEY (machine, day, what)) STRICT, WITHOUT ROWID;
 CREATE TABLE refusal (unix_s REAL NOT NULL, text TEXT NOT NULL) STRICT;
+";
+
+/// What a store of version 1 lacks.
+const FROM_VERSION_1: &str = "
+ALTER TABLE machine ADD COLUMN octets INTEGER NOT NULL DEFAULT 0;
+UPDATE machine SET octets = (SELECT coalesce(sum(octet_length(entry)), 0) FROM journal WHERE journal.machine = machine.name);
 ";
 
 /// By which what is old is found, without a look at all that is young. Stores of before have them not.
@@ -250,8 +259,9 @@ impl Store {
             .with_context(place)?;
         match version {
             VERSION => {}
-            0 => {
-                let made = format!("BEGIN; {TABLES} PRAGMA user_version = {VERSION}; COMMIT;");
+            0 | 1 => {
+                let made = if version == 0 { TABLES } else { FROM_VERSION_1 };
+                let made = format!("BEGIN; {made} PRAGMA user_version = {VERSION}; COMMIT;");
                 db.execute_batch(&made).with_context(place)?;
             }
             later => anyhow::bail!("{}: version {later}, and this program knows {VERSION}", place()),
@@ -338,13 +348,14 @@ impl Store {
         let sql = "INSERT OR IGNORE INTO journal (machine, book, seq, unix_s, kind, text, entry, acknowledged)
             SELECT name, book, ?2, ?3, ?4, ?5, ?6, ?7 FROM machine WHERE name = ?1";
         let acknowledged = entry["alarm"]["acknowledged"].is_object();
-        self.db.prepare(sql)?.execute(params![
+        let whole = entry.to_string();
+        let added = self.db.prepare(sql)?.execute(params![
             machine,
             seq as i64,
             entry["unix_s"].as_f64().unwrap_or(0.0),
             text("kind"),
             text("text"),
-            entry.to_string(),
+            whole,
             acknowledged,
         ])?;
         for seq in entry["acknowledges"][0]
@@ -357,8 +368,61 @@ impl Store {
                 AND book = (SELECT book FROM machine WHERE name = ?1)";
             self.db.prepare(sql)?.execute(params![machine, seq as i64])?;
         }
-        let sql = "UPDATE machine SET journal = max(journal, ?2) WHERE name = ?1";
-        self.db.prepare(sql)?.execute(params![machine, seq as i64]).map(drop)
+        let sql = "UPDATE machine SET journal = max(journal, ?2), octets = octets + ?3 WHERE name = ?1";
+        let octets = (added * whole.len()) as i64;
+        self.db
+            .prepare(sql)?
+            .execute(params![machine, seq as i64, octets])
+            .map(drop)
+    }
+
+    /// Takes away the oldest entries of a machine that has more than its share; gives how many. Alarms go with them, open ones, too.
+    pub fn keep_share(&self, machine: &str) -> Outcome<usize> {
+        self.keep_octets(machine, JOURNAL_OCTETS)
+    }
+
+    fn keep_octets(&self, machine: &str, most: i64) -> Outcome<usize> {
+        let sql = "SELECT octets FROM machine WHERE name = ?1";
+        let has: Option<i64> = self
+            .db
+            .prepare(sql)?
+            .query_row([machine], |row| row.get(0))
+            .optional()?;
+        let mut too_many = has.unwrap_or(0) - most;
+        let mut up_to = None;
+        let mut rows = self
+            .db
+            .prepare("SELECT book, seq, octet_length(entry) FROM journal WHERE machine = ?1 ORDER BY book, seq")?;
+        let mut rows = rows.query([machine])?;
+        while too_many > 0
+            && let Some(row) = rows.next()?
+        {
+            up_to = Some((row.get::<_, i64>(0)?, row.get::<_, i64>(1)?));
+            too_many -= row.get::<_, i64>(2)?;
+        }
+        let sql = "DELETE FROM journal WHERE machine = ?1 AND (book, seq) <= (?2, ?3)
+            RETURNING machine, octet_length(entry)";
+        match up_to {
+            Some((book, seq)) => self.delete_entries(sql, params![machine, book, seq]),
+            None => Ok(0),
+        }
+    }
+
+    /// Deletes entries of journals by a statement that returns the machine and the octets of each; gives how many.
+    fn delete_entries(&self, sql: &str, of: impl rusqlite::Params) -> Outcome<usize> {
+        let mut gone: HashMap<String, i64> = HashMap::new();
+        let mut count = 0;
+        let mut rows = self.db.prepare(sql)?;
+        let mut rows = rows.query(of)?;
+        while let Some(row) = rows.next()? {
+            *gone.entry(row.get(0)?).or_default() += row.get::<_, i64>(1)?;
+            count += 1;
+        }
+        for (machine, octets) in gone {
+            let sql = "UPDATE machine SET octets = max(0, octets - ?2) WHERE name = ?1";
+            self.db.prepare(sql)?.execute(params![machine, octets])?;
+        }
+        Ok(count)
     }
 
     /// A machine counts its journal from the beginning again: what is here of the earlier one stays, and its alarms are over.
@@ -556,8 +620,10 @@ impl Store {
     /// What is open stays: alarms that nobody has acknowledged, orders that are open or held, with all their attempts, and attempts that
     /// are not over. The number of the last entry of a machine stays, too, so nothing comes a second time.
     pub fn prune(&self, before: f64, most: u32) -> Outcome<Pruned> {
-        let sql = format!("DELETE FROM journal WHERE (machine, book, seq) IN ({OLD_ENTRIES})");
-        let entries = self.db.prepare(&sql)?.execute(params![before, most])?;
+        let sql = format!(
+            "DELETE FROM journal WHERE (machine, book, seq) IN ({OLD_ENTRIES}) RETURNING machine, octet_length(entry)"
+        );
+        let entries = self.delete_entries(&sql, params![before, most])?;
         let sql = format!("DELETE FROM attempt WHERE rowid IN ({OLD_ATTEMPTS})");
         let mut attempts = self.db.prepare(&sql)?.execute(params![before, most])?;
         // The parts of an order are counted by its attempts: it goes as a whole, once the last one is old.
@@ -764,6 +830,50 @@ mod tests {
         store.add_entry("mill", 8, &by).unwrap();
         assert_eq!(store.prune(OLD, 3).unwrap().entries, 1);
         assert_eq!(seqs(store.journal("mill", 0, 100).unwrap()), [7, 8]);
+    }
+
+    #[test]
+    fn a_machine_that_tells_too_much_loses_its_own_oldest_entries_only() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("cell.db");
+        let store = Store::open(&file).unwrap();
+        let octets = |store: &Store, machine: &str| -> (i64, i64) {
+            let count = |sql: &str| store.db.query_row(sql, [machine], |row| row.get(0)).unwrap();
+            (
+                count("SELECT octets FROM machine WHERE name = ?1"),
+                count("SELECT coalesce(sum(octet_length(entry)), 0) FROM journal WHERE machine = ?1"),
+            )
+        };
+        for machine in ["loud", "calm"] {
+            store.add_machine(machine).unwrap();
+            for seq in 1..=100_u64 {
+                let entry = json!({"seq": seq, "unix_s": 1.0, "kind": "alarm", "text": "ü".repeat(seq as usize)});
+                store.add_entry(machine, seq, &entry).unwrap();
+                store.add_entry(machine, seq, &entry).unwrap();
+            }
+            // Its state folder is another one: what it told before counts as well.
+            store.begin_journal_anew(machine).unwrap();
+            store.add_entry(machine, 1, &json!({"seq": 1})).unwrap();
+        }
+        let (counted, has) = octets(&store, "loud");
+        assert!(counted == has && has > 10_000, "{counted} {has}");
+        assert_eq!(store.keep_octets("loud", has).unwrap(), 0);
+        assert_eq!(store.keep_octets("loud", 5_000).unwrap(), 79);
+        let (counted, has) = octets(&store, "loud");
+        assert!(counted == has && (4_700..=5_000).contains(&has), "{counted} {has}");
+        // The newest one stays, of whatever book.
+        assert_eq!(store.journal("loud", 0, 10).unwrap(), [json!({"seq": 1})]);
+        assert_eq!(store.keep_octets("loud", 0).unwrap(), 22);
+        assert_eq!(octets(&store, "loud"), (0, 0));
+        assert_eq!(store.prune(2.0, 200).unwrap().entries, 101);
+        assert_eq!(octets(&store, "calm"), (0, 0));
+        // A store of before has no such column.
+        store.add_entry("calm", 2, &json!({"seq": 2, "text": "x"})).unwrap();
+        let counted = octets(&store, "calm");
+        let before = "ALTER TABLE machine DROP COLUMN octets; PRAGMA user_version = 1;";
+        store.db.execute_batch(before).unwrap();
+        drop(store);
+        assert_eq!(octets(&Store::open(&file).unwrap(), "calm"), counted);
     }
 
     #[test]

@@ -127,11 +127,16 @@ fn until<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
     }
 }
 
+/// A machine that is there, and known to be the only one of its name.
 fn machine(desk: &Desk, name: &str) -> Option<Value> {
     let answer = desk.ask(Ask::Machines).unwrap();
     let mut machines = answer["machines"].as_array().unwrap().iter();
+    let just_came = |machine: &Value| {
+        let why_not = machine["state"]["why_not"].as_str();
+        why_not.is_some_and(|why| why.contains("just come"))
+    };
     machines
-        .find(|machine| machine["name"] == name && machine["alive"] == true)
+        .find(|machine| machine["name"] == name && machine["alive"] == true && !just_came(machine))
         .cloned()
 }
 
@@ -252,6 +257,20 @@ fn programs_go_down_ends_and_alarms_come_up_and_nothing_runs_by_itself() {
         "nothing runs there"
     );
     drop((looked_at, given));
+}
+
+#[test]
+fn no_link_is_read_and_written_by_two_threads_at_the_same_time() {
+    let shop = Shop::new();
+    let _mill = shop.control("mill", Remote::Run);
+    let supervisor = shop.supervisor();
+    until("the mill", || machine(&supervisor.of, "mill"));
+    let tasks = std::fs::read_dir("/proc/self/task").unwrap();
+    let names = tasks.filter_map(|task| std::fs::read_to_string(task.unwrap().path().join("comm")).ok());
+    let names: Vec<String> = names.map(|name| name.trim().to_owned()).collect();
+    let has = |what: &str| names.iter().any(|name| name.starts_with(what));
+    assert!(has("rx-"), "Zenoh calls its threads otherwise: {names:?}");
+    assert!(!has("tx-") && !has("acc-"), "{names:?}");
 }
 
 #[test]

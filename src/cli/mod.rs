@@ -175,6 +175,8 @@ enum Command {
 
 /// Runs the command of the process's arguments. Exit code 0: ok, 1: trouble found, 2: wrong usage.
 pub fn main() -> ExitCode {
+    #[cfg(feature = "cell")]
+    cell_link::carrier::prepare();
     let as_json = wants_json(std::env::args_os());
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,

@@ -4,6 +4,11 @@
 //!
 //! A star: the supervisor listens as a router, controls are its clients. No multicast, no gossip, TLS 1.3 with certificates of both
 //! sides and nothing else. Only the supervisor's certificate may serve (extended key usage), so no machine can stand in its place.
+//!
+//! Zenoh 1.10.2 reads and writes a TLS stream in two threads at the same time, which rustls does not bear
+//! (<https://github.com/eclipse-zenoh/zenoh/issues/2557>): where packets are lost, a supervisor of 256 controls ended within a minute, as it
+//! asked for 140 TB of memory. So one thread serves all links of a process ([`prepare`]). What would hold it up is kept short when Zenoh is
+//! compiled (`.cargo/config.toml`).
 
 use crate::message::{MESSAGE_MAX, PROGRAM_MAX};
 use serde_json::{Value, json};
@@ -24,6 +29,23 @@ pub const LEASE: Duration = Duration::from_secs(4);
 
 /// What Zenoh says beside a message, octets, and more.
 const BESIDE: usize = 64 << 10;
+
+/// Where Zenoh reads how many threads it has, and what it reads there: what is sent and who connects is of the thread that receives.
+const THREADS: (&str, &str) = (
+    "ZENOH_RUNTIME",
+    "(rx:(worker_threads:1),tx:(handover:rx),acc:(handover:rx))",
+);
+// Without them links hold each other up, see `.cargo/config.toml`.
+const _: () = assert!(
+    option_env!("TLS_ACCEPT_THROTTLE_TIME").is_some() && option_env!("TLS_LINGER_TIMEOUT").is_some(),
+    "build this in the folder of isocnc, or with TLS_ACCEPT_THROTTLE_TIME=1000 and TLS_LINGER_TIMEOUT=0 in the environment"
+);
+
+/// Has Zenoh serve all links of this process by one thread. To be called first of all: the process has no second thread yet.
+pub fn prepare() {
+    // SAFETY: nobody else reads the environment meanwhile, as there is nobody else.
+    unsafe { std::env::set_var(THREADS.0, THREADS.1) };
+}
 
 /// Files of one side.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -160,6 +182,9 @@ fn in_words(said: &str) -> String {
 }
 
 fn open(config: &Value) -> Result<Session, CarrierError> {
+    if std::env::var(THREADS.0).as_deref() != Ok(THREADS.1) {
+        return Err(CarrierError::Session(format!("{}={} is not set", THREADS.0, THREADS.1)));
+    }
     let failed = |cause: zenoh::Error| CarrierError::Session(in_words(&cause.to_string()));
     let config = zenoh::Config::from_json5(&config.to_string()).map_err(failed)?;
     zenoh::open(config).wait().map_err(failed)

@@ -49,6 +49,11 @@ const SLOW: Duration = Duration::from_secs(60);
 /// Machines at the most.
 const MACHINES_MAX: usize = 256;
 
+/// A control gets orders once it was heard for so long, s: a second one with its certificate would have spoken meanwhile.
+const SETTLED_S: f64 = 2.5;
+/// Why one that was heard for a shorter time gets none.
+const JUST_CAME: &str =
+    "it has just come, and gets orders once nobody else speaks with its certificate for 3 s: try again";
 /// Why two controls with one certificate get no orders.
 const DOUBLED: &str = "two controls speak with this certificate, and get no orders: each needs its own: isocnc-cell ca issue NAME --dir CA";
 
@@ -116,9 +121,12 @@ struct Machine {
     /// The run of its control before the one of `state`; where that speaks again, there are two of them, until then.
     boot_before: u64,
     doubled_until_s: f64,
+    /// When the run of `state` was first heard.
+    boot_since_s: f64,
     heard_s: f64,
     is_asked_journal: bool,
     is_asked_described: bool,
+    is_share_told: bool,
     uploads: usize,
     /// Its attempt that is not over, and when it was last asked about.
     attempt: Option<(Attempt, f64)>,
@@ -132,6 +140,14 @@ struct Machine {
 impl Machine {
     fn is_there(&self, now: f64) -> bool {
         self.is_alive && now - self.heard_s < SILENT_S
+    }
+
+    /// Why it gets no orders: it is not known yet whether its certificate is its own, or it is not.
+    fn gets_no_orders(&self, now: f64) -> Option<&'static str> {
+        if now < self.doubled_until_s {
+            return Some(DOUBLED);
+        }
+        (now - self.boot_since_s < SETTLED_S).then_some(JUST_CAME)
     }
 
     /// The run of its control that is meant by an order; `None`: it has not spoken yet.
@@ -455,13 +471,14 @@ impl Core {
         let mut refusal = None;
         if state.boot != machine.state.boot {
             let before = std::mem::replace(&mut machine.boot_before, machine.state.boot);
+            machine.boot_since_s = now;
             if before == state.boot {
                 refusal = (now >= machine.doubled_until_s).then(|| format!("{name}: {DOUBLED}"));
                 machine.doubled_until_s = now + DOUBLED_S;
             }
         }
-        if now < machine.doubled_until_s {
-            (state.is_ready, state.why_not) = (false, Some(DOUBLED.into()));
+        if let Some(why) = machine.gets_no_orders(now) {
+            (state.is_ready, state.why_not) = (false, Some(why.into()));
         }
         machine.count_time(now);
         machine.is_alive = true;
@@ -519,7 +536,11 @@ impl Core {
             self.store.add_entry(name, seq, entry)?;
             last = seq;
         }
+        let gone = self.store.keep_share(name)?;
         let machine = self.machines.entry(name.to_owned()).or_default();
+        if gone > 0 && !std::mem::replace(&mut machine.is_share_told, true) {
+            tracing::warn!("{name}: its journal here is longer than 256 MiB: the oldest entries go from now on");
+        }
         // What an empty answer says there is more of would be asked for without end.
         let is_further = last > machine.journal;
         machine.journal = last;

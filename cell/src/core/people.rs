@@ -2,7 +2,7 @@
 //!
 //! In:  questions and orders of people. Out: answers, some of them once a control has answered.
 
-use super::{Asked, Core, DOUBLED, Machine, Outcome, Reply};
+use super::{Asked, Core, Machine, Outcome, Reply};
 use crate::store::{OrderIs, Wish};
 use cell_link::message::{Order, OrderState, Phase, Topic, Upload, Use, What, is_program};
 use serde_json::{Value, json};
@@ -121,15 +121,17 @@ impl Core {
             }
             Ask::RunProgram { machine, program } => {
                 let stored = self.store.stored(&machine, &program)?;
-                let busy = self.machines.get(&machine).and_then(|machine| machine.attempt.as_ref());
-                match (self.there(&machine, now), stored, busy) {
+                let known = self.machines.get(&machine);
+                let busy = known.and_then(|machine| machine.attempt.as_ref());
+                let no_orders = known.and_then(|machine| machine.gets_no_orders(now));
+                match (self.there(&machine, now), stored, no_orders, busy) {
                     (Err(why), ..) => Err(why),
-                    (_, None, _) => Err(format!(
+                    (_, None, ..) => Err(format!(
                         "{machine} has no {program} from here: isocnc-cell upload {machine} FILE"
                     )),
-                    _ if self.is_doubled(&machine, now) => Err(format!("{machine}: {DOUBLED}")),
+                    (.., Some(why), _) => Err(format!("{machine}: {why}")),
                     (.., Some((attempt, _))) => Err(format!("{machine} has an order already: {}", attempt.id)),
-                    (Ok(()), Some(sha256), None) => {
+                    (Ok(()), Some(sha256), None, None) => {
                         self.run(&machine, &program, &sha256, None, reply, now)?;
                         Ok(Value::Null)
                     }
@@ -217,12 +219,6 @@ impl Core {
             Some(machine) if machine.is_there(now) => Ok(()),
             Some(_) => Err(format!("{name} is not reached; it works on alone")),
         }
-    }
-
-    fn is_doubled(&self, name: &str, now: f64) -> bool {
-        self.machines
-            .get(name)
-            .is_some_and(|machine| now < machine.doubled_until_s)
     }
 
     fn pass(&mut self, name: &str, what: What, reply: &mut Option<Reply>, now: f64) -> Result<Value, String> {

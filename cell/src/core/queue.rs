@@ -151,7 +151,7 @@ impl Core {
         for machine in self.machines.values() {
             if let Some((attempt, asked_s)) = &machine.attempt
                 && machine.is_there(now)
-                && now >= machine.doubled_until_s
+                && machine.gets_no_orders(now).is_none()
                 && now - asked_s > ASK_AGAIN_S
                 && !under_way.contains(&attempt.id)
             {

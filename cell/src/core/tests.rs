@@ -542,6 +542,50 @@ fn a_machine_that_came_with_a_batch_that_was_undone_comes_again() {
 }
 
 #[test]
+fn a_control_gets_orders_once_no_other_one_has_spoken_with_its_certificate_for_a_while() {
+    let mut shop = Shop::new(&["a"]);
+    shop.fakes.get_mut("a").unwrap().boot = 7;
+    let id = shop.order(1, Wish::default());
+    shop.second();
+    let stored = shop.core.as_ref().unwrap().store.set_stored("a", "p.ngc", Some("0"));
+    stored.unwrap();
+    let run = || Ask::RunProgram {
+        machine: "a".into(),
+        program: "p.ngc".into(),
+    };
+    let refused = shop.ask(run()).unwrap_err();
+    assert!(refused.contains("just come"), "{refused}");
+    let overview = shop.ask(Ask::Overview).unwrap();
+    let why = overview["machines"][0]["state"]["why_not"].as_str().unwrap();
+    assert!(why.contains("just come"), "{why}");
+    // Its copy was on another network until now: both are ready.
+    for _ in 0..3 {
+        let copy = State {
+            boot: 9,
+            is_ready: true,
+            remote: Remote::Run,
+            ..State::default()
+        };
+        shop.give(vec![Event::State("a".into(), Box::new(copy))]);
+        shop.second();
+    }
+    assert_eq!(shop.fakes["a"].orders.len(), 0);
+    // Each second it is another run: as one whose control is begun again and again.
+    for boot in 10..20 {
+        shop.fakes.get_mut("a").unwrap().boot = boot;
+        shop.second();
+    }
+    assert_eq!(shop.fakes["a"].orders.len(), 0);
+    for _ in 0..4 {
+        shop.second();
+    }
+    assert_eq!(shop.fakes["a"].orders.len(), 1);
+    shop.end_all(Phase::Completed);
+    shop.second();
+    assert_eq!(shop.of_order(id)["state"], "done");
+}
+
+#[test]
 fn two_controls_that_speak_as_one_machine_get_no_orders_until_one_is_gone() {
     let mut shop = Shop::new(&["a"]);
     shop.fakes.get_mut("a").unwrap().boot = 7;
