@@ -7,6 +7,7 @@ use crate::ca::{Ca, CaError};
 use crate::core::{Event, Question};
 use cell_link::carrier::{self, CarrierError, Identity};
 use cell_link::message::{BadMessage, Envelope, Journal, State, Topic, parse_key};
+use cell_link::zenoh::qos::Priority;
 use cell_link::zenoh::sample::{Sample, SampleKind};
 use cell_link::zenoh::{self, Session, Wait};
 use nix::errno::Errno;
@@ -149,6 +150,8 @@ impl Queue {
     }
 }
 
+/// Questions to one machine that wait.
+const QUESTIONS_MAX: usize = 64;
 /// A machine that says what is no message is told of so often.
 const TELL_AGAIN: Duration = Duration::from_secs(60);
 /// Refusals that are told in a second: strangers fill neither the log nor the store.
@@ -234,6 +237,8 @@ pub struct Net {
     identity: Identity,
     events: Events,
     session: Session,
+    /// Questions to each machine, which a thread of its own sends: a link that takes nothing holds up no other machine.
+    lanes: HashMap<String, SyncSender<(Question, Answer)>>,
     /// When the list of certificates that this session knows was written.
     listed: Option<SystemTime>,
 }
@@ -298,6 +303,7 @@ impl Net {
             identity,
             events,
             session,
+            lanes: HashMap::new(),
             listed,
         })
     }
@@ -324,6 +330,8 @@ impl Net {
     /// # Errors
     /// As [`Net::listen`]; then the old session is closed.
     pub fn open_anew(&mut self) -> Result<(), NetError> {
+        // They are of the session that ends.
+        self.lanes.clear();
         if let Err(cause) = self.session.close().wait() {
             tracing::debug!("{cause}");
         }
@@ -331,37 +339,39 @@ impl Net {
         Ok(())
     }
 
-    /// Asks a control.
-    pub fn ask(&self, question: Question) {
+    /// Asks a control; nobody waits here.
+    pub fn ask(&mut self, question: Question) {
         let answer = Answer {
             events: self.events.clone(),
             ticket: Some(question.ticket),
         };
-        let answer = std::sync::Mutex::new(answer);
-        let mut get = self
-            .session
-            .get(question.topic.key(&question.machine))
-            .payload(question.payload)
-            .timeout(question.wait);
-        if let Some(attachment) = question.attachment {
-            get = get.attachment(attachment);
+        // Where it comes to nothing, the end of `answer` says so.
+        let begun = match question.topic {
+            Topic::Program => in_a_thread("sends", {
+                let session = self.session.clone();
+                move || send(&session, question, answer)
+            }),
+            _ => self
+                .lane(&question.machine)
+                .map(|lane| drop(lane.try_send((question, answer)))),
+        };
+        if let Err(cause) = begun {
+            tracing::warn!("{cause}");
         }
-        // Where it fails, the end of `answer` says so.
-        let asked = get
-            .callback(move |reply| {
-                let result = match reply.result() {
-                    Ok(sample) => Ok(sample.payload().to_bytes().into_owned()),
-                    Err(error) => Err(String::from_utf8_lossy(&error.payload().to_bytes()).into_owned()),
-                };
-                answer
-                    .lock()
-                    .unwrap_or_else(std::sync::PoisonError::into_inner)
-                    .give(result);
-            })
-            .wait();
-        if let Err(cause) = asked {
-            tracing::debug!("{cause}");
+    }
+
+    fn lane(&mut self, machine: &str) -> std::io::Result<&SyncSender<(Question, Answer)>> {
+        if !self.lanes.contains_key(machine) {
+            let (lane, questions) = sync_channel::<(Question, Answer)>(QUESTIONS_MAX);
+            let session = self.session.clone();
+            in_a_thread("asks", move || {
+                for (question, answer) in questions {
+                    send(&session, question, answer);
+                }
+            })?;
+            self.lanes.insert(machine.to_owned(), lane);
         }
+        Ok(&self.lanes[machine])
     }
 
     /// Events that came faster than they were taken.
@@ -374,6 +384,42 @@ impl Net {
         if let Err(cause) = self.session.close().wait() {
             tracing::debug!("{cause}");
         }
+    }
+}
+
+fn in_a_thread(name: &str, work: impl FnOnce() + Send + 'static) -> std::io::Result<()> {
+    std::thread::Builder::new().name(name.into()).spawn(work).map(drop)
+}
+
+/// Sends a question, which takes as long as its link: where that takes nothing, until Zenoh gives it up.
+fn send(session: &Session, question: Question, answer: Answer) {
+    // Orders overtake whatever else is on its way. A program has a queue of its own in Zenoh: who says a word in the same one waits until it
+    // is gone, and the thread that serves all links is among those who do.
+    let priority = match question.topic {
+        Topic::Order | Topic::Run => Priority::InteractiveHigh,
+        Topic::Program => Priority::DataLow,
+        _ => Priority::Data,
+    };
+    let answer = Mutex::new(answer);
+    let mut get = session
+        .get(question.topic.key(&question.machine))
+        .payload(question.payload)
+        .priority(priority)
+        .timeout(question.wait);
+    if let Some(attachment) = question.attachment {
+        get = get.attachment(attachment);
+    }
+    let asked = get
+        .callback(move |reply| {
+            let result = match reply.result() {
+                Ok(sample) => Ok(sample.payload().to_bytes().into_owned()),
+                Err(error) => Err(String::from_utf8_lossy(&error.payload().to_bytes()).into_owned()),
+            };
+            answer.lock().unwrap_or_else(PoisonError::into_inner).give(result);
+        })
+        .wait();
+    if let Err(cause) = asked {
+        tracing::debug!("{cause}");
     }
 }
 
@@ -406,7 +452,13 @@ fn open(ca: &Ca, address: SocketAddr, identity: &Identity, events: &Events) -> R
     let (valid, revoked) = ca.valid()?;
     let failed = |cause: zenoh::Error| NetError::Session(cause.to_string());
     let session = carrier::listen(address, identity, &valid).map_err(|cause| match cause {
-        CarrierError::Session(why) => NetError::Session(format!("{address} cannot be listened at: {why}")),
+        CarrierError::Session(why) => {
+            // Zenoh says where again, and again.
+            let why = why
+                .rsplit_once(&format!("{address}: "))
+                .map_or(&*why, |(_, cause)| cause);
+            NetError::Session(format!("{address} cannot be listened at: {why}"))
+        }
         file => NetError::Carrier(file),
     })?;
     let (valid, revoked): (HashSet<String>, HashSet<String>) =

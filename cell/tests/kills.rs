@@ -23,7 +23,7 @@ use std::net::{SocketAddr, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
@@ -351,6 +351,46 @@ fn a_supervisor_that_sleeps_disturbs_nobody() {
 }
 
 /// Strangers that say nothing have a file of the supervisor each, until their handshake is given up: it must not have none for ever.
+#[test]
+fn a_control_that_hangs_holds_up_no_other_one() {
+    if std::env::var(BE).is_ok() {
+        return;
+    }
+    let shop = Shop::begin(|_| ());
+    let id = shop.order(3);
+    shop.done(id);
+    let hangs = Pid::from_raw(shop.processes[1].0.id() as i32);
+    kill(hangs, Signal::SIGSTOP).unwrap();
+    let is_over = AtomicBool::new(false);
+    let heard = std::thread::scope(|scope| {
+        scope.spawn(|| {
+            let sent = serve::ask(
+                &shop.state(),
+                &Ask::Upload {
+                    machine: "a".into(),
+                    name: "long.ngc".into(),
+                    content: vec![b'\n'; 32 << 20],
+                },
+            );
+            is_over.store(true, Ordering::Relaxed);
+            assert!(sent.is_err(), "{sent:?}");
+        });
+        let mut heard = 0;
+        while !is_over.load(Ordering::Relaxed) {
+            let machine = "b".into();
+            serve::ask(&shop.state(), &Ask::Stop { machine }).unwrap();
+            heard += 1;
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        heard
+    });
+    kill(hangs, Signal::SIGCONT).unwrap();
+    // What the link of one takes seconds to refuse.
+    assert!(heard >= 20, "another machine heard {heard} orders meanwhile");
+    let id = shop.order(6);
+    assert_eq!(shop.done(id)["completed"], 6);
+}
+
 #[test]
 fn strangers_that_take_all_files_keep_nobody_out_for_long() {
     if std::env::var(BE).is_ok() {
