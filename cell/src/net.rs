@@ -4,7 +4,7 @@
 //! for by number, and a question without an answer is asked again. It is bounded by events and by octets.
 
 use crate::ca::{Ca, CaError};
-use crate::core::{Event, Question};
+use crate::core::{Event, NO_ANSWER, Question};
 use cell_link::carrier::{self, CarrierError, Identity};
 use cell_link::message::{BadMessage, Envelope, Journal, State, Topic, parse_key};
 use cell_link::zenoh::qos::Priority;
@@ -413,6 +413,8 @@ fn send(session: &Session, question: Question, answer: Answer) {
         .callback(move |reply| {
             let result = match reply.result() {
                 Ok(sample) => Ok(sample.payload().to_bytes().into_owned()),
+                // What Zenoh itself says once the time is over.
+                Err(error) if *error.payload().to_bytes() == *b"Timeout" => Err(NO_ANSWER.into()),
                 Err(error) => Err(String::from_utf8_lossy(&error.payload().to_bytes()).into_owned()),
             };
             answer.lock().unwrap_or_else(PoisonError::into_inner).give(result);
@@ -444,7 +446,7 @@ impl Answer {
 
 impl Drop for Answer {
     fn drop(&mut self) {
-        self.give(Err("no answer".into()));
+        self.give(Err(NO_ANSWER.into()));
     }
 }
 

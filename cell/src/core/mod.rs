@@ -54,6 +54,8 @@ const SETTLED_S: f64 = 2.5;
 /// Why one that was heard for a shorter time gets none.
 const JUST_CAME: &str =
     "it has just come, and gets orders once nobody else speaks with its certificate for 3 s: try again";
+/// Why there is no answer to a question, where the control has not said why itself.
+pub(crate) const NO_ANSWER: &str = "no answer";
 /// Why two controls with one certificate get no orders.
 const DOUBLED: &str = "two controls speak with this certificate, and get no orders: each needs its own: isocnc-cell ca issue NAME --dir CA";
 
@@ -106,8 +108,8 @@ enum Asked {
     },
     /// A run or the state of an order: its attempt, and who waits.
     Attempt(String, String, Option<Reply>),
-    /// Hold or stop.
-    Passing(Reply),
+    /// Hold or stop of a machine.
+    Passing(String, Reply),
 }
 
 /// What is known of a machine while the supervisor runs.
@@ -345,7 +347,7 @@ impl Core {
                 reply
             }
             Some(Asked::Attempt(_, _, reply)) => reply,
-            Some(Asked::Passing(reply)) => Some(reply),
+            Some(Asked::Passing(_, reply)) => Some(reply),
             None => None,
         };
         if let Some(reply) = reply {
@@ -606,7 +608,7 @@ impl Core {
                 }
                 self.is_queue_due = true;
                 if let Some(reply) = reply {
-                    let answer = outlook.map(
+                    let answer = outlook.map_err(|why| in_words(&machine, why)).map(
                         |outlook| json!({ "machine": machine, "program": name, "sha256": sha256, "outlook": outlook }),
                     );
                     self.replies.push((reply, answer));
@@ -641,8 +643,9 @@ impl Core {
                     self.replies.push((reply, answer));
                 }
             }
-            Asked::Passing(reply) => {
-                let answer = read::<OrderState>(answer).and_then(|state| match state.phase {
+            Asked::Passing(machine, reply) => {
+                let state = read::<OrderState>(answer).map_err(|why| in_words(&machine, why));
+                let answer = state.and_then(|state| match state.phase {
                     Phase::Completed => Ok(json!({})),
                     _ => Err(state.note),
                 });
@@ -657,7 +660,7 @@ impl Core {
         let lost = |(ticket, (_, until)): (&u64, &(Asked, f64))| (now > *until).then_some(*ticket);
         let lost: Vec<u64> = self.asked.iter().filter_map(lost).collect();
         for ticket in lost {
-            self.answer(ticket, Err("no answer".into()), now)?;
+            self.answer(ticket, Err(NO_ANSWER.into()), now)?;
         }
         self.ask_again(now)?;
         if now >= self.times_due_s {
@@ -675,6 +678,16 @@ impl Core {
             self.plan_queue(now)?;
         }
         Ok(())
+    }
+}
+
+/// Why an order of people came to nothing.
+fn in_words(machine: &str, why: String) -> String {
+    match why == NO_ANSWER {
+        true => format!(
+            "{machine} has not answered, and may not have got it: isocnc-cell machines tells whether it is reached"
+        ),
+        false => why,
     }
 }
 

@@ -227,7 +227,7 @@ impl Core {
             let id = (self.ids)();
             // Whoever has the certificate holds and stops.
             let order = Order { id, what, boot: None };
-            self.ask(name, Topic::Order, order, Asked::Passing(reply));
+            self.ask(name, Topic::Order, order, Asked::Passing(name.to_owned(), reply));
         }
         Ok(Value::Null)
     }

@@ -173,7 +173,7 @@ impl Shop {
             for question in questions {
                 let fake = self.fakes.get_mut(&question.machine).unwrap();
                 if fake.is_down {
-                    events.push(Event::Answer(question.ticket, Err("no answer".into())));
+                    events.push(Event::Answer(question.ticket, Err(NO_ANSWER.into())));
                     continue;
                 }
                 let answer = fake.answer(&question);
