@@ -13,7 +13,8 @@ use std::process::{Child, Command, Output, Stdio};
 
 fn command(folder: &Path, words: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_isocnc-cell"));
-    command.current_dir(folder).args(words);
+    // Cargo sets it for tests; the program is to do so itself.
+    command.current_dir(folder).args(words).env_remove("ZENOH_RUNTIME");
     command
 }
 

@@ -183,7 +183,10 @@ fn in_words(said: &str) -> String {
 
 fn open(config: &Value) -> Result<Session, CarrierError> {
     if std::env::var(THREADS.0).as_deref() != Ok(THREADS.1) {
-        return Err(CarrierError::Session(format!("{}={} is not set", THREADS.0, THREADS.1)));
+        return Err(CarrierError::Session(format!(
+            "{}={} is not set, without which two threads use a link at the same time: call prepare first",
+            THREADS.0, THREADS.1
+        )));
     }
     let failed = |cause: zenoh::Error| CarrierError::Session(in_words(&cause.to_string()));
     let config = zenoh::Config::from_json5(&config.to_string()).map_err(failed)?;
