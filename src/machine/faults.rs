@@ -134,17 +134,26 @@ pub enum Fault {
     },
     /// The control could not home a joint, and has come to rest.
     Homing { joint: usize, failure: HomingFailure },
-    /// A command beyond the travel of a joint; the planner should have refused it.
+    /// A command that leads beyond the travel of a joint, which was not sent; the planner should have refused it.
     SoftLimit {
         joint: usize,
-        /// Commanded position, mm.
+        /// Where the joint would have come to rest, mm.
         position_mm: f64,
+        /// Line of the program; 0: none.
+        line: u32,
     },
-    /// A command that is NaN, or a program that begins where the joint does not stand; a defect of the planner.
-    IllegalCommand { joint: usize },
-    /// A command more than a hundredth above a limit of the joint; a defect of the planner.
+    /// A command that is NaN, which was not sent, or a program that begins where the joint does not stand; a defect of the planner.
+    IllegalCommand {
+        joint: usize,
+        /// Line of the program; 0: none.
+        line: u32,
+    },
+    /// A command more than a hundredth above a limit of the joint; one above velocity or acceleration was not sent. A defect of the
+    /// planner.
     LimitExceeded {
         joint: usize,
+        /// Line of the program; 0: none.
+        line: u32,
         /// Velocity, acceleration or jerk.
         order: Order,
         /// Commanded, in mm and s.
@@ -325,6 +334,14 @@ impl Reaction {
     }
 }
 
+/// Where in a program, if it was in one.
+fn in_line(line: u32) -> String {
+    match line {
+        0 => String::new(),
+        line => format!(": line {line}"),
+    }
+}
+
 impl Fault {
     /// The only place that says what a fault does to the machine.
     pub fn reaction(&self) -> Reaction {
@@ -349,6 +366,7 @@ impl Fault {
             | Fault::FollowingError { led: false, .. }
             | Fault::Homing { .. }
             | Fault::SoftLimit { .. }
+            | Fault::IllegalCommand { .. }
             | Fault::LimitExceeded { .. }
             | Fault::OutOfStep { .. }
             | Fault::SpindleDrive { .. }
@@ -367,7 +385,7 @@ impl Fault {
             | Fault::LinkFailed {
                 error: LinkFailure::Down | LinkFailure::FrameLength { .. } | LinkFailure::Os { .. },
             } => Reaction::ControlledStop,
-            Fault::IllegalCommand { .. } | Fault::FollowingError { led: true, .. } => Reaction::QuickStop,
+            Fault::FollowingError { led: true, .. } => Reaction::QuickStop,
             Fault::EmergencyStop { .. } => Reaction::EmergencyStop,
             Fault::CycleHung => Reaction::Silence,
         }
@@ -417,7 +435,7 @@ impl Fault {
             | Fault::Homing { joint, .. }
             | Fault::SoftLimit { joint, .. }
             | Fault::LimitSwitch { joint, .. }
-            | Fault::IllegalCommand { joint }
+            | Fault::IllegalCommand { joint, .. }
             | Fault::LimitExceeded { joint, .. }
             | Fault::EmergencyStop {
                 cause: EstopCause::Sto { joint },
@@ -516,13 +534,19 @@ impl Fault {
             Fault::SoftLimit {
                 joint: index,
                 position_mm,
+                line,
             } => {
-                format!("{}: command {position_mm:.3} mm beyond its travel", joint(index))
-            }
-            Fault::IllegalCommand { joint: index } => {
                 format!(
-                    "{}: command that is NaN or far from where it stands: a defect of the planner",
-                    joint(index)
+                    "{}: command {position_mm:.3} mm beyond its travel{}",
+                    joint(index),
+                    in_line(line)
+                )
+            }
+            Fault::IllegalCommand { joint: index, line } => {
+                format!(
+                    "{}: command that is NaN or far from where it stands: a defect of the planner{}",
+                    joint(index),
+                    in_line(line)
                 )
             }
             Fault::LimitExceeded {
@@ -530,11 +554,13 @@ impl Fault {
                 order,
                 value,
                 limit,
+                line,
             } => {
                 let unit = order.unit();
                 format!(
-                    "{}: commanded {order} {value:.1} {unit} above its limit, {limit:.1} {unit}: a defect of the planner",
-                    joint(index)
+                    "{}: commanded {order} {value:.1} {unit} above its limit, {limit:.1} {unit}: a defect of the planner{}",
+                    joint(index),
+                    in_line(line)
                 )
             }
             Fault::OutOfStep { fault } => format!("spindle: {fault}"),

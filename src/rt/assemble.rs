@@ -110,5 +110,6 @@ fn monitor_limits(joint: &Joint) -> MonitorLimits {
             joint.stop.acceleration_mm_s2,
             joint.stop.jerk_mm_s3,
         ],
+        travel: joint.travel_mm,
     }
 }

@@ -94,13 +94,15 @@ pub(crate) fn examples() -> Vec<Fault> {
         Fault::SoftLimit {
             joint: 0,
             position_mm: 305.2,
+            line: 12,
         },
-        Fault::IllegalCommand { joint: 0 },
+        Fault::IllegalCommand { joint: 0, line: 12 },
         Fault::LimitExceeded {
             joint: 0,
             order: Order::Velocity,
             value: 160.0,
             limit: 150.0,
+            line: 12,
         },
     ]);
     examples.extend(OF_SPINDLES.map(|fault| Fault::OutOfStep { fault }));

@@ -2,11 +2,12 @@
 //!
 //! Every run prints its seed; the same seed gives the same octets on the wire and the same bits in the trace.
 //! Here: what all runs share, clean runs, late plans. By subject beside it: drives and faults, modes of drives, orders, the wire,
-//! EtherCAT, late cycles, step pulses, analog amplifiers.
+//! EtherCAT, late cycles, what the last wall keeps back, step pulses, analog amplifiers.
 
 mod analog;
 mod ethercat;
 mod faults;
+mod last_wall;
 mod late_cycles;
 mod modes;
 mod orders;

@@ -23,7 +23,7 @@ mod track;
 
 pub use interpolator::{Interpolator, Sample, SampleState};
 pub use joint_compensation::{JointCompensation, PitchError, PitchRow, PitchTable, TakeUpLimits};
-pub use monitor::{Monitor, MonitorLimits, Order, Peaks, Trip};
+pub use monitor::{Monitor, MonitorLimits, Order, Peaks, Trip, Watched};
 pub use otg::{State, TrajectoryGenerator};
 pub use pid::{Pid, PidGains};
 pub use pitch_file::PitchFileError;

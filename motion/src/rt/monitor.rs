@@ -1,13 +1,21 @@
-//! The monitor: looks at every commanded joint position before it leaves.
+//! The monitor, the last wall: looks at every commanded joint position before it leaves.
 //!
 //! In:  one position of each joint per cycle.
-//! Out: greatest first, second and third differences per cycle time, how often they were over a limit, and what must not
-//! leave: the first joint that is far over, or whose position is NaN ([`Trip`]).
+//! Out: greatest first, second and third differences per cycle time, how often they were over a limit, and the first joint that is far
+//! over, or whose position is NaN ([`Trip`]). A command beyond travel, velocity or acceleration, or that is no number, does not
+//! leave: in its place every joint comes to rest from what was sent last, within its stop limits ([`Monitor::watch`]).
 //!
 //! For a true motion with |jerk| <= J the third difference divided by T³ is a weighted mean of the jerk and never above
 //! J, and likewise for velocity and acceleration: what is over is really over, but for rounding. RT.
 //!
 //! While the speed of the plan is being scaled (a hold, a stop, an override on its way), the limits of stops count.
+//!
+//! Nothing that is beyond its travel could stop at once, so a command is beyond it as soon as the joint could no longer come to rest
+//! inside. Joints come to rest together, each as hard as it must for that, so that they stay near the straight line on which they
+//! moved; one that would leave its travel on the way stops for itself.
+
+use super::StopLimits;
+use super::otg::segments::{Segments, State};
 
 /// Limits of one joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,6 +24,8 @@ pub struct MonitorLimits {
     pub of_order: [f64; 3],
     /// The same while its speed is being scaled.
     pub scaling: [f64; 3],
+    /// Least and greatest position, mm (degrees).
+    pub travel: [f64; 2],
 }
 
 /// Greatest differences of one joint.
@@ -80,6 +90,29 @@ pub enum Trip {
         /// Limit of that moment.
         limit: f64,
     },
+    /// A joint is commanded to leave its travel, or moves towards its end so that it could not come to rest inside.
+    Beyond {
+        /// The joint.
+        joint: usize,
+        /// Where it would come to rest, mm (degrees).
+        position: f64,
+    },
+}
+
+impl Trip {
+    /// Whether the command may leave all the same, as the way to rest begins with it.
+    fn may_leave(&self) -> bool {
+        matches!(self, Trip::Over { order: Order::Jerk, .. })
+    }
+}
+
+/// Joints whose commands are watched (bit n: joint n).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Watched {
+    /// Those that move.
+    pub moving: u64,
+    /// Those whose travel counts.
+    pub within_travel: u64,
 }
 
 /// Share by which a difference may pass its limit before it counts: rounding of positions.
@@ -90,14 +123,20 @@ const TRIP_SLACK: f64 = 0.01;
 const SCALING_SEEN: u8 = 4;
 /// Rounding of a commanded position, mm.
 const ROUNDING_MM: f64 = 1e-11;
+/// Part of the limits of stops that a joint uses at the least to come to rest: what hardly moves stands before the others do.
+const PART_MIN: f64 = 0.1;
+/// The same against the travel, which a program may name to its last digit, mm.
+const TRAVEL_SLACK_MM: f64 = 1e-6;
 
 #[derive(Clone, Copy, Debug)]
 struct JointMonitor {
     limits: MonitorLimits,
     /// Last positions, the newest first.
-    last: [f64; 3],
+    last: [f64; 4],
     seen: u8,
     peaks: Peaks,
+    /// The way to rest, while there is one in place of commands.
+    rest: Segments,
 }
 
 /// Watches all joints.
@@ -107,6 +146,71 @@ pub struct Monitor {
     cycle_s: f64,
     /// Cycles for which the scaling of the plan's speed is still seen.
     scaling: u8,
+    /// Since the way to rest began, s; `None`: commands leave as they come.
+    resting_s: Option<f64>,
+}
+
+impl JointMonitor {
+    /// What leaves for it.
+    fn take(&mut self, position: f64) {
+        let [q1, q2, q3, _] = self.last;
+        self.last = [position, q1, q2, q3];
+        self.seen = self.seen.saturating_add(1);
+    }
+
+    /// How the joint moves at its last position, as far as that can be told from those before it.
+    fn state(&self, cycle_s: f64) -> State {
+        let [q1, q2, q3, q4] = self.last;
+        if self.seen < 4 {
+            return State::resting(q1);
+        }
+        // Of constant jerk these are its differences; the mean of them lies in the middle of their cycles.
+        let jerk = (q1 - 3.0 * q2 + 3.0 * q3 - q4) / cycle_s.powi(3);
+        let acceleration = (q1 - 2.0 * q2 + q3) / (cycle_s * cycle_s) + jerk * cycle_s;
+        let velocity = (q1 - q2) / cycle_s + cycle_s * (acceleration / 2.0 - jerk * cycle_s / 6.0);
+        State {
+            position: q1,
+            velocity,
+            acceleration,
+        }
+    }
+
+    /// The shortest way to rest with a part of the limits of stops.
+    fn to_rest(&self, state: State, part: f64) -> Segments {
+        let [_, acceleration, jerk] = self.limits.scaling;
+        let limits = StopLimits {
+            acceleration: part * acceleration,
+            jerk: part * part * jerk,
+        };
+        Segments::to_velocity(state, 0.0, limits)
+    }
+
+    /// How far positions from there to rest are beyond the travel, mm.
+    fn beyond(&self, position: f64) -> f64 {
+        let [low, high] = self.limits.travel;
+        (low - position).max(position - high)
+    }
+
+    /// Where it would come to rest, if that is beyond its travel; `position`: the command of this cycle.
+    fn beyond_travel(&self, position: f64, cycle_s: f64) -> Option<f64> {
+        let [_, acceleration, jerk] = self.limits.scaling;
+        let speed = (position - self.last[0]).abs() / cycle_s;
+        // Most are far from there.
+        let stop_s = 2.0 * (speed / acceleration + acceleration / jerk);
+        if self.beyond(position) + speed * stop_s < 0.0 {
+            return None;
+        }
+        if self.beyond(position) > TRAVEL_SLACK_MM {
+            return Some(position);
+        }
+        let mut next = *self;
+        next.take(position);
+        let rest = self.to_rest(next.state(cycle_s), 1.0);
+        // The state is known but for what the jerk changes in a cycle.
+        let slack = TRAVEL_SLACK_MM + self.limits.of_order[2] * cycle_s * cycle_s * (rest.duration_s() + 2.0 * cycle_s);
+        let end = rest.end.position;
+        (self.beyond(end) > slack).then_some(end)
+    }
 }
 
 impl Monitor {
@@ -116,29 +220,116 @@ impl Monitor {
             .iter()
             .map(|&limits| JointMonitor {
                 limits,
-                last: [0.0; 3],
+                last: [0.0; 4],
                 seen: 0,
                 peaks: Peaks::default(),
+                rest: Segments::none(State::default()),
             })
             .collect();
         Monitor {
             joints,
             cycle_s,
             scaling: 0,
+            resting_s: None,
         }
     }
 
-    /// Forgets the last positions, not the peaks: after a jump that is none, such as homing. RT.
-    pub fn restart(&mut self) {
-        for joint in &mut self.joints {
-            joint.seen = 0;
+    /// Nothing moves that is watched: joints stand at `positions`, or are led by somebody else. What is on its way to rest is given
+    /// up. RT.
+    pub fn rest_at(&mut self, positions: &[f64]) {
+        self.resting_s = None;
+        for (joint, &position) in self.joints.iter_mut().zip(positions) {
+            (joint.last, joint.seen) = ([position; 4], 4);
         }
+    }
+
+    /// Whether commands are replaced, and joints are still on their way to rest. RT.
+    pub fn is_stopping(&self) -> bool {
+        self.resting_s
+            .is_some_and(|time_s| self.joints.iter().any(|joint| time_s < joint.rest.duration_s()))
+    }
+
+    /// Whether commands are replaced. RT.
+    pub fn holds_back(&self) -> bool {
+        self.resting_s.is_some()
+    }
+
+    /// Looks at the commands of a cycle as [`Monitor::check`] does and puts in their place what may leave. From one on that must not,
+    /// all joints come to rest and stay there until [`Monitor::rest_at`]. RT.
+    pub fn watch(&mut self, positions: &mut [f64], watched: Watched, scaling: bool) -> Option<Trip> {
+        let is_set = |set: u64, joint: usize| set >> joint & 1 == 1;
+        for (index, (joint, &position)) in self.joints.iter_mut().zip(&*positions).enumerate() {
+            if !is_set(watched.moving, index) {
+                (joint.last, joint.seen) = ([position; 4], 4);
+            }
+        }
+        let trip = match self.resting_s {
+            Some(_) => None,
+            None => self.judge(positions, watched, scaling),
+        };
+        if trip.is_some_and(|trip| !trip.may_leave()) {
+            self.come_to_rest(watched);
+        }
+        if let Some(time_s) = &mut self.resting_s {
+            *time_s += self.cycle_s;
+            for (index, (joint, position)) in self.joints.iter().zip(&mut *positions).enumerate() {
+                if is_set(watched.moving, index) {
+                    *position = joint.rest.at(*time_s).position;
+                }
+            }
+        }
+        for (joint, &position) in self.joints.iter_mut().zip(&*positions) {
+            joint.take(position);
+        }
+        trip
+    }
+
+    /// Lays out the ways to rest.
+    fn come_to_rest(&mut self, watched: Watched) {
+        let cycle_s = self.cycle_s;
+        let mut longest_s = 0.0_f64;
+        for joint in &mut self.joints {
+            joint.rest = joint.to_rest(joint.state(cycle_s), 1.0);
+            longest_s = longest_s.max(joint.rest.duration_s());
+        }
+        for (index, joint) in self.joints.iter_mut().enumerate() {
+            let duration_s = joint.rest.duration_s();
+            if duration_s <= 0.0 {
+                continue;
+            }
+            let part = (duration_s / longest_s).max(PART_MIN);
+            let together = joint.to_rest(joint.state(cycle_s), part);
+            let counts = watched.within_travel >> index & 1 == 1;
+            if !counts
+                || together
+                    .extent()
+                    .into_iter()
+                    .all(|place| joint.beyond(place) <= TRAVEL_SLACK_MM)
+            {
+                joint.rest = together;
+            }
+        }
+        self.resting_s = Some(0.0);
     }
 
     /// Takes the positions of a cycle, `scaling` if the plan's speed is being scaled; returns the first joint whose
     /// position is NaN, else the first one that is more than a hundredth over a limit. RT.
     pub fn check(&mut self, positions: &[f64], scaling: bool) -> Option<Trip> {
-        let (mut illegal, mut fast) = (None, None);
+        let all = Watched {
+            moving: u64::MAX,
+            within_travel: 0,
+        };
+        let trip = self.judge(positions, all, scaling);
+        for (joint, &position) in self.joints.iter_mut().zip(positions) {
+            joint.take(position);
+        }
+        trip
+    }
+
+    /// The worst that the positions of a cycle would do: what is no number, what is beyond travel, velocity or acceleration, what is
+    /// beyond jerk.
+    fn judge(&mut self, positions: &[f64], watched: Watched, scaling: bool) -> Option<Trip> {
+        let (mut illegal, mut beyond, mut fast, mut jerks) = (None, None, None, None);
         self.scaling = if scaling {
             SCALING_SEEN
         } else {
@@ -146,11 +337,14 @@ impl Monitor {
         };
         let steady = self.scaling == 0;
         for (index, (joint, &position)) in self.joints.iter_mut().zip(positions).enumerate() {
+            if watched.moving >> index & 1 == 0 {
+                continue;
+            }
             if !position.is_finite() {
                 illegal = illegal.or(Some(Trip::NotFinite { joint: index }));
                 continue;
             }
-            let [q1, q2, q3] = joint.last;
+            let [q1, q2, q3, _] = joint.last;
             let differences = [
                 position - q1,
                 position - 2.0 * q1 + q2,
@@ -171,18 +365,23 @@ impl Monitor {
                 let over = value > limit * (1.0 + SLACK) + rounding;
                 joint.peaks.over[order] += u64::from(over);
                 if over && value > limit * (1.0 + TRIP_SLACK) + rounding {
-                    fast = fast.or(Some(Trip::Over {
+                    let order = Order::ALL[order];
+                    let first = if order == Order::Jerk { &mut jerks } else { &mut fast };
+                    *first = first.or(Some(Trip::Over {
                         joint: index,
-                        order: Order::ALL[order],
+                        order,
                         value,
                         limit,
                     }));
                 }
             }
-            joint.last = [position, q1, q2];
-            joint.seen = joint.seen.saturating_add(1);
+            if watched.within_travel >> index & 1 == 1
+                && let Some(position) = joint.beyond_travel(position, self.cycle_s)
+            {
+                beyond = beyond.or(Some(Trip::Beyond { joint: index, position }));
+            }
         }
-        illegal.or(fast)
+        illegal.or(fast).or(beyond).or(jerks)
     }
 
     /// Peaks of each joint so far.
@@ -194,10 +393,13 @@ impl Monitor {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::rt::{MotionLimits, TrajectoryGenerator};
+    use proptest::prelude::*;
 
     const LIMITS: MonitorLimits = MonitorLimits {
         of_order: [10.0, 100.0, 1000.0],
         scaling: [10.0, 200.0, 4000.0],
+        travel: [f64::NEG_INFINITY, f64::INFINITY],
     };
 
     #[test]
@@ -247,6 +449,7 @@ mod tests {
                 let limits = MonitorLimits {
                     of_order,
                     scaling: of_order,
+                    ..LIMITS
                 };
                 let mut monitor = Monitor::new(&[LIMITS, limits], 0.01);
                 let mut seen = None;
@@ -286,5 +489,185 @@ mod tests {
             assert_eq!(peaks.over[2], over, "{peaks:?}");
             assert_eq!(peaks.of_order[2] > 0.0, !scaling);
         }
+    }
+
+    /// Velocity 100, acceleration 1000, jerk 20,000; stops twice and four times as hard.
+    const HARD: MonitorLimits = MonitorLimits {
+        of_order: [100.0, 1000.0, 20_000.0],
+        scaling: [100.0, 2000.0, 80_000.0],
+        travel: [-50.0, 50.0],
+    };
+    const T: f64 = 1e-3;
+    const ALL: Watched = Watched {
+        moving: u64::MAX,
+        within_travel: u64::MAX,
+    };
+
+    /// A joint on its way to and fro within its limits: places in each cycle.
+    fn to_and_fro(targets: &[f64]) -> Vec<f64> {
+        let limits = MotionLimits {
+            velocity: 100.0,
+            acceleration: 1000.0,
+            jerk: 20_000.0,
+        };
+        let stop = StopLimits {
+            acceleration: 2000.0,
+            jerk: 80_000.0,
+        };
+        let mut joint = TrajectoryGenerator::new(0.0, limits, stop, T);
+        let mut places = vec![0.0];
+        for &target in targets {
+            joint.go_to(target, 100.0);
+            while !joint.is_at_rest() {
+                places.push(joint.step().position);
+            }
+        }
+        places
+    }
+
+    /// What may go wrong with the commands of all joints from a cycle on.
+    #[derive(Clone, Copy, Debug)]
+    enum Wrong {
+        Jump(f64),
+        NotANumber,
+        Frozen,
+        Doubled,
+        Speed(f64),
+    }
+
+    fn wrong() -> impl Strategy<Value = Wrong> {
+        prop_oneof![
+            (1e-6..200.0_f64).prop_map(Wrong::Jump),
+            (-200.0..-1e-6_f64).prop_map(Wrong::Jump),
+            Just(Wrong::NotANumber),
+            Just(Wrong::Frozen),
+            Just(Wrong::Doubled),
+            (-300.0..300.0_f64).prop_map(Wrong::Speed),
+        ]
+    }
+
+    impl Wrong {
+        fn command(self, places: &[f64], cycle: usize, from: usize) -> f64 {
+            let place = |cycle: usize| places[cycle.min(places.len() - 1)];
+            let late = cycle - from;
+            match self {
+                Wrong::Jump(by) => place(cycle) + by,
+                Wrong::NotANumber => f64::NAN,
+                Wrong::Frozen => place(from - 1),
+                Wrong::Doubled => place(from + 2 * late + 1),
+                Wrong::Speed(by) => place(cycle) + by * T * (late + 1) as f64,
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn whatever_is_commanded_nothing_leaves_that_is_over_a_limit(
+            targets in prop::array::uniform2(prop::collection::vec(-50.0..50.0_f64, 1..4)), from in 1_usize..1500, wrong in wrong(),
+            which in 0_usize..2,
+        ) {
+            let places = targets.map(|targets| to_and_fro(&targets));
+            let from = from.min(places[which].len() - 1).max(1);
+            let mut monitor = Monitor::new(&[HARD; 2], T);
+            monitor.rest_at(&[0.0; 2]);
+            let (mut left, mut trip) = (vec![[0.0; 2]; 4], None);
+            for cycle in 1..from + 2000 {
+                let mut commands = [0, 1].map(|joint| places[joint][cycle.min(places[joint].len() - 1)]);
+                if cycle >= from {
+                    commands[which] = wrong.command(&places[which], cycle, from);
+                }
+                let found = monitor.watch(&mut commands, ALL, false);
+                prop_assert!(found.is_none() || cycle >= from, "{found:?} in cycle {cycle}, before {from}");
+                trip = trip.or(found.filter(|trip| !trip.may_leave()));
+                left.push(commands);
+                let last = &left[left.len() - 4..];
+                for joint in 0..2 {
+                    let [q4, q3, q2, q1] = [0, 1, 2, 3].map(|k| last[k][joint]);
+                    let v = (q1 - q2) / T;
+                    let a = (q1 - 2.0 * q2 + q3) / T.powi(2);
+                    let [_, a_max, j_max] = if trip.is_some() { HARD.scaling } else { HARD.of_order };
+                    prop_assert!(q1.is_finite() && v.abs() <= 101.0 + 1e-6, "{v} mm/s in cycle {cycle}");
+                    prop_assert!(a.abs() <= a_max * 1.01 + 0.1, "{a} mm/s2 in cycle {cycle}");
+                    prop_assert!((-50.01..=50.01).contains(&q1), "{q1} mm in cycle {cycle}");
+                    // What the jerk was is known but for a change of it in the last cycles.
+                    let j = (q1 - 3.0 * q2 + 3.0 * q3 - q4) / T.powi(3);
+                    if trip.is_some() {
+                        prop_assert!(j.abs() <= j_max + 3.0 * HARD.of_order[2], "{j} mm/s3 in cycle {cycle}");
+                    }
+                }
+            }
+            if trip.is_some() {
+                prop_assert!(monitor.holds_back() && !monitor.is_stopping(), "at rest, and kept there");
+                let [.., before, last] = &left[..] else { unreachable!() };
+                prop_assert_eq!(before, last);
+                monitor.rest_at(last);
+                prop_assert!(!monitor.holds_back());
+            }
+        }
+    }
+
+    #[test]
+    fn joints_that_moved_along_a_line_come_to_rest_near_it() {
+        let mut monitor = Monitor::new(&[HARD, HARD], T);
+        monitor.rest_at(&[0.0; 2]);
+        let places = to_and_fro(&[40.0]);
+        let mut last = [0.0; 2];
+        for (cycle, place) in places.iter().enumerate() {
+            let mut commands = [*place, 0.5 * place];
+            if cycle >= 300 {
+                commands[0] += 5.0;
+            }
+            let trip = monitor.watch(&mut commands, ALL, false);
+            assert_eq!(trip.is_some(), cycle == 300, "{trip:?} in cycle {cycle}");
+            last = commands;
+            assert!((last[1] - 0.5 * last[0]).abs() < 0.03, "{last:?} in cycle {cycle}");
+        }
+        assert!(last[0] > places[300] && last[0] < places[300] + 10.0, "{last:?}");
+    }
+
+    #[test]
+    fn a_joint_that_moves_towards_the_end_of_its_travel_stops_before_it() {
+        let mut monitor = Monitor::new(&[HARD], T);
+        monitor.rest_at(&[40.0]);
+        let (mut position, mut trip) = (40.0, None);
+        let ramp = to_and_fro(&[40.0]);
+        for place in ramp.iter().map(|place| 40.0 + place).chain([80.0; 500]) {
+            let mut commands = [place];
+            trip = trip.or(monitor.watch(&mut commands, ALL, false));
+            [position] = commands;
+        }
+        assert!(matches!(trip, Some(Trip::Beyond { joint: 0, .. })), "{trip:?}");
+        assert!(position > 49.0 && position <= 50.0 + 1e-2, "{position}");
+        // One that counts no travel goes on.
+        let free = Watched {
+            within_travel: 0,
+            ..ALL
+        };
+        let mut monitor = Monitor::new(&[HARD], T);
+        monitor.rest_at(&[40.0]);
+        for place in &ramp {
+            assert_eq!(monitor.watch(&mut [40.0 + place], free, false), None);
+        }
+    }
+
+    #[test]
+    fn a_joint_led_by_somebody_else_is_not_touched() {
+        let mut monitor = Monitor::new(&[HARD, HARD], T);
+        let first = Watched {
+            moving: 1,
+            within_travel: 3,
+        };
+        monitor.rest_at(&[0.0; 2]);
+        for second in [0.0, 30.0, f64::NAN, -700.0] {
+            let mut commands = [0.0, second];
+            assert_eq!(monitor.watch(&mut commands, first, false), None);
+            assert_eq!(commands[1].to_bits(), second.to_bits());
+        }
+        let mut commands = [f64::NAN, 3.0];
+        assert_eq!(
+            monitor.watch(&mut commands, first, false),
+            Some(Trip::NotFinite { joint: 0 })
+        );
+        assert_eq!(commands, [0.0, 3.0]);
     }
 }

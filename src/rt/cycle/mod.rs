@@ -38,7 +38,7 @@ use motion::element::Action;
 use motion::kinematics::{Kinematics, ToolFrame};
 use motion::rt::homing::HomingStatus;
 use motion::rt::probe::Answer;
-use motion::rt::{Interpolator, Monitor, Peaks, Sample, SampleState, Shares, SyncFault, Trip};
+use motion::rt::{Interpolator, Monitor, Peaks, Sample, SampleState, Shares, SyncFault, Trip, Watched};
 use std::sync::Arc;
 
 /// Orders that are taken in one cycle at the most.
@@ -47,9 +47,7 @@ const COMMANDS_PER_CYCLE: usize = 4;
 const BUS_EVENTS_PER_CYCLE: usize = 8;
 
 /// Distance between the place where a program begins and the place where a joint stands, mm, that is rounding only.
-const START_SLACK_MM: f64 = 1e-3;
-/// Rounding of a commanded position against the travel, mm.
-const TRAVEL_SLACK_MM: f64 = 1e-6;
+const START_SLACK_MM: f64 = 1e-6;
 
 /// What follows once a moving machine has come to rest; of two wishes the one that goes further counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -164,6 +162,22 @@ pub struct MotionController<B> {
     scope: Option<Sampler>,
     /// Date of the cycle that is made ready.
     begin_ns: u64,
+    #[cfg(any(test, feature = "testing"))]
+    tampering: Tampering,
+}
+
+/// What a test does to commands behind the kinematics.
+#[cfg(any(test, feature = "testing"))]
+#[derive(Default)]
+struct Tampering(Option<Box<dyn FnMut(&mut [f64]) + Send>>);
+
+#[cfg(any(test, feature = "testing"))]
+impl Tampering {
+    fn tamper(&mut self, command_mm: &mut [f64]) {
+        if let Some(tamper) = &mut self.0 {
+            tamper(command_mm);
+        }
+    }
 }
 
 impl<B: CyclicBus> MotionController<B> {
@@ -206,6 +220,8 @@ impl<B: CyclicBus> MotionController<B> {
             laps: Laps::default(),
             scope: None,
             begin_ns: 0,
+            #[cfg(any(test, feature = "testing"))]
+            tampering: Tampering::default(),
         }
     }
 
@@ -334,6 +350,13 @@ impl<B: CyclicBus> MotionController<B> {
         self.notices_lost
     }
 
+    /// From now on `tamper` changes the commands of every cycle, mm, before they are looked at: to prove that what is wrong with them does not
+    /// leave.
+    #[cfg(any(test, feature = "testing"))]
+    pub fn tamper_with_commands(&mut self, tamper: Box<dyn FnMut(&mut [f64]) + Send>) {
+        self.tampering = Tampering(Some(tamper));
+    }
+
     /// From now on the parts of each cycle are timed.
     pub fn time_parts(&mut self) {
         self.laps = Laps::timed();
@@ -457,6 +480,7 @@ impl<B: CyclicBus> MotionController<B> {
         self.program.as_ref().is_none_or(|program| program.is_at_rest())
             && (!hand.is_active() || hand.is_at_rest())
             && (!homer.is_active() || homer.is_at_rest())
+            && !self.parts.monitor.is_stopping()
     }
 
     /// Gives the program up: spindle and coolant off.
@@ -561,6 +585,7 @@ impl<B: CyclicBus> MotionController<B> {
                 // The joints stay where they are; the planner should have refused the move.
                 self.fault(Fault::IllegalCommand {
                     joint: unreachable.joint,
+                    line: self.sample.line,
                 });
             }
             if let Some(share) = held {
@@ -733,30 +758,44 @@ impl<B: CyclicBus> MotionController<B> {
         }
     }
 
-    /// The last look at what leaves for the drives: numbers, inside the travel, within the limits.
+    /// The last look at what leaves for the drives: numbers, inside the travel, within the limits. What is not does not leave.
     fn check_commands(&mut self) {
+        #[cfg(any(test, feature = "testing"))]
+        self.tampering.tamper(&mut self.command_mm[..self.joints]);
+        let command_mm = &mut self.command_mm[..self.joints];
         let scaling = match &self.program {
             Some(program) if self.away_from.is_none() => program.is_scaling(),
             _ if self.parts.hand.is_active() => self.parts.hand.is_stopping(),
             _ if self.parts.homer.is_active() => self.parts.homer.is_stopping(),
             _ => {
-                self.parts.monitor.restart();
+                self.stay();
                 return;
             }
         };
         let homing = self.parts.homer.under_way();
-        let mut watched_mm = self.command_mm;
-        if homing != 0 {
-            // Joints that home by their drives are led by these, and count again at the end.
-            for (joint, watched_mm) in watched_mm.iter_mut().enumerate() {
-                if homing >> joint & 1 == 0 {
-                    *watched_mm = 0.0;
-                }
-            }
+        // Joints that home by their drives are led by these, and count again at the end. Travel has no meaning before a joint is homed: its
+        // search is bounded by distances, and the hand goes as far as the travel is long.
+        let drives = self.parts.drives.iter().enumerate();
+        let homed = drives.fold(0, |mask, (joint, drive)| mask | u64::from(drive.is_homed()) << joint);
+        let watched = Watched {
+            moving: if homing != 0 { homing } else { u64::MAX },
+            within_travel: if homing != 0 { 0 } else { homed },
+        };
+        let trip = self.parts.monitor.watch(command_mm, watched, scaling);
+        if self.parts.monitor.holds_back()
+            && let Some(position) = self.parts.kinematics.forward(&self.sample.frame, command_mm)
+        {
+            self.sample.position = position;
         }
-        if let Some(trip) = self.parts.monitor.check(&watched_mm[..self.joints], scaling) {
+        if let Some(trip) = trip {
+            let line = self.program.as_ref().map_or(0, |_| self.sample.line);
             self.fault(match trip {
-                Trip::NotFinite { joint } => Fault::IllegalCommand { joint },
+                Trip::NotFinite { joint } => Fault::IllegalCommand { joint, line },
+                Trip::Beyond { joint, position } => Fault::SoftLimit {
+                    joint,
+                    position_mm: position,
+                    line,
+                },
                 Trip::Over {
                     joint,
                     order,
@@ -764,27 +803,27 @@ impl<B: CyclicBus> MotionController<B> {
                     limit,
                 } => Fault::LimitExceeded {
                     joint,
+                    line,
                     order,
                     value,
                     limit,
                 },
             });
         }
-        let mut beyond = None;
+    }
+
+    /// Nothing moves: each joint is told what it was told before, whatever the commands say.
+    fn stay(&mut self) {
+        let mut elsewhere = None;
         for (joint, (command_mm, drive)) in self.command_mm.iter_mut().zip(self.parts.drives.iter()).enumerate() {
-            let (position_mm, [low_mm, high_mm]) = (*command_mm, drive.travel_mm());
-            if !position_mm.is_finite() {
+            if *command_mm != drive.command_mm() {
+                elsewhere = elsewhere.or(Some(joint));
                 *command_mm = drive.command_mm();
-            } else if homing != 0 {
-                // Travel has no meaning before a joint is homed; its search is bounded by distances.
-            } else if !drive.is_homed() {
-                // Nor has it for the hand, which goes as far as the travel is long.
-            } else if position_mm < low_mm - TRAVEL_SLACK_MM || position_mm > high_mm + TRAVEL_SLACK_MM {
-                beyond = beyond.or(Some(Fault::SoftLimit { joint, position_mm }));
             }
         }
-        if let Some(fault) = beyond {
-            self.fault(fault);
+        self.parts.monitor.rest_at(&self.command_mm[..self.joints]);
+        if let Some(joint) = elsewhere {
+            self.fault(Fault::IllegalCommand { joint, line: 0 });
         }
     }
 

@@ -228,7 +228,7 @@ impl<B: CyclicBus> MotionController<B> {
         };
         if let Some(joint) = far {
             self.give_back(program);
-            self.fault(Fault::IllegalCommand { joint });
+            self.fault(Fault::IllegalCommand { joint, line: 0 });
             return;
         }
         program.set_single_block(self.single_block);

@@ -295,6 +295,8 @@ impl<B: CyclicBus> MotionController<B> {
 
     /// Goes on from rest, as the wish was or as the fault wants it.
     pub(super) fn after_stop(&mut self) {
+        // Whatever was held back: from here on joints go on from where they stand.
+        self.parts.monitor.rest_at(&self.command_mm[..self.joints]);
         // Where something harder has ended the program meanwhile, a later stop is not for that.
         if std::mem::take(&mut self.retracts)
             && self.program.is_some()

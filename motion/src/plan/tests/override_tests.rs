@@ -119,6 +119,7 @@ impl Watch {
         let limits = settings.axes.iter().flatten().map(|axis| MonitorLimits {
             of_order: [axis.velocity, axis.acceleration, axis.jerk],
             scaling: [axis.velocity, 2.0 * axis.acceleration, 4.0 * axis.jerk],
+            travel: axis.travel,
         });
         Watch(Monitor::new(&limits.collect::<Vec<_>>(), settings.cycle_s))
     }

@@ -116,6 +116,7 @@ impl Rig {
         let limits = MonitorLimits {
             of_order: [VELOCITY, ACCELERATION, JERK],
             scaling: [VELOCITY, STOP.acceleration, STOP.jerk],
+            travel: [f64::NEG_INFINITY, f64::INFINITY],
         };
         Rig {
             interpolator: Interpolator::keeping(kept, consumer, Position::ZERO, ramp()),
