@@ -320,11 +320,22 @@ impl<'a> Machine<'a> {
         let chosen = self.random.below(self.place.room.len());
         for (k, &(letter, low, high)) in self.place.room.iter().enumerate() {
             if all || k == chosen || self.random.once_in(2) {
-                let at = self.random.within(low, high);
-                let _ = write!(text, " {letter}{at:.3}");
+                let at = (self.random.within(low, high) * 1e3).round() / 1e3;
+                let _ = write!(text, " {letter}{}", at + self.residue());
             }
         }
         text
+    }
+
+    /// What computing leaves beside a number; mostly nothing.
+    fn residue(&mut self) -> f64 {
+        let order = self.random.within(-17.0, -3.0);
+        match self.random.below(6) {
+            0 => 10.0_f64.powf(order),
+            1 => -(10.0_f64.powf(order)),
+            2 => self.random.pick(&[1e-8, -1e-8, 1.1e-8]),
+            _ => 0.0,
+        }
     }
 
     /// A program of random blocks.
@@ -350,6 +361,22 @@ impl<'a> Machine<'a> {
                 11 => format!("G33.1 Z{:.3} K{:.3}", self.z(), self.random.within(0.2, 1.5)),
                 12 => format!("G4 P{:.4}", self.random.within(0.0, 0.02)),
                 13 => self.random.pick(&["G61", "G61.1", "G64", "G64 P0.05"]).into(),
+                // The end is told again, or nearly.
+                15 if self.random.once_in(2) => {
+                    let words = self.words(false);
+                    let beside: Vec<String> = words
+                        .split_whitespace()
+                        .map(|word| {
+                            format!(
+                                "{}{}",
+                                &word[..1],
+                                word[1..].parse::<f64>().expect("a number") + self.residue()
+                            )
+                        })
+                        .collect();
+                    let code = self.random.pick(&["G0", "G1"]);
+                    format!("{code}{words} F{feed}\n{code} {}", beside.join(" "))
+                }
                 14 if self.place.tool_centre => {
                     tool_centre = !tool_centre;
                     if tool_centre { "G43.4 H0" } else { "G49" }.into()

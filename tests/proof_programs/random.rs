@@ -89,6 +89,48 @@ impl Random {
         text
     }
 
+    /// What computing leaves beside a number: of either sign, all orders of magnitude from 1e-17 to `most` alike; mostly nothing.
+    fn residue(&mut self, most: f64) -> f64 {
+        match self.below(4) {
+            0 => self.magnitude(1e-17, most) * if self.below(2) == 0 { 1.0 } else { -1.0 },
+            1 => [1e-8, -1e-8, 1.1e-8, -5e-9, f64::EPSILON][self.below(5) as usize].clamp(-most, most),
+            _ => 0.0,
+        }
+    }
+
+    /// The same program as computing writes it: something is beside its numbers, and ends are told again, or nearly.
+    pub(crate) fn residues(&mut self, text: &str) -> String {
+        let mut out = String::new();
+        for line in text.lines() {
+            let words: Vec<&str> = line.split_whitespace().collect();
+            let is_of = |letters: &str| {
+                words
+                    .iter()
+                    .any(|word| word.starts_with(|first| letters.contains(first)))
+            };
+            let bent = is_of("IJKR");
+            let straight = matches!(words.first(), Some(&("G0" | "G1"))) && !bent && !is_of("(;#[LPQ");
+            if !(straight || bent && matches!(words.first(), Some(&("G2" | "G3")))) {
+                out.push_str(line);
+                out.push('\n');
+                continue;
+            }
+            let most = if bent { 1e-6 } else { 1e-3 };
+            for again in 0..1 + usize::from(straight && self.below(3) == 0) {
+                for word in &words {
+                    let number = word.get(1..).and_then(|number| number.parse::<f64>().ok());
+                    let _ = match number.filter(|_| word.starts_with(|first| "XYZABCUVW".contains(first))) {
+                        Some(number) => write!(out, "{}{} ", &word[..1], number + self.residue(most)),
+                        None if again > 0 && !word.starts_with('G') => Ok(()),
+                        None => write!(out, "{word} "),
+                    };
+                }
+                out.push('\n');
+            }
+        }
+        out
+    }
+
     /// What may stand between two runs.
     fn between(&mut self, text: &mut String) {
         match self.below(8) {

@@ -2,7 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-use super::{Group, Jet, LengthTable, by_length, distance, dot3};
+use super::{Group, Jet, LengthTable, by_length, distance, dot3, snapped};
 use crate::canon::{AXES, Position};
 
 /// Places of a spiral at which its farthest positions are looked for, a turn.
@@ -27,6 +27,8 @@ pub struct Circle {
 #[derive(Clone, Copy, Debug)]
 pub struct Arc {
     start: [f64; AXES],
+    /// To the last bit, which trigonometry would miss.
+    end: [f64; AXES],
     /// What goes evenly with the angle, over the whole arc: height along the normal and the other axes.
     even: [f64; AXES],
     /// Unit vector from the axis to the start point, and the one a quarter turn further in the direction of motion.
@@ -44,6 +46,10 @@ pub struct Arc {
 }
 
 impl Arc {
+    pub(super) fn is(&self, other: &Arc) -> bool {
+        self.start == other.start && self.end == other.end && self.sweep == other.sweep && self.radial == other.radial
+    }
+
     pub(super) fn new(circle: &Circle) -> Option<Arc> {
         let (start, end, normal) = (circle.start.0, circle.end.0, circle.normal);
         let main = |q: &[f64; AXES]| Group::Main.pick(q);
@@ -74,12 +80,13 @@ impl Arc {
                 end[axis] - start[axis]
             };
         }
-        // Differences that come from rounding are no spiral.
+        // Differences that come from rounding are no spiral; any other would be a jump at the end.
         let change = end_radius - radius;
-        let radius_change = if change.abs() < 1e-9 * radius { 0.0 } else { change };
+        let radius_change = if change.abs() < ROUNDING_MM { 0.0 } else { change };
         let sweep = circle.sweep_rad.abs();
         Arc {
             start,
+            end,
             even,
             radial,
             tangential,
@@ -254,8 +261,7 @@ impl Arc {
 
     /// RT.
     pub(super) fn position(&self, s: f64) -> Position {
-        let u = self.parameter(s);
-        Position(self.at(u))
+        Position(self.at(snapped(self.parameter(s))))
     }
 
     fn at(&self, u: f64) -> [f64; AXES] {
@@ -263,6 +269,9 @@ impl Arc {
     }
 
     fn at_angle(&self, u: f64, (sin, cos): (f64, f64)) -> [f64; AXES] {
+        if u >= 1.0 {
+            return self.end;
+        }
         let radius = self.radius + self.radius_change * u;
         let mut q = self.start;
         for (axis, q) in q.iter_mut().enumerate() {
@@ -399,6 +408,8 @@ impl Arc {
     }
 }
 
+/// What rounding adds to a radius, mm.
+const ROUNDING_MM: f64 = 1e-12;
 /// Part by which an arc may differ from a circle for its bounds to be those of a circle, and a little.
 const NEARLY_ROUND: f64 = 1e-3;
 

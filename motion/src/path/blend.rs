@@ -31,6 +31,10 @@ pub struct Blend {
 }
 
 impl Blend {
+    pub(super) fn is(&self, other: &Blend) -> bool {
+        self.c == other.c
+    }
+
     /// The quintic whose second-order contact with both legs makes position, direction and curvature continuous.
     pub(super) fn new(from: &BlendEnd, to: &BlendEnd, group: Group) -> Option<Blend> {
         let mut c = [[0.0; AXES]; 6];

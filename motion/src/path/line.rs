@@ -1,6 +1,6 @@
 //! Straight stretch.
 
-use super::{Group, Jet, distance};
+use super::{Group, Jet, distance, snapped};
 use crate::canon::{AXES, Position};
 
 /// Straight stretch in nine axes.
@@ -13,6 +13,10 @@ pub struct Line {
 }
 
 impl Line {
+    pub(super) fn is(&self, other: &Line) -> bool {
+        self.start == other.start && self.end == other.end
+    }
+
     /// `None` when nothing moves or a number is not finite.
     pub(super) fn new(start: Position, end: Position) -> Option<Line> {
         let mut delta = [0.0; AXES];
@@ -40,7 +44,7 @@ impl Line {
     /// RT.
     pub(super) fn position(&self, s: f64) -> Position {
         // Counted from the nearer end, so that both end points come out as programmed.
-        let u = s / self.length;
+        let u = snapped(s / self.length);
         let (base, u) = if u <= 0.5 {
             (&self.start, u)
         } else {

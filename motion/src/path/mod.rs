@@ -4,8 +4,8 @@
 //! Out: positions and derivatives by arc length, to the planner and, one position per cycle, to the cycle thread.
 //!
 //! A [`Piece`] is plain data of fixed size. Its `s` runs from 0 to [`Piece::length`]: millimetres along XYZ if one of
-//! them moves, else millimetres along UVW, else degrees along ABC. That is the length to which a feed rate refers. The
-//! axes outside that group turn evenly along.
+//! them moves, else millimetres along UVW, else degrees along ABC. That is the length to which a feed rate refers, but for straight
+//! moves of which that part is next to nothing ([`Group::from_delta`]). The axes outside that group turn evenly along.
 
 mod arc;
 mod blend;
@@ -42,12 +42,35 @@ pub enum Group {
     Rotary,
 }
 
+/// An axis that is to move no farther than this does not move, mm or degrees: what computing a position leaves behind is below it, and
+/// any step of a drive far above. It is also what LinuxCNC's canonical layer takes for no motion.
+pub const NO_MOVE: f64 = 1e-8;
+
+/// How far axes outside of the group that measures a piece may move for each unit of its length. Steeper, and a length that a number can
+/// just tell apart would be motion of theirs.
+const STEEPEST: f64 = 1e4;
+
 impl Group {
-    /// The group that measures a straight move by `delta`; `None` when nothing moves.
-    pub fn from_delta(delta: &[f64; AXES]) -> Option<Group> {
-        [Group::Main, Group::Parallel, Group::Rotary]
+    const ALL: [Group; 3] = [Group::Main, Group::Parallel, Group::Rotary];
+
+    /// The group to which the feed of a straight move by `delta` refers: the first of which an axis moves, see [`NO_MOVE`]. `None` when
+    /// nothing moves.
+    pub fn of_feed(delta: &[f64; AXES]) -> Option<Group> {
+        let moves = |group: &Group| group.pick(delta).iter().any(|x| x.abs() > NO_MOVE);
+        let least = |group: &Group| group.norm(delta) > 0.0;
+        Group::ALL
             .into_iter()
-            .find(|group| group.norm(delta) > 0.0)
+            .find(moves)
+            .or_else(|| Group::ALL.into_iter().find(least))
+    }
+
+    /// The group that measures a straight move by `delta`: that of the feed, unless another one moves so much farther that its motion
+    /// could not be told by the length of that. `None` when nothing moves.
+    pub fn from_delta(delta: &[f64; AXES]) -> Option<Group> {
+        let of_feed = Group::of_feed(delta)?;
+        let length = of_feed.norm(delta);
+        let steeper = |group: &Group| group.norm(delta) > STEEPEST * length;
+        Some(Group::ALL.into_iter().find(steeper).unwrap_or(of_feed))
     }
 
     /// The first of its three axes. RT.
@@ -144,7 +167,8 @@ impl Piece {
         }
     }
 
-    /// Position at `s`, which is clamped to the piece. RT: bounded, no allocation, no panic.
+    /// Position at `s`, which is clamped to the piece; at the end of a line or an arc, and nearer to it than sums of lengths are exact, the end
+    /// that was programmed, to the last bit. RT: bounded, no allocation, no panic.
     pub fn position(&self, s: f64) -> Position {
         let s = self.from + s.clamp(0.0, self.length);
         match &self.shape {
@@ -225,14 +249,28 @@ impl Piece {
         }
     }
 
-    /// The stretch from `from` to `to` of this piece; `None` when it is empty.
+    /// The stretch from `from` to `to` of this piece; `None` when it is empty, or only rounding makes it more than that.
     pub fn cut(&self, from: f64, to: f64) -> Option<Piece> {
+        /// As a part of the length.
+        const ROUNDING: f64 = 1e-13;
         let (from, to) = (from.max(0.0), to.min(self.length));
-        (to > from).then_some(Piece {
+        (to - from > ROUNDING * self.length).then_some(Piece {
             from: self.from + from,
             length: to - from,
             ..*self
         })
+    }
+
+    /// Whether it is the very same piece, not only another one along the same way.
+    pub(crate) fn is(&self, other: &Piece) -> bool {
+        let alike = self.from == other.from && self.length == other.length && self.frame == other.frame;
+        alike
+            && match (&self.shape, &other.shape) {
+                (Shape::Line(a), Shape::Line(b)) => a.is(b),
+                (Shape::Arc(a), Shape::Arc(b)) => a.is(b),
+                (Shape::Blend(a), Shape::Blend(b)) => a.is(b),
+                (Shape::Line(_) | Shape::Arc(_) | Shape::Blend(_), _) => false,
+            }
     }
 
     /// The same positions of the axes, meant as `frame` says. A new piece has no tool-centre-point control.
@@ -294,6 +332,13 @@ impl From<PackedPiece> for Piece {
             PackedPiece::Other(piece) => *piece,
         }
     }
+}
+
+/// A part of a whole, the whole where only rounding is missing. RT.
+fn snapped(u: f64) -> f64 {
+    /// What the sums of some dozens of lengths leave.
+    const ROUNDING: f64 = 2e-14;
+    if u > 1.0 - ROUNDING { 1.0 } else { u }
 }
 
 fn distance(a: &[f64; AXES], b: &[f64; AXES]) -> f64 {

@@ -180,14 +180,19 @@ fn acceleration_at(jump: &Bounds, sides: [&Stretch; 2], speed: f64, settings: &S
 /// either side is run up to its middle.
 fn is_worth_passing(a: &Stretch, b: &Stretch, speed: f64, settings: &Settings) -> bool {
     let reach_s = 3.0 * settings.cycle_s;
-    let gain_s = |stretch: &Stretch| {
-        let limits = Bounds::new(&stretch.piece).limits(stretch.feed, settings);
+    let limits = |stretch: &Stretch| Bounds::new(&stretch.piece).limits(stretch.feed, settings);
+    // Slower than what a few cycles of jerk give, rest is no worse: beside a move that is next to nothing.
+    let [of_a, of_b] = [limits(a), limits(b)];
+    if speed < of_a.j.min(of_b.j) * (2.0 * settings.cycle_s).powi(2) {
+        return false;
+    }
+    let gain_s = |(stretch, limits): (&Stretch, PathLimits)| {
         let length = 0.5 * stretch.piece.length();
         let [_, passed_s] = run_up_s(speed, length - reach_s * speed, &limits);
         let [rising_s, rest_s] = run_up_s(0.0, length, &limits);
         rest_s - LEAST_GAIN * rising_s - (reach_s + passed_s)
     };
-    speed > 0.0 && gain_s(a) + gain_s(b) > 0.0
+    speed > 0.0 && gain_s((a, of_a)) + gain_s((b, of_b)) > 0.0
 }
 
 /// Time over a length that begins with a speed, s: while speed rises, and all of it.

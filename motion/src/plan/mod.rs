@@ -12,6 +12,7 @@
 //! junctions slows down where pieces that are not rounded meet with a small jump
 //! optimal   speeds near the shortest time, by an interior point method; or
 //! classic   joins pieces into runs, plans speeds backward and forward, slopes    (limits, profile)
+//! gate      every seam of what they hand over
 //! planner   all of them, one after the other; or the path and its speeds apart, in two threads
 //! ```
 //!
@@ -25,6 +26,7 @@ pub mod classic;
 mod curve;
 pub mod deviation;
 mod frame;
+mod gate;
 pub mod joint_space;
 mod junctions;
 mod limits;
@@ -47,6 +49,7 @@ use crate::kinematics::Unreachable;
 use crate::path::Piece;
 
 pub use deviation::{Deviation, deviation};
+pub use gate::{LimitJudge, Over};
 pub use joint_space::JointSpace;
 pub use offline::{Offline, plan_offline};
 pub use planner::{FEED_OVERRIDE_MAX, PathPlanner, Planner, Pumped, Smoothed, SpeedPlanner};
@@ -230,6 +233,8 @@ pub enum PlanErrorKind {
     },
     /// A number that is infinite or none at all.
     NotFinite,
+    /// A joint would jump there, or pass a limit, however it is planned: a defect of the planner.
+    OverLimits,
     /// A call that this planner cannot carry out.
     Unsupported(&'static str),
 }
@@ -302,6 +307,10 @@ impl fmt::Display for PlanErrorKind {
                 "pitch and spindle speed come to {speed:.3} mm/s, more than the axes reach ({limit:.3} mm/s); expected a lower S"
             ),
             PlanErrorKind::NotFinite => f.write_str("position is not a finite number"),
+            PlanErrorKind::OverLimits => f.write_str(
+                "over limits, not run: a joint would jump here or pass its limits, which is a defect of the planner; expected another \
+                 way to write this move, or program.planner = \"classic\"",
+            ),
             PlanErrorKind::Unsupported(what) => {
                 write!(f, "the control cannot run {what} yet; expected a program without it")
             }

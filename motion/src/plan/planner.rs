@@ -26,6 +26,12 @@ pub enum Pumped {
     Blocked,
     /// Everything has been handed over, down to the rest at the end.
     Done,
+    /// What comes behind a place of the program cannot be handed over: a joint would jump there, or pass a limit, also in a plan of
+    /// another kind. The machine comes to rest before it. A defect of the planner.
+    Refused {
+        /// Line of the program.
+        line: u32,
+    },
 }
 
 impl Settings {
@@ -71,6 +77,21 @@ impl Engine {
         match self {
             Engine::Classic(steps) => steps.is_done(),
             Engine::Optimal(stream) => stream.is_done(),
+        }
+    }
+
+    fn planned_anew(&self) -> u64 {
+        match self {
+            Engine::Classic(steps) => steps.planned_anew(),
+            Engine::Optimal(stream) => stream.planned_anew(),
+        }
+    }
+
+    #[cfg(test)]
+    fn spoil(&mut self, spoil: fn(&mut [Element]) -> bool) {
+        match self {
+            Engine::Classic(steps) => steps.spoil = Some(spoil),
+            Engine::Optimal(stream) => stream.spoil = Some(spoil),
         }
     }
 
@@ -155,7 +176,8 @@ impl PathPlanner {
             Some(Entry::Move(part)) => self.moved(part),
             Some(Entry::Curve(parts)) => parts.into_iter().for_each(|part| self.moved(part)),
             Some(Entry::Halt) => {
-                self.rest_told(None);
+                self.tell();
+                self.rest(None);
                 self.frame = self.program.tool_frame();
             }
             Some(Entry::Rest(element)) => {
@@ -239,12 +261,21 @@ impl PathPlanner {
         self.pass();
     }
 
-    /// Rest, at which what no move has brought about is done first.
+    /// Rest, where the program is, at which what no move has brought about is done first.
     fn rest_told(&mut self, element: Option<Element>) {
+        if let Some(owed) = self.program.take_owed() {
+            self.smoother.flush(&self.settings, &mut self.passed);
+            self.passed.push(Passed::Stop);
+            self.moved(owed);
+        }
+        self.tell();
+        self.rest(element);
+    }
+
+    fn tell(&mut self) {
         for told in self.program.take_on_the_way() {
             self.rest(Some(told));
         }
-        self.rest(element);
     }
 
     /// Sends everything through; it ends at rest.
@@ -321,6 +352,12 @@ impl<S: Sink<Element>> SpeedPlanner<S> {
             Engine::Classic(steps) => steps.computed_ahead(),
             Engine::Optimal(_) => [0; 2],
         }
+    }
+
+    /// Publications that were planned anew, as a joint would have jumped in them or passed a limit: defects of the planner that were
+    /// kept from the machine.
+    pub fn planned_anew(&self) -> u64 {
+        self.engine.planned_anew()
     }
 
     /// Where publications go.
@@ -413,6 +450,17 @@ impl<S: Sink<Element>> Planner<S> {
     /// Where publications go.
     pub fn sink(&mut self) -> &mut S {
         self.speed.sink()
+    }
+
+    /// As [`SpeedPlanner::planned_anew`] says.
+    pub fn planned_anew(&self) -> u64 {
+        self.speed.planned_anew()
+    }
+
+    /// What is planned is spoiled before the gate sees it, once `spoil` finds something that it can spoil.
+    #[cfg(test)]
+    pub(super) fn spoil(&mut self, spoil: fn(&mut [Element]) -> bool) {
+        self.speed.engine.spoil(spoil);
     }
 
     /// From now on feed moves run at `feed` times the programmed feed (0 to 1.2) and rapid moves with `rapid` times the speed

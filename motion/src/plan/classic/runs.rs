@@ -18,6 +18,9 @@ pub(super) const RUN_PIECES: usize = 512;
 /// Pieces that are passed in one cycle at most, on the mean of a run; a bound for the work of the cycle.
 const PIECES_PER_CYCLE: f64 = 16.0;
 
+/// What sums of lengths and times may leave, as a part of the length of a run.
+const ROUNDING: f64 = 1e-12;
+
 /// Pieces with a place in the plan.
 #[derive(Clone, Copy, Debug)]
 struct Part {
@@ -207,8 +210,9 @@ impl Run {
         if until <= from {
             return;
         }
+        let is_last = part + 1 == self.parts.len();
         let part = &self.parts[part];
-        out.push(Element::Span(Span {
+        let mut span = Span {
             piece: part.piece,
             s0: phase.place(from) - part_start,
             v0: phase.speed(from).max(0.0),
@@ -220,6 +224,14 @@ impl Run {
             rapid: part.rapid,
             enables: part.enables,
             auxiliary: part.auxiliary,
-        }));
+        };
+        if is_last && until == phase.duration {
+            // The sum of the lengths before it has its rounding; its own end has none.
+            let missed = part.piece.length() - span.place(span.duration_s);
+            if missed.abs() <= ROUNDING * self.length {
+                span.s0 += missed;
+            }
+        }
+        out.push(Element::Span(span));
     }
 }

@@ -19,6 +19,7 @@ use std::sync::Arc;
 use super::buffers::{Ahead, Buffers, Runs as Path, before, cap};
 use super::runs::{Built, RUN_PIECES, Run, Runs};
 use crate::element::Element;
+use crate::plan::gate::Gate;
 use crate::plan::junctions::{Joined, Junctions};
 use crate::plan::profile::{change_length, end_speed, least_end_speed};
 use crate::plan::smooth::Passed;
@@ -121,6 +122,11 @@ pub(in crate::plan) struct Steps {
     tail: Vec<Element>,
     /// Elements of the publication that found no room; 0: none is waiting, or it has changed since.
     refused: usize,
+    gate: Gate,
+    /// The line at which the gate is closed.
+    closed: Option<u32>,
+    #[cfg(test)]
+    pub(in crate::plan) spoil: Option<fn(&mut [Element]) -> bool>,
 }
 
 impl Steps {
@@ -143,7 +149,16 @@ impl Steps {
             committed: Vec::new(),
             tail: Vec::new(),
             refused: 0,
+            gate: Gate::new(settings),
+            closed: None,
+            #[cfg(test)]
+            spoil: None,
         }
+    }
+
+    /// Publications that the gate has refused.
+    pub(in crate::plan) fn planned_anew(&self) -> u64 {
+        self.gate.refused()
     }
 
     /// The path goes on.
@@ -188,6 +203,9 @@ impl Steps {
     /// Hands over what is final.
     pub(in crate::plan) fn pump<S: Sink<Element>>(&mut self, settings: &Settings, sink: &mut S) -> Pumped {
         loop {
+            if let Some(line) = self.closed {
+                return Pumped::Refused { line };
+            }
             if self.final_steps == 0 {
                 self.plan_if_due(settings);
             }
@@ -197,8 +215,10 @@ impl Steps {
             match self.publish(sink) {
                 Publish::Done => {}
                 // Nothing is meant to replace final motion here.
-                Publish::Full | Publish::Passed => return Pumped::Blocked,
+                Publish::Full | Publish::Passed if self.closed.is_none() => return Pumped::Blocked,
+                Publish::Full | Publish::Passed => {}
                 Publish::TailTaken => {
+                    self.gate.tail_taken();
                     // The backward pass does not depend on the speed before it.
                     self.final_steps = self.final_steps.saturating_sub(self.tail_steps);
                     self.drop_steps(self.tail_steps);
@@ -434,10 +454,19 @@ impl Steps {
             }
         };
         if !(committed.is_empty() && tail.is_empty()) {
+            #[cfg(test)]
+            if self.spoil.is_some_and(|spoil| spoil(committed)) {
+                self.spoil = None;
+            }
+            if let Err(line) = self.gate.check(committed, tail, false) {
+                self.closed = Some(line);
+                return Publish::Full;
+            }
             let result = sink.publish(committed, tail);
             if result != Publish::Done {
                 return result;
             }
+            self.gate.handed_over();
         }
         self.speed = after;
         self.final_steps -= steps;

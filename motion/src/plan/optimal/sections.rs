@@ -11,6 +11,7 @@ use std::collections::VecDeque;
 use crate::element::Element;
 use crate::plan::junctions::{Kink, Meeting};
 use crate::plan::smooth::Stretch;
+use crate::plan::smooth::round::distance;
 
 /// One thing after the other, as it came.
 #[derive(Clone, Copy, Debug)]
@@ -278,8 +279,8 @@ pub(super) enum Found {
     Rest { item: u64 },
 }
 
-/// What is shorter is left out: no position of a drive is as fine, and knots so near to each other mean nothing.
-const SLIVER_MM: f64 = 1e-9;
+/// What is shorter is made part of what lies beside it: knots so near to each other mean nothing. Nothing of the path is left out.
+const SLIVER: f64 = 1e-9;
 /// What is shorter, over the zone beside it, is made part of that zone: knots are about even.
 const NARROW: f64 = 0.5;
 
@@ -357,9 +358,15 @@ impl Sections {
             zones[wide] += between;
         }
         let (begin, end) = (zones[0], length - zones[1]);
-        let mut from = s;
+        // Of a piece of which all but what rounding leaves has been handed over nothing is left: nothing moves by that.
+        let rounding = length - s <= SLIVER && s > 0.0 && {
+            let [here, there] = [s, length].map(|s| stretch.piece.position(s));
+            distance(&here.0, &there.0) <= SLIVER
+        };
+        let mut from = if rounding { length } else { s };
         for to in [begin.min(end), begin.max(end), length] {
-            if to - from > SLIVER_MM {
+            let is_cut = to - from > SLIVER && length - to > SLIVER;
+            if is_cut || (to == length && to > from) {
                 let middle = 0.5 * (from + to);
                 self.open = true;
                 out.push(Found::Part(Part {

@@ -3,6 +3,7 @@
 //! In:  control points in work coordinates, knots.
 //! Out: moves along lines and quintics, of which only the last ends as the mode of the program says.
 
+use super::moves::is_no_move;
 use super::{Corner, Entry, Move, Program};
 use crate::canon::Plane;
 use crate::plan::curve::{self, Fault};
@@ -53,8 +54,13 @@ impl Program {
             let moved = if plane == Plane::Xy { 0..2 } else { 0..3 };
             end.0[moved.clone()].copy_from_slice(&last.0[moved]);
         }
+        let start = self.start();
+        let near = |(point, _): &([f64; 2], f64)| is_no_move(&start, &machine(*point));
+        if points.iter().all(near) && is_no_move(&start, &end) {
+            return self.owe(end, line, false, settings).map(|()| None);
+        }
         let plane = curve::Plane {
-            start: self.position,
+            start,
             first: self.frame.direction(first),
             second: self.frame.direction(second),
         };
@@ -66,12 +72,15 @@ impl Program {
             Fault::NotFinite => PlanErrorKind::NotFinite,
             Fault::Wild => PlanErrorKind::WildCurve,
         })?;
-        let start = self.position;
+        let (position, owed) = (self.position, self.owed);
         let moves = pieces
             .iter()
             .map(|piece| self.accept(*piece, piece.position(piece.length()), line, false, settings))
             .collect::<Result<Vec<Move>, _>>();
-        self.position = if moves.is_ok() { end } else { start };
+        match &moves {
+            Ok(_) => self.position = end,
+            Err(_) => (self.position, self.owed) = (position, owed),
+        }
         let mut moves = moves?;
         // Its parts are one move of the program.
         if let Some((_, inner)) = moves.split_last_mut() {

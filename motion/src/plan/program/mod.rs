@@ -12,7 +12,7 @@ use super::{PlanErrorKind, Settings};
 use crate::canon::{Axis, Call, FeedMode, PathMode, Position, Record, SPINDLES, SpindleDirection, SpindleMode};
 use crate::element::{Action, Auxiliary, Element, Enables, Outputs};
 use crate::kinematics::ToolFrame;
-use crate::path::Piece;
+use crate::path::{NO_MOVE, Piece};
 
 /// What may happen to the path at the end of a move.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -66,7 +66,10 @@ pub(super) struct Program {
     frame: Frame,
     /// How the axes are meant.
     tool_frame: ToolFrame,
+    /// Where the program is.
     position: Position,
+    /// The way there from where the axes are, if that is no move.
+    owed: Option<Move>,
     feed: Option<Feed>,
     /// G95: `feed` counts way per turn, not per second.
     per_turn: bool,
@@ -102,6 +105,7 @@ impl Program {
             frame: Frame::default(),
             tool_frame: ToolFrame::OFF,
             position: start,
+            owed: None,
             feed: None,
             per_turn: false,
             pitch_mm: None,
@@ -209,6 +213,9 @@ impl Program {
             Call::ArcFeed { to, plane, centre_mm, turns } => {
                 let piece = self.arc(to, *plane, *centre_mm, *turns)?;
                 let end = self.frame.machine(to);
+                if piece.length() <= NO_MOVE && moves::is_no_move(&self.start(), &end) {
+                    return self.owe(end, line, false, settings).map(|()| None);
+                }
                 return self.accept(piece, end, line, false, settings).map(Entry::Move).map(Some);
             }
             Call::NurbsFeed { plane, points, order, knots } => {
@@ -379,6 +386,7 @@ impl Program {
     /// The axes rest somewhere on the way of the last move.
     pub(super) fn stands_at(&mut self, position: Position) {
         self.position = position;
+        self.owed = None;
     }
 
     /// Work coordinates of a machine position.
@@ -399,13 +407,23 @@ impl Program {
         let Some(joints) = settings.joints.as_ref().filter(|joints| joints.kinematics.has_tcp()) else {
             return Err(PlanErrorKind::NoToolCentrePoint);
         };
-        self.position = joints
-            .kinematics
-            .reframe(&self.position, &self.tool_frame, &to)
-            .map_err(|unreachable| PlanErrorKind::Unreachable {
-                unreachable,
-                place: Box::new(self.position),
-            })?;
+        let from = self.tool_frame;
+        let reframed = |position: Position| {
+            joints
+                .kinematics
+                .reframe(&position, &from, &to)
+                .map_err(|unreachable| PlanErrorKind::Unreachable {
+                    unreachable,
+                    place: Box::new(position),
+                })
+        };
+        let (start, end) = (reframed(self.start())?, reframed(self.position)?);
+        self.position = end;
+        let owed = self.owed.take();
+        self.owed = owed.and_then(|owed| {
+            let piece = Piece::line(start, end)?.in_frame(to);
+            Some(Move { piece, ..owed })
+        });
         self.tool_frame = to;
         Ok(Some(Entry::Halt))
     }

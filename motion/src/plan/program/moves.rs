@@ -5,14 +5,38 @@
 
 use std::f64::consts::TAU;
 
-use super::{Corner, Entry, Move, Program};
+use super::{Corner, Entry, Feed, Move, Program};
 use crate::canon::{PathMode, Plane, Position, ProbeMode};
 use crate::element::{Element, Enables, Probing};
-use crate::path::{Circle, Group, Piece};
+use crate::path::{Circle, Group, NO_MOVE, Piece, Shape};
 use crate::plan::{PlanErrorKind, Settings, probing, travel};
 
+/// Ends of an arc that are nearer to each other are equal, mm.
+const ROUNDING_MM: f64 = 1e-9;
 /// Most turns of an arc: its knots, some dozens a turn, are in memory together.
 const TURNS_MAX: u32 = 1000;
+
+/// Whether no axis moves from one place to the other: the one place where that is decided.
+pub(super) fn is_no_move(from: &Position, to: &Position) -> bool {
+    from.0.iter().zip(&to.0).all(|(from, to)| (to - from).abs() <= NO_MOVE)
+}
+
+impl Feed {
+    /// Along a piece that begins at `start`, in units of its length per second.
+    fn along(&self, piece: &Piece, start: &Position) -> f64 {
+        let Shape::Line(_) = piece.shape() else {
+            return self.mm_s;
+        };
+        let end = piece.position(piece.length());
+        let delta = std::array::from_fn(|axis| end.0[axis] - start.0[axis]);
+        let group = Group::of_feed(&delta).unwrap_or(piece.group());
+        let feed = match group {
+            Group::Main | Group::Parallel => self.mm_s,
+            Group::Rotary => self.degrees_s,
+        };
+        feed * (piece.length() / group.norm(&delta))
+    }
+}
 
 impl Program {
     /// A straight move until a contact changes, from rest to rest.
@@ -23,6 +47,10 @@ impl Program {
         line: u32,
         settings: &Settings,
     ) -> Result<Option<Entry>, PlanErrorKind> {
+        // A caller would wait for a move that never comes.
+        if is_no_move(&self.start(), &self.frame.machine(to)) {
+            return Err(PlanErrorKind::Unsupported("a probing move of no length"));
+        }
         match self.straight(to, line, false, settings)? {
             Some(Entry::Move(Move { piece, feed, line, .. })) => {
                 let limits = probing::limits_along(&piece, settings)?;
@@ -34,8 +62,6 @@ impl Program {
                     line,
                 }))))
             }
-            // A caller would wait for a move that never comes.
-            None => Err(PlanErrorKind::Unsupported("a probing move of no length")),
             other => Ok(other),
         }
     }
@@ -51,7 +77,12 @@ impl Program {
         if end.0.iter().any(|x| !x.is_finite()) {
             return Err(PlanErrorKind::NotFinite);
         }
-        match Piece::line(self.position, end) {
+        let start = self.start();
+        if is_no_move(&start, &end) {
+            self.owe(end, line, rapid, settings)?;
+            return Ok(None);
+        }
+        match Piece::line(start, end) {
             Some(piece) => self
                 .accept(piece, end, line, rapid, settings)
                 .map(Entry::Move)
@@ -60,10 +91,67 @@ impl Program {
         }
     }
 
+    /// Where the next move begins: the last one may have been none.
+    pub(super) fn start(&self) -> Position {
+        self.owed
+            .as_ref()
+            .map_or(self.position, |owed| owed.piece.position(0.0))
+    }
+
+    /// The program goes on from `end`, so near to where the axes are that this is no move. What follows begins where they are; at a rest
+    /// they come here.
+    pub(super) fn owe(
+        &mut self,
+        end: Position,
+        line: u32,
+        rapid: bool,
+        settings: &Settings,
+    ) -> Result<(), PlanErrorKind> {
+        let start = self.start();
+        self.owed = match Piece::line(start, end) {
+            Some(piece) => Some(Move {
+                corner: Corner::Stop,
+                ..self.part(piece, &start, line, rapid, settings)?
+            }),
+            None => None,
+        };
+        self.position = end;
+        Ok(())
+    }
+
+    /// What is left of the way to where the program is, from rest to rest: no move has led there.
+    pub(in crate::plan) fn take_owed(&mut self) -> Option<Move> {
+        let owed = self.owed.take()?;
+        self.take_outputs();
+        Some(Move {
+            auxiliary: self.auxiliary,
+            ..owed
+        })
+    }
+
     pub(super) fn accept(
         &mut self,
         piece: Piece,
         end: Position,
+        line: u32,
+        rapid: bool,
+        settings: &Settings,
+    ) -> Result<Move, PlanErrorKind> {
+        let part = self.part(piece, &self.start(), line, rapid, settings)?;
+        self.position = end;
+        self.owed = None;
+        self.take_outputs();
+        Ok(Move {
+            auxiliary: self.auxiliary,
+            ..part
+        })
+    }
+
+    /// A piece from `start` on with all that holds for it, if it may be run.
+    fn part(
+        &self,
+        piece: Piece,
+        start: &Position,
         line: u32,
         rapid: bool,
         settings: &Settings,
@@ -75,14 +163,8 @@ impl Program {
         } else {
             let feed = self.feed.ok_or(PlanErrorKind::NoFeedRate)?;
             let per_s = if self.per_turn { self.turns_s(settings)? } else { 1.0 };
-            let delta = std::array::from_fn(|i| end.0[i] - self.position.0[i]);
-            match Group::from_delta(&delta) {
-                Some(Group::Rotary) => feed.degrees_s * per_s,
-                Some(Group::Main | Group::Parallel) | None => feed.mm_s * per_s,
-            }
+            per_s * feed.along(&piece, start)
         };
-        self.position = end;
-        self.take_outputs();
         let corner = match self.mode {
             PathMode::ExactPath => Corner::Exact,
             PathMode::ExactStop => Corner::Stop,
@@ -150,12 +232,18 @@ impl Program {
         let ((from, radius), (until, _)) = (angle_and_radius(&self.position), angle_and_radius(&end));
         let mut sweep = if turns > 0 { until - from } else { from - until }.rem_euclid(TAU);
         // Equal end points are a full turn; so are those that differ by the rounding of a computed program.
-        if sweep * radius < 1e-9 || (TAU - sweep) * radius < 1e-9 {
-            sweep = TAU;
+        if sweep * radius < ROUNDING_MM {
+            sweep += TAU;
+        }
+        // The axes may be a little beside where the program is.
+        if self.owed.is_some() {
+            let ahead = angle_and_radius(&self.start()).0 - from;
+            let ahead = ahead - TAU * (ahead / TAU).round();
+            sweep -= if turns > 0 { ahead } else { -ahead };
         }
         sweep += TAU * f64::from(turns.unsigned_abs().saturating_sub(1));
         let circle = Circle {
-            start: self.position,
+            start: self.start(),
             end,
             centre_mm: centre,
             normal,

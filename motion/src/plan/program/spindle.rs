@@ -3,6 +3,7 @@
 //! In:  S, G96, pitches.
 //! Out: what the spindle is told; turns per second for feed by turns; threads and taps from rest to rest.
 
+use super::moves::is_no_move;
 use super::{Entry, Program};
 use crate::canon::{Axis, Position, SpindleMode};
 use crate::element::{Action, Element, Surface, Synced, Tap};
@@ -91,6 +92,10 @@ impl Program {
             return Err(PlanErrorKind::NotFinite);
         }
         let turns_s = self.turns_s_between(self.position[Axis::X], end[Axis::X], settings)?;
+        if is_no_move(&self.start(), &end) {
+            return self.owe(end, line, true, settings).map(|()| None);
+        }
+        // It begins at rest, where what is owed has been made up for.
         let Some(way) = Piece::line(self.position, end) else {
             return Ok(None);
         };

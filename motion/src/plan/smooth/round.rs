@@ -68,6 +68,9 @@ fn shape(shapes: &[(f64, f64, f64)], interior_deg: f64) -> (f64, f64) {
 /// that the first try is good.
 const TANGENT: f64 = 0.025;
 
+/// A smaller corner is not rounded, mm: on it, rounding of numbers would be motion.
+const SIZE_MIN: f64 = 1e-6;
+
 /// A blend of bent legs that is not off by enough is at most so much larger in the next try.
 const GROWTH: f64 = 2.0;
 
@@ -173,7 +176,7 @@ pub(super) fn round_as(
 
 /// The blend that begins and ends `d` from the vertex.
 fn try_size(a: &Piece, b: &Piece, d: f64, (p1, p2): (f64, f64)) -> Option<Piece> {
-    if d < 1e-6 {
+    if d < SIZE_MIN {
         return None;
     }
     let (pace, pace_change) = (5.0 * (1.0 - p1) * d, 20.0 * (2.0 * p1 - p2 - 1.0) * d);
@@ -257,6 +260,9 @@ pub(super) fn overlap(shape: &Overlap, a: &Piece, b: &Piece, size: f64, toleranc
     let straight = matches!((a.shape(), b.shape()), (Shape::Line(_), Shape::Line(_)));
     let mut size = size;
     for _ in 0..TRIES {
+        if size < SIZE_MIN {
+            return None;
+        }
         let halves = shape.blends(a, b, size, a.group())?;
         let off = if straight {
             0.0

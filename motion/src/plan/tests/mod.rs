@@ -7,11 +7,13 @@ use super::*;
 use crate::canon::{Call, Event, PathMode, Plane};
 
 mod corners;
+mod gate;
 mod joint_space;
 mod never_slower;
 mod on_the_way;
 mod override_tests;
 mod random;
+mod residues;
 mod slow;
 mod tiny;
 mod travel;

@@ -32,9 +32,20 @@ pub(super) enum Step {
         count: u32,
         heading: f64,
     },
+    /// The end is told again, or nearly: in X, Y, Z and A.
+    Again {
+        by: [f64; 4],
+        rapid: bool,
+    },
     Feed(f64),
     Mode(u8),
     Rest(u8),
+}
+
+/// What computing leaves beside a number: of either sign, all orders of magnitude alike; or nothing.
+pub(super) fn residue() -> impl Strategy<Value = f64> {
+    let beside = |sign: f64| (-17.0..-3.0_f64).prop_map(move |order| sign * libm::pow(10.0, order));
+    prop_oneof![2 => Just(0.0), 1 => beside(1.0), 1 => beside(-1.0), 1 => Just(1e-8), 1 => Just(1.1e-8)]
 }
 
 pub(super) fn step() -> impl Strategy<Value = Step> {
@@ -61,6 +72,7 @@ pub(super) fn step() -> impl Strategy<Value = Step> {
             }),
         2 => (2.0f64..40.0, 0.02f64..0.5, 3u32..60, 0.0..TAU)
             .prop_map(|(radius, chord, count, heading)| Step::Dense { radius, chord, count, heading }),
+        2 => (prop::array::uniform4(residue()), prop::bool::weighted(0.2)).prop_map(|(by, rapid)| Step::Again { by, rapid }),
         1 => (0.5f64..150.0).prop_map(Step::Feed),
         1 => (0u8..5).prop_map(Step::Mode),
         1 => (0u8..4).prop_map(Step::Rest),
@@ -149,6 +161,16 @@ pub(super) fn program(steps: &[Step], exact: bool) -> Vec<Event> {
                     at[Axis::Y] = ((y + radius * angle.sin()) * 1e5).round() / 1e5;
                     calls.push(Call::StraightFeed { to: at });
                 }
+            }
+            Step::Again { by, rapid } => {
+                for (at, by) in at.0.iter_mut().zip(by) {
+                    *at += by;
+                }
+                calls.push(if rapid {
+                    Call::StraightTraverse { to: at }
+                } else {
+                    Call::StraightFeed { to: at }
+                });
             }
             Step::Feed(per_second) => calls.push(Call::SetFeedRate {
                 linear: per_second,

@@ -57,6 +57,12 @@ fn calls(steps: &[(f64, f64, u8)], tolerance_mm: f64) -> Vec<Event> {
                 linear: 5.0 + 90.0 * turn.abs().min(1.0),
                 angular: 80.0,
             })),
+            // The end is told again, or nearly.
+            2 => {
+                to.0[0] += turn * 1e-9;
+                to.0[2] += length * 1e-14;
+                calls.push(event(Call::StraightFeed { to }));
+            }
             _ => {}
         }
     }

@@ -26,6 +26,7 @@ use super::slopes::Made;
 use super::solver::{JointJet, Knotting, Launch, State};
 use super::windows::{Answer, States, Times, Uncut, WINDOW_SPANS, Window};
 use crate::element::Element;
+use crate::plan::gate::Gate;
 use crate::plan::junctions::{Meeting, meeting};
 use crate::plan::smooth::{Passed, Stretch};
 use crate::plan::workers::{Ordered, Workers};
@@ -177,6 +178,15 @@ pub(in crate::plan) struct Stream {
     tail_length: usize,
     /// Elements of the publication that found no room; 0: none is waiting. What is waiting only grows.
     refused: usize,
+    gate: Gate,
+    /// The stop behind what has been handed over last; empty: it ends at rest at `rest`.
+    stop: Vec<Made>,
+    rest: Place,
+    /// From where it is planned anew because the gate has refused what was planned first; and the line, where that was refused, too.
+    anew: Option<Place>,
+    closed: Option<u32>,
+    #[cfg(test)]
+    pub(in crate::plan) spoil: Option<fn(&mut [Element]) -> bool>,
 }
 
 impl Stream {
@@ -208,7 +218,19 @@ impl Stream {
             changes: Changes::default(),
             tail_length: 0,
             refused: 0,
+            gate: Gate::new(settings),
+            stop: Vec::new(),
+            rest: begin,
+            anew: None,
+            closed: None,
+            #[cfg(test)]
+            spoil: None,
         }
+    }
+
+    /// Publications that the gate has refused.
+    pub(in crate::plan) fn planned_anew(&self) -> u64 {
+        self.gate.refused()
     }
 
     /// The path goes on.
@@ -282,15 +304,19 @@ impl Stream {
                 Some(Publish::Passed) => self.take_over(sink, true),
                 Some(Publish::TailTaken) => {
                     self.tail_length = 0;
+                    self.gate.tail_taken();
+                    self.stop.clear();
                     let Some(rest) = self.tail.take() else { continue };
+                    self.rest = rest;
                     self.steps.clear();
                     self.pending.clear();
                     self.restart(rest, Entry::Rest, false);
                 }
+                None if let Some(line) = self.closed => return Pumped::Refused { line },
                 None if self.is_done() => return Pumped::Done,
                 None if self.changes.withholds() => return Pumped::Blocked,
                 None if self.finished && self.jobs.under_way() > 0 => {}
-                None if self.begun_anew != begun_anew => {}
+                None if self.begun_anew != begun_anew || self.changes.has_failed() => {}
                 None => return Pumped::Hungry,
             }
         }

@@ -384,7 +384,7 @@ impl Stream {
         };
         let count: usize = self.steps.range(..steps).map(count).sum();
         let mut committed = Vec::with_capacity(count);
-        let mut tail = Vec::new();
+        let mut tail: Vec<Made> = Vec::new();
         let mut lives = Vec::with_capacity(count);
         let begin = sink.next_number();
         let consumed = sink.consumer_at().is_some();
@@ -409,7 +409,7 @@ impl Stream {
                 }
                 if cut.is_some() {
                     left.opens = false;
-                    tail.push(left.element);
+                    tail.push(left);
                 } else {
                     committed.push(left.element);
                 }
@@ -432,9 +432,10 @@ impl Stream {
                 let made = Made { opens: false, ..*made };
                 let rests = k + 1 == elements.len();
                 lives.push(Live::new(begin + lives.len() as u64, &made, rests.then_some(*rest)));
-                tail.push(made.element);
+                tail.push(made);
             }
         }
+        let stop_elements: Vec<Element> = tail.iter().map(|made| made.element).collect();
         let mut rest = stop.map(|tail| tail.rest);
         let mut end = last.end;
         if let Some((.., left)) = &cut {
@@ -442,17 +443,29 @@ impl Stream {
             end = left.end;
         }
         if !lives.is_empty() {
+            #[cfg(test)]
+            if self.spoil.is_some_and(|spoil| spoil(&mut committed)) {
+                self.spoil = None;
+            }
+            let anew = self.changes.is_under_way();
+            if let Err(line) = self.gate.check(&committed, &stop_elements, anew) {
+                self.plan_anew(line);
+                return None;
+            }
             let result = match &self.changes.under_way {
-                Some(change) => sink.publish_after(change.number, &committed, &tail),
+                Some(change) => sink.publish_after(change.number, &committed, &stop_elements),
                 None if !has_room(sink, lives.len()) => Publish::Full,
-                None => sink.publish(&committed, &tail),
+                None => sink.publish(&committed, &stop_elements),
             };
             self.refused = if result == Publish::Full { lives.len() } else { 0 };
             if result != Publish::Done {
                 return Some(result);
             }
+            self.gate.handed_over();
             self.published(consumed, lives, tail.len());
         }
+        self.stop = tail;
+        self.rest = rest.unwrap_or(end);
         self.tail = rest;
         self.handed = end.item;
         if !consumed {
@@ -469,6 +482,31 @@ impl Stream {
             }
         }
         Some(Publish::Done)
+    }
+
+    /// The gate has refused what was to be handed over, at this line: it is planned once more from the next rest on, from rest to rest and
+    /// without the solver. A new plan for another override is tried from elsewhere.
+    fn plan_anew(&mut self, line: u32) {
+        if self.changes.is_under_way() {
+            self.changes.fail();
+            return;
+        }
+        if self.anew.replace(self.rest) == Some(self.rest) {
+            self.closed = Some(line);
+            return;
+        }
+        self.steps.clear();
+        self.pending.clear();
+        self.asked.clear();
+        self.jobs = Ordered::new(&self.workers);
+        if !self.stop.is_empty() {
+            self.steps.push_back(Step::Ready(Ready {
+                elements: self.stop.clone(),
+                end: self.rest,
+                after: After::Rest,
+            }));
+        }
+        self.restart(self.rest, Entry::Rest, true);
     }
 
     /// Keeps in mind what is in the ring now.

@@ -113,11 +113,16 @@ pub(super) fn normal(piece: &Piece) -> Option<[f64; 3]> {
     }
 }
 
+/// The same for each mm, of pieces that are next to nothing.
+const RISE_MAX: f64 = 1e-9;
+
 /// Whether a line or arc stays in a plane of which this is the normal, and nothing but X, Y and Z moves.
 pub(super) fn flat(piece: &Piece, normal: &[f64; 3]) -> bool {
-    const RISE: f64 = 1e-9;
+    /// What rounding lets a piece rise, mm: what is flat is laid into the plane, and any more would be a jump at its end.
+    const RISE_MM: f64 = 1e-10;
+    let rise = RISE_MM / piece.length();
     let still = |jet: &Jet| jet.d1[3..].iter().all(|&d| d == 0.0);
-    let level = |d: &[f64; AXES]| (0..3).map(|i| d[i] * normal[i]).sum::<f64>().abs() < RISE;
+    let level = |d: &[f64; AXES]| (0..3).map(|i| d[i] * normal[i]).sum::<f64>().abs() < rise.min(RISE_MAX);
     piece.group() == Group::Main
         && match piece.shape() {
             Shape::Blend(_) => false,
