@@ -10,10 +10,12 @@ use super::waits::Waits;
 use super::{Begin, Feeder, Progress, folder, home, planned_settings};
 use crate::config::{Config, UserCodes};
 use crate::host::wait::thread_cpu_s;
+use crate::machine::motion_settings::plan_settings;
 use crate::machine::tables::Tables;
 use gcode::CheckLimits;
 use motion::cancel::Cancel;
 use motion::canon::Position;
+use motion::plan::Over;
 use std::fmt;
 use std::time::{Duration, Instant};
 
@@ -144,7 +146,8 @@ pub fn check<'t>(
     }
     let mut overview = Overview::default();
     let mut broken_off = None;
-    let mut feeder = Feeder::new(config, tables, text, begin.at(), Measure::new(thread_cpu_s))
+    let measure = Measure::new(thread_cpu_s).judging(&plan_settings(config, begin.at()));
+    let mut feeder = Feeder::new(config, tables, text, begin.at(), measure)
         .beside(path)
         .within(limits)
         .beginning(begin);
@@ -159,6 +162,9 @@ pub fn check<'t>(
                 break;
             }
             Err(error) => return Err(failed(error.render(path))),
+        }
+        if let Some(over) = feeder.sink().over() {
+            return Err(failed(over_limits(path, &over)));
         }
         if let Some(limit) = budget.passed() {
             return Err(failed(format!("{path}:{}: {limit}", feeder.line())));
@@ -175,6 +181,21 @@ pub fn check<'t>(
     overview.outline = measure.outline().assuming(assumes).leading(&lead);
     overview.tolerance_mm = feeder.tolerance_mm();
     Ok(overview)
+}
+
+/// A limit that the plan does not keep, in words.
+fn over_limits(path: &str, over: &Over) -> String {
+    let Over {
+        line,
+        joint,
+        order,
+        value,
+        limit,
+    } = *over;
+    format!(
+        "{path}:{line}: over limits, not run: joint {joint} would pass its {order} limit, {value:.1} of {limit:.1}; a defect of the planner: \
+         program.planner = \"classic\" may plan it"
+    )
 }
 
 /// Memory that a check may take, octets: beside a machine that stands by it is locked, and wanted by others.

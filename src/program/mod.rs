@@ -29,7 +29,7 @@ pub use check::{Overview, ProgramErrors, check, check_text};
 use dry_run::DryRun;
 pub use from_line::{approach, preview};
 use gcode::{CheckLimits, PinReader};
-use motion::canon::Position;
+use motion::canon::{Position, Source};
 use motion::element::Element;
 use motion::kinematics::ToolFrame;
 use motion::path::PackedPiece;
@@ -404,8 +404,13 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
     fn plan(&mut self) -> Result<Progress, FeedError> {
         for _ in 0..EVENTS_PER_PUMP {
             self.follow_overrides();
-            if self.speed.pump() == Pumped::Blocked {
-                return Ok(Progress::RingFull);
+            match self.speed.pump() {
+                Pumped::Blocked => return Ok(Progress::RingFull),
+                Pumped::Refused { line } => {
+                    self.ended = true;
+                    return Err(self.over_limits(line));
+                }
+                Pumped::Hungry | Pumped::Done => {}
             }
             if self.waits.awaited().is_some() {
                 let Some(known) = self.waits.receive() else {
@@ -514,6 +519,20 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
                 kind,
             } => FeedError::Plan(kind, self.recall().interpreter().error_at(source, letter, what)),
         }
+    }
+
+    /// What is planned is not run.
+    fn over_limits(&mut self, line: u32) -> FeedError {
+        let kind = PlanErrorKind::OverLimits;
+        self.failed(Failed::Plan {
+            source: Source {
+                line,
+                ..Source::default()
+            },
+            letter: None,
+            what: kind.to_string(),
+            kind,
+        })
     }
 
     /// The stages without their threads, for the end of the program.

@@ -12,6 +12,7 @@
 
 use super::outline::{Draft, Outline};
 use motion::element::Element;
+use motion::plan::{LimitJudge, Over, Settings};
 use motion::ring::{Publish, Sink, Timed};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -151,6 +152,9 @@ pub struct Measure {
     line: u32,
     cpu_s: fn() -> f64,
     pace: Pace,
+    /// Whether limits are looked at, and the first that is not kept.
+    judge: Option<LimitJudge>,
+    over: Option<Over>,
 }
 
 impl Measure {
@@ -164,7 +168,22 @@ impl Measure {
             line: 1,
             cpu_s,
             pace: Pace::new(cpu_s()),
+            judge: None,
+            over: None,
         }
+    }
+
+    /// The same that looks at the limits of velocity and acceleration.
+    pub fn judging(self, settings: &Settings) -> Measure {
+        Measure {
+            judge: Some(LimitJudge::new(settings)),
+            ..self
+        }
+    }
+
+    /// The first limit that the plan does not keep.
+    pub fn over(&self) -> Option<Over> {
+        self.over
     }
 
     /// Elements of the plan.
@@ -201,6 +220,9 @@ impl Sink<Element> for Measure {
         self.elements += committed.len();
         self.time_s += committed.iter().map(Timed::duration_s).sum::<f64>();
         committed.iter().for_each(|element| self.draft.add(element));
+        if let (Some(judge), None) = (&self.judge, self.over) {
+            self.over = committed.iter().find_map(|element| judge.over(element));
+        }
         self.tail.clear();
         self.tail.extend_from_slice(tail);
         if let Some(last) = tail.last().or(committed.last()) {
@@ -214,6 +236,11 @@ impl Sink<Element> for Measure {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use motion::canon::{AXES, Position};
+    use motion::element::{Auxiliary, Enables, Span};
+    use motion::path::Piece;
+    use motion::plan::AxisLimits;
+    use motion::rt::Order;
 
     /// A plan of steps of motion, each with its cost, s; the line is the number of the step.
     fn pace(steps: &[(f64, f64)]) -> RealTimeFactor {
@@ -224,6 +251,43 @@ mod tests {
             pace.planned(motion_s, line, || cpu_s);
         }
         pace.finish(motion_s, line, cpu_s)
+    }
+
+    #[test]
+    fn a_limit_that_a_plan_does_not_keep_is_told_with_its_line() {
+        let limits = AxisLimits {
+            velocity: 100.0,
+            acceleration: 1000.0,
+            jerk: 20_000.0,
+            travel: [-500.0, 500.0],
+        };
+        let settings = Settings::new([Some(limits); AXES], 1e-3);
+        let piece = Piece::line(Position::ZERO, Position::xyz(100.0, 0.0, 0.0)).unwrap();
+        let span = |v0: f64, line: u32| {
+            Element::Span(Span {
+                piece,
+                s0: 0.0,
+                v0,
+                a0: 0.0,
+                jerk: 0.0,
+                gradient: 0.0,
+                duration_s: 0.1,
+                line,
+                rapid: false,
+                enables: Enables::INITIAL,
+                auxiliary: Auxiliary::INITIAL,
+            })
+        };
+        let mut measure = Measure::new(|| 0.0).judging(&settings);
+        measure.publish(&[span(100.0, 3), span(99.0, 4)], &[]);
+        assert_eq!(measure.over(), None);
+        measure.publish(&[span(50.0, 5), span(103.0, 6), span(200.0, 7)], &[]);
+        let over = measure.over().unwrap();
+        assert_eq!(
+            (over.line, over.joint, over.order, over.value, over.limit),
+            (6, 0, Order::Velocity, 103.0, 100.0)
+        );
+        assert_eq!(Measure::new(|| 0.0).over(), None);
     }
 
     #[test]

@@ -84,7 +84,7 @@ impl fmt::Display for OverLimit {
         let axis = self.axis.map(|axis| format!(" ({axis})")).unwrap_or_default();
         write!(
             f,
-            "joint {}{axis} passes its {} limit: {:.1} of {:.1}, {:.1} %, {:.3} s after the start; {} cycles are over",
+            "over limits, not run: joint {}{axis} passes its {} limit: {:.1} of {:.1}, {:.1} %, {:.3} s after the start; {} cycles are over",
             self.joint,
             self.limit,
             self.value,
