@@ -331,6 +331,14 @@ pub enum ErrorKind {
         /// Motion code.
         motion: String,
     },
+    /// F0 in G93.
+    #[error(
+        "{motion} in inverse time mode (G93) would never end with F0: F is moves of this length a minute, so F2 takes half a minute"
+    )]
+    InverseTimeFeedZero {
+        /// Motion code.
+        motion: String,
+    },
     /// A code of the user that the machine does not have.
     #[error("M{number} has no program: put an executable file M{number} into the folder of user codes")]
     NoSuchUserCode {

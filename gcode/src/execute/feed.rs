@@ -20,7 +20,10 @@ impl PathLength {
     /// Of a straight move.
     pub(super) fn straight(from: Position, to: Position) -> PathLength {
         let delta = minus(to, from);
-        let length = |axes: [Axis; 3]| axes.into_iter().fold(0.0, |sum, axis| libm::hypot(sum, delta[axis]));
+        let length = |axes: [Axis; 3]| {
+            let moved = axes.map(|axis| delta[axis]).into_iter();
+            moved.filter(|way| way.abs() >= AXIS_MOVES).fold(0.0, libm::hypot)
+        };
         let xyz = length([Axis::X, Axis::Y, Axis::Z]);
         if xyz > 0.0 {
             return PathLength::Mm(xyz);
@@ -35,8 +38,12 @@ impl PathLength {
     }
 }
 
-/// Least rate of a move in G93, units per minute: LinuxCNC's.
-const INVERSE_TIME_RATE_MIN: f64 = 0.1;
+/// A way of an axis below this is none, mm or degrees: LinuxCNC's, and that of the planner. Such a rest of a sum of decimals
+/// would have F count along it instead of the degrees that the rotary axes turn.
+const AXIS_MOVES: f64 = 1e-8;
+
+/// Rate of a move in G93 that goes nowhere, units per minute: LinuxCNC's, for its feed may not be 0.
+const INVERSE_TIME_RATE_OF_NO_WAY: f64 = 0.1;
 
 impl State {
     pub(super) fn feed_unit(&mut self, block: &Block, calls: &mut Calls) {
@@ -147,7 +154,16 @@ impl State {
             PathLength::Mm(length) => length / mm,
             PathLength::Degrees(length) => length,
         };
-        let per_minute = (number * units).max(INVERSE_TIME_RATE_MIN);
+        if number == 0.0 {
+            return Err(block
+                .span(b'F')
+                .fault(ErrorKind::InverseTimeFeedZero { motion: motion() }));
+        }
+        let per_minute = if units == 0.0 {
+            INVERSE_TIME_RATE_OF_NO_WAY
+        } else {
+            number * units
+        };
         calls.push_back(Call::SetFeedRate {
             linear: per_minute * mm / 60.0,
             angular: per_minute / 60.0,
@@ -164,8 +180,46 @@ impl State {
     /// What M2 and M30 do with the feed.
     pub(super) fn end_feed(&mut self, calls: &mut Calls) {
         self.modal.feed_unit = FeedUnit::UnitsPerMinute;
+        self.modal.feed_spindle = 0;
         self.modal.feed = 0.0;
         calls.push_back(Call::SetFeedMode(FeedMode::PerTime));
         self.push_feed(calls);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::{Interpreter, Settings};
+    use motion::canon::Call;
+
+    /// Linear and angular feed of the last feed move of a program, units per minute.
+    fn feed(program: &str) -> [f64; 2] {
+        let (mut feed, mut of_move) = ([0.0; 2], [0.0; 2]);
+        for event in Interpreter::new(Settings::default()).run(program.as_bytes()) {
+            match event.unwrap().call {
+                Call::SetFeedRate { linear, angular } => feed = [linear * 60.0, angular * 60.0],
+                Call::StraightFeed { .. } => of_move = feed,
+                _ => {}
+            }
+        }
+        of_move
+    }
+
+    #[test]
+    fn a_rest_of_rounding_is_no_length_for_inverse_time() {
+        let near = |a: f64, b: f64| (a - b).abs() < 1e-9 * b;
+        for (line, per_minute) in [
+            ("G1 X0.300000005 C90 F6", 540.0),
+            ("G1 X0.3 U0.000000005 C90 F6", 540.0),
+            ("G1 X0.300000005 U2 C90 F6", 12.0),
+            ("G1 X0.30000002 C90 F6", 1.2e-7),
+            ("G1 X0.3 C90 Z-0.0002 F6", 0.0012),
+        ] {
+            let [linear, angular] = feed(&format!("G93 G0 X0.3\n{line}\nM2\n"));
+            assert!(
+                near(linear, per_minute) && near(angular, per_minute),
+                "{line}: {linear}"
+            );
+        }
     }
 }
