@@ -296,9 +296,40 @@ mod tests {
 
     #[test]
     fn an_end_of_program_leaves_what_it_resets_to() {
-        let (_, words) = in_turn(&["G20 G91 G55 F10 M3 S500 M8\nM2\n"]);
-        for word in ["G20", "G90", "G54", "M5", "M9"] {
-            assert!(words.iter().any(|found| found == word), "{word}: {words:?}");
+        for end in ["M2", "M30"] {
+            let text = format!("G20 G91 G91.1 G18 G55 G95 F10 M3 S500 M8 M49\n{end}\n");
+            let (_, words) = in_turn(&[&text]);
+            for word in [
+                "G1", "G17", "G20", "G90", "G91.1", "G94", "G54", "M5", "M9", "M48", "F0",
+            ] {
+                assert!(words.iter().any(|found| found == word), "{word}: {words:?}");
+            }
+        }
+    }
+
+    /// The parameter that is kept, what a new program begins with, and the words.
+    #[test]
+    fn a_text_leaves_one_work_system_in_force() {
+        for (text, system, x) in [
+            ("G21 G55 G0 X10\nM2\n", 1, 30.0),
+            ("G21 G55 G0 X10\nM30\n", 1, 30.0),
+            ("G21 G59.3\n", 9, 0.0),
+            ("G21 M70\nG55\nM72\n", 1, -20.0),
+        ] {
+            let mut settings = Settings::default();
+            settings.work_offsets[0] = Position::xyz(20.0, 0.0, 0.0);
+            settings.work_offsets[1] = Position::xyz(40.0, 0.0, 0.0);
+            settings.parameters = [(5220, 1.0)].into();
+            let mut run = Interpreter::new(settings).run(text.as_bytes()).as_mdi();
+            assert!(run.by_ref().all(|event| event.is_ok()), "{text}");
+            let (left, modes) = (run.snapshot(), run.modes());
+            assert_eq!(
+                (left.work_system, left.parameters[&5220], modes.work_system()),
+                (system, f64::from(system), system),
+                "{text}"
+            );
+            let at = Interpreter::new(left).run(b"").state.at;
+            assert_eq!(at, Position::xyz(x, 0.0, 0.0), "{text}");
         }
     }
 }

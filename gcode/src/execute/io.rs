@@ -5,7 +5,7 @@ use crate::code::{Coolant, InputOutput, Override, integer_in};
 use crate::error::ErrorKind;
 use crate::scan::{Fault, Span};
 use crate::state::{Calls, Modal, Overrides, Question, State};
-use motion::canon::{Call, Input, WaitMode};
+use motion::canon::{Call, Input, SPINDLES, WaitMode};
 
 impl State {
     pub(super) fn coolant(&mut self, block: &Block, calls: &mut Calls) {
@@ -205,6 +205,8 @@ impl State {
             self.modal.overrides.feed = true;
             calls.push_back(Call::EnableFeedOverride(true));
         }
+        // LinuxCNC tells nobody; the text behind begins with it.
+        self.modal.overrides.speed = [true; SPINDLES];
     }
 
     /// What M2 and M30 do with coolant.

@@ -52,7 +52,6 @@ impl State {
         let mut offsets = Offsets { system, ..self.offsets };
         self.load_system(&mut offsets);
         self.set_offsets(offsets);
-        self.parameters.set(parameter::ACTIVE_SYSTEM, f64::from(system));
         calls.extend([self.g5x_call(), self.g92_call(), self.rotation_call()]);
     }
 

@@ -346,6 +346,9 @@ impl State {
         let machine = self.machine();
         self.offsets = offsets;
         self.at = offsets.work(machine);
+        // #5220 outlasts the program: whoever reads it there goes on in the system in force here.
+        let system = f64::from(offsets.system);
+        self.parameters.set(parameter::ACTIVE_SYSTEM, system);
     }
 
     /// How the axes are meant.
