@@ -139,7 +139,8 @@ impl Hole {
                 PeckOut::ToR => self.rapid(self.r, calls),
                 PeckOut::ByClearance => {}
             }
-            self.rapid(depth + self.clearance, calls);
+            // A peck below the clearance would come out above R, where a clamp may be.
+            self.rapid((depth + self.clearance).min(self.r), calls);
             depth -= self.peck;
         }
         self.feed(self.bottom, calls);

@@ -153,6 +153,25 @@ fn settings_tell_how_far_pecks_come_out() {
     assert!(text.contains("(1.0000, 0.0000, 0.7500"), "{text}");
 }
 
+#[test]
+fn a_peck_below_the_clearance_does_not_come_out_above_r() {
+    // R 1, pecks of 0.5, clearance 0.75: behind the first one there is no room for it.
+    let moves = |line: &str| {
+        let text = short(&format!("F100 G61 G98 G0 Z5\n{line}\nM2\n"));
+        text.split_once("rapid 1 0 5; ").map(|(_, moves)| moves.to_owned())
+    };
+    assert_eq!(
+        moves("G83 X1 Z-0.5 R1 Q0.5 D0.75").as_deref(),
+        Some(
+            "rapid 1 0 1; feed 1 0 0.5; rapid 1 0 1; rapid 1 0 1; feed 1 0 0; rapid 1 0 1; rapid 1 0 0.75; feed 1 0 -0.5; rapid 1 0 5"
+        )
+    );
+    assert_eq!(
+        moves("G73 X1 Z-0.5 R1 Q0.5 D0.75").as_deref(),
+        Some("rapid 1 0 1; feed 1 0 0.5; rapid 1 0 1; feed 1 0 0; rapid 1 0 0.75; feed 1 0 -0.5; rapid 1 0 5")
+    );
+}
+
 /// The message about the last line but one of a program, behind usual lines before.
 fn refusal(line: &str) -> String {
     let text = printed(&format!("F100 G0 Z5\n{line}\nM2\n"));
