@@ -10,7 +10,7 @@ mod place;
 pub mod read;
 pub mod write;
 
-pub use read::{open, read, read_text};
+pub use read::{open, read, read_text, without_mark};
 pub use write::{append, create, hold, make_folder, remove, write};
 
 /// Longest name of a file that somebody elsewhere may give it, octets.

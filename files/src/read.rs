@@ -74,12 +74,22 @@ pub fn read(path: &Path, octets_max: u64) -> io::Result<Vec<u8>> {
     }
 }
 
-/// The same of a file that must be UTF-8.
+/// A mark at the beginning of a text that says it is UTF-8: some editors write it, and it is no part of the text.
+pub const BYTE_ORDER_MARK: &[u8] = b"\xEF\xBB\xBF";
+
+/// A text without the mark of its encoding.
+pub fn without_mark(text: &[u8]) -> &[u8] {
+    text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(text)
+}
+
+/// The same of a file that must be UTF-8; without the mark that says so.
 ///
 /// # Errors
 /// As [`read`]; [`io::ErrorKind::InvalidData`]: it is no text.
 pub fn read_text(path: &Path, octets_max: u64) -> io::Result<String> {
-    String::from_utf8(read(path, octets_max)?).map_err(|_| {
+    let mut octets = read(path, octets_max)?;
+    octets.drain(..octets.len() - without_mark(&octets).len());
+    String::from_utf8(octets).map_err(|_| {
         let what = "must be UTF-8 text";
         io::Error::new(io::ErrorKind::InvalidData, what)
     })
@@ -127,6 +137,12 @@ mod tests {
             read(&path, PROGRAM_MAX).unwrap_err().kind(),
             io::ErrorKind::FileTooLarge
         );
+        // The mark is no part of the text, but of the octets.
+        std::fs::write(&path, "\u{feff}\u{feff}é").unwrap();
+        assert_eq!(read_text(&path, 8).unwrap(), "\u{feff}é");
+        assert_eq!(read(&path, 8).unwrap(), "\u{feff}\u{feff}é".as_bytes());
+        std::fs::write(&path, "\u{feff}").unwrap();
+        assert_eq!(read_text(&path, 8).unwrap(), "");
         // The length that the kernel tells of its own files is 0.
         assert!(!read(Path::new("/proc/self/status"), 1 << 16).unwrap().is_empty());
         assert_eq!(

@@ -66,8 +66,7 @@ impl<Kind: fmt::Display> Located<Kind> {
 
 /// The lines of a file without their ends.
 pub(crate) fn lines(text: &[u8]) -> impl Iterator<Item = &[u8]> {
-    let text = text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(text); // byte order mark of some editors
-    let lines = text.split_inclusive(|octet| *octet == b'\n');
+    let lines = files::without_mark(text).split_inclusive(|octet| *octet == b'\n');
     lines.map(|line| {
         let end = line.iter().rposition(|octet| !matches!(octet, b'\n' | b'\r'));
         &line[..end.map_or(0, |last| last + 1)]

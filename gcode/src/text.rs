@@ -8,10 +8,8 @@
 //! is too long is read to its end but not kept.
 
 use crate::scan::LINE_OCTETS_MAX;
+use files::read::BYTE_ORDER_MARK;
 use std::io::{self, Read, Seek, SeekFrom};
-
-/// Of UTF-8.
-const BYTE_ORDER_MARK: &[u8] = b"\xEF\xBB\xBF";
 
 /// Octets of a window.
 const WINDOW_OCTETS: usize = 64 * 1024;

@@ -120,11 +120,12 @@ pub fn read_with_cycle(path: &Path, cycle_us: Option<u32>) -> Result<Config, Con
 /// Every error in the text.
 pub fn parse(text: &(impl AsRef<[u8]> + ?Sized), path: &Path) -> Result<Config, ConfigErrors> {
     let file = path.display().to_string();
-    let text = match std::str::from_utf8(text.as_ref()) {
+    let text = files::without_mark(text.as_ref());
+    let text = match std::str::from_utf8(text) {
         Ok(text) => text,
         Err(error) => {
             // A place can only be told in the part that is text.
-            let valid = &text.as_ref()[..error.valid_up_to()];
+            let valid = &text[..error.valid_up_to()];
             let valid = std::str::from_utf8(valid).unwrap_or_default();
             let rule = "must be UTF-8 text".to_owned();
             let lines = error::lines(valid);

@@ -651,6 +651,14 @@ fn rules_of_the_rest() {
 }
 
 #[test]
+fn a_mark_of_the_encoding_is_no_part_of_the_text() {
+    let path = Path::new("m.toml");
+    assert_eq!(parse(&format!("\u{feff}{SMALL}"), path), parse(SMALL, path));
+    let broken = |text: &str| parse(text, path).unwrap_err().to_string();
+    assert_eq!(broken("\u{feff}[machine\n"), broken("[machine\n"));
+}
+
+#[test]
 fn syntax_is_told_first_and_alone() {
     let text = changed("id = 1\n", "id = \n").replace("velocity_mm_s = 100\n", "velocity_mm_s = -1\nnode = 5\n");
     let errors = parse(&text, Path::new("m.toml")).unwrap_err();
@@ -849,6 +857,7 @@ fn a_mistake_in_a_compensation_file_is_told_with_its_place() {
         rule("# told forward backward\n0 0 0.01 ; home\n\n10 9.98 9.99\n"),
         "0.010"
     );
+    assert_eq!(rule("\u{feff}0 0 0.01\n10 9.98 9.99\n"), "0.010");
     assert_eq!(rule("0 0 0\n10 1o 10\n"), format!("2:4: 1o is not a number; {columns}"));
     assert_eq!(rule("0 0\n"), format!("1:1: 2 numbers; {columns}"));
     assert_eq!(rule("# nothing\n"), format!("1:1: no row; {columns}"));

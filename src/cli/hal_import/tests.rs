@@ -132,14 +132,15 @@ targets = ["and2.0.in1", "debounce.1.0.in"]
 fn an_ini_file_may_include_others() {
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
-    write("mill.ini", "[A]\nX = 1\n  #INCLUDE more.inc\nX = 2\n");
-    write("more.inc", "[A]\nX = 3\n[B]\nY = 4\n# INCLUDE nothing\n");
+    // Some editors begin a text with a mark of its encoding.
+    write("mill.ini", "\u{feff}[A]\nX = 1\n  #INCLUDE more.inc\nX = 2\n");
+    write("more.inc", "\u{feff}[A]\nX = 3\n[B]\nY = 4\n# INCLUDE nothing\n");
     write("round.ini", "#INCLUDE round.ini\n");
     write("lost.ini", "#INCLUDE none.inc\n");
     let hal = folder.path().join("x.hal");
     std::fs::write(
         &hal,
-        "loadrt scale\naddf scale.0 servo-thread\nsetp scale.0.gain [A]X\nsetp scale.0.offset [B]Y\n",
+        "\u{feff}loadrt scale\naddf scale.0 servo-thread\nsetp scale.0.gain [A]X\nsetp scale.0.offset [B]Y\n",
     )
     .unwrap();
     let ini = Ini::read(&folder.path().join("mill.ini")).unwrap();

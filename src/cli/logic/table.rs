@@ -14,7 +14,6 @@ pub(super) struct Table<'t> {
 impl<'t> Table<'t> {
     /// Reads a table whose columns are inputs of the program; what is wrong with it begins with its line.
     pub(super) fn read(text: &'t str, logic: &Logic) -> Result<Table<'t>, String> {
-        let text = text.strip_prefix('\u{feff}').unwrap_or(text);
         let lines = text.lines().enumerate().map(|(index, line)| (index + 1, line.trim()));
         let mut lines = lines.filter(|(_, line)| !line.is_empty());
         let Some((number, header)) = lines.next() else {

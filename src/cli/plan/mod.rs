@@ -299,7 +299,7 @@ fn checked(args: &PlanArgs, config: &Config, text: Reader<'_>) -> Result<(Tables
 fn read_script(file: &Path, planner: PlannerKind) -> Result<Script, Refusal> {
     let name = file.display().to_string();
     let text = files::read(file, SCRIPT_MAX).map_err(|error| Refusal::of_file(&name, format!("{name}: {error}")))?;
-    Script::parse(&text, planner).map_err(|ScriptError { line, rule }| {
+    Script::parse(files::without_mark(&text), planner).map_err(|ScriptError { line, rule }| {
         let json = json!({ "file": name, "errors": [{ "line": line, "rule": rule }] });
         Refusal::new(format!("{name}:{line}: {rule}"), json)
     })

@@ -122,7 +122,7 @@ impl Listing {
         let text = path
             .and_then(|path| files::read(path, SHOWN_MAX).ok())
             .unwrap_or_default();
-        let text = String::from_utf8_lossy(&text);
+        let text = String::from_utf8_lossy(files::without_mark(&text));
         // Nothing in it is to steer the terminal.
         let printed = |line: &str| {
             line.chars()
