@@ -11,7 +11,7 @@ use crate::code::{
 };
 use crate::error::ErrorKind;
 use crate::expression::{Assigned, Values};
-use crate::scan::{Cursor, Fault, Item, NUMBER_MAX, Span};
+use crate::scan::{Cursor, Fault, Item, NUMBER_MAX, Span, number_with_exponent};
 use motion::canon::{Axis, LengthUnit, Plane};
 
 /// A code and where it stands.
@@ -103,6 +103,9 @@ pub(crate) struct Block {
     words: Words,
     m_count: usize,
 }
+
+/// So many letters without a number are no mistyped words but a sentence, of which the letters are not worth a mistake each.
+const LETTERS_ALONE: usize = 5;
 
 /// Most M words on a line.
 const M_WORDS_MAX: usize = 4;
@@ -219,7 +222,15 @@ impl Block {
     /// Reads a line, of at most [`crate::LINE_OCTETS_MAX`] octets. What is wrong is added to `faults`; what is right stays.
     pub(crate) fn read(&mut self, line: &[u8], values: &impl Values, faults: &mut Faults) {
         self.clear();
+        let before = faults.len();
         self.read_rest(Cursor::new(line), values, faults);
+        let is_letter_alone = |(_, kind): &&Fault| matches!(kind, ErrorKind::ValueMissing { .. });
+        if faults.len() >= before + LETTERS_ALONE
+            && faults[before..].iter().filter(is_letter_alone).count() >= LETTERS_ALONE
+        {
+            faults.truncate(before);
+            faults.push((Span::new(0, line.len()), ErrorKind::NoWords));
+        }
     }
 
     pub(crate) fn clear(&mut self) {
@@ -250,6 +261,7 @@ impl Block {
                 Ok(Item::Parameter) => self.assignment(&mut cursor, values),
                 Ok(Item::Letter(b'N')) if first => LineNumber::read(&mut cursor).map(|number| self.n = Some(number)),
                 Ok(Item::Letter(b'N')) => Err((cursor.span(), ErrorKind::MisplacedLineNumber)),
+                Ok(Item::Letter(b'E')) if let Some(fault) = cursor.exponent() => Err(fault),
                 Ok(Item::Letter(letter)) => match cursor.value(values) {
                     Ok(value) => match values.remapped(letter, value) {
                         None => self.word(letter, value, cursor.span()),
@@ -264,8 +276,12 @@ impl Block {
                 Err(fault) => Err(fault),
             };
             first = false;
-            if let Err(fault) = result {
-                faults.push(fault);
+            if let Err((span, kind)) = result {
+                let exponent = match kind {
+                    ErrorKind::RepeatedLetter { letter: 'E' } => number_with_exponent(cursor.line, span.start.into()),
+                    _ => None,
+                };
+                faults.push(exponent.unwrap_or((span, kind)));
             }
         }
     }

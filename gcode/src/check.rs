@@ -3,7 +3,7 @@
 //! In:  program text and [`Settings`].
 //! Out: what is wrong with the form of any line ([`syntax`]), and the first thing that goes wrong when it is run.
 
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::interpreter::{Interpreter, ReadSeek};
 use crate::limits::CheckLimits;
 use crate::machine::{Machine, NoMachine};
@@ -70,6 +70,10 @@ fn check_run<R: ReadSeek>(
         }
     }
     errors.sort_by_key(|error| error.line);
+    let is_of_another = |error: &Error| matches!(error.kind, ErrorKind::OtherLanguage(_)) && error.file.is_empty();
+    if let Some(first) = errors.iter().position(is_of_another) {
+        errors.truncate(first + 1);
+    }
     Ok(errors)
 }
 
@@ -199,9 +203,63 @@ mod tests {
             ("F0\nG1 X1\nM2\n", "2:1: G1 needs a feed: F is 0 since line 1"),
             ("F5\nG1 X1 F0\nM2\n", "2:1: G1 needs a feed: F is 0 since line 2"),
             ("F0\nG95 S5\nG1 X1\nM2\n", "3:1: G1 needs a feed: F is not set"),
+            ("G41.2 X1\nM2\n", "1:1: G41.2 is no known G code: did you mean G41.1?"),
             (
-                "G41.2 X1\nM2\n",
-                "1:1: G41.2 is no known G code: the nearest one is G41.1",
+                "G0 X1.5e-05 Y2\nM2\n",
+                "1:5: 1.5e-05 is no number here, as there is no exponent: write 0.000015",
+            ),
+            (
+                "G0 X-2E1\nM2\n",
+                "1:5: -2E1 is no number here, as there is no exponent: write -20",
+            ),
+            (
+                "G0 X1e2 Y3e1\nM2\n",
+                "1:10: 3e1 is no number here, as there is no exponent: write 30",
+            ),
+            (
+                "#1 = 1e-3\nM2\n",
+                "1:6: 1e-3 is no number here, as there is no exponent: write 0.001",
+            ),
+            (
+                "G0 X[1.5E-05 * 2]\nM2\n",
+                "1:6: 1.5E-05 is no number here, as there is no exponent: write 0.000015",
+            ),
+            (
+                "G0\u{a0}X1\nM2\n",
+                "1:3: character '\\u{a0}' is not allowed here: it looks like a blank, as texts from a page have it: write a blank",
+            ),
+            (
+                "# right: M2 selects G54, in #5220 too\nM2\n",
+                "1:1: these are no words of G-code, each of which is a letter and a number: a comment stands in ( ) or behind ;",
+            ),
+            (
+                "o<x> [1]\nM2\n",
+                "1:1: O<x> needs a word between its name and the values: O<x> call [...]",
+            ),
+            (
+                "%\nM98 P23\nM30\n%\nO23\nG0 X1\nM99\n",
+                "2:5: O23 stands in line 5, behind the % of line 4, which ends the program: move it before that %, or leave the % out",
+            ),
+            (
+                "%\no<a> call\nM30\n%\no<a> sub\no<a> endsub\n",
+                "2:1: O<a> stands in line 5, behind the % of line 4, which ends the program: move it before that %, or leave the % out",
+            ),
+            (
+                "%\nM98 P23\nM30\n%\n",
+                "2:5: subroutine O23 is not found: it is neither in this file nor as 23.ngc in any folder (none is set)",
+            ),
+            (
+                "T0101 M6\nM2\n",
+                "1:1: tool 101 is not in the tool table: add it there, or call one that is; if T0101 is tool 1 with offset 1, as on \
+                 other lathes, write T1 M6 and G43 H1",
+            ),
+            (
+                "T201 M6\nM2\n",
+                "1:1: tool 201 is not in the tool table: add it there, or call one that is",
+            ),
+            (
+                "G17 F9 G2 X2 I1 K0.5\nM2\n",
+                "1:17: K is no centre offset of the plane G17: it takes I, J",
             ),
             (
                 "G20 G0 X1\nG3 X0 Y1.5 I-1 F5\nM2\n",
@@ -210,7 +268,52 @@ mod tests {
                  offsets from the start (G91.1) or a place (G90.1)?",
             ),
         ] {
-            assert_eq!(told_with(text.as_bytes(), Settings::default())[0], message);
+            let mut settings = Settings::default();
+            let tool = crate::Tool {
+                number: 1,
+                pocket: 1,
+                ..crate::Tool::default()
+            };
+            settings.tools.set(tool).unwrap();
+            assert_eq!(told_with(text.as_bytes(), settings)[0], message);
+        }
+    }
+
+    #[test]
+    fn what_a_serial_line_puts_between_the_words_is_passed_over() {
+        let leader = [0; 700];
+        let text = b"\0\0%\r\n\x11G\x000 X1\x13\x12.5 Y\x142\0\r\n\0\0M2\n%\n\0\0\0";
+        for text in [text.to_vec(), [&leader, &text[..], &leader].concat()] {
+            assert_eq!(told_with(&text, Settings::default()), [""; 0]);
+            let run = Interpreter::new(Settings::default()).run(&text);
+            let moves: Vec<_> = run
+                .filter_map(|event| match event.unwrap().call {
+                    motion::canon::Call::StraightTraverse { to } => Some(to),
+                    _ => None,
+                })
+                .collect();
+            assert_eq!(moves, [motion::canon::Position::xyz(1.5, 2.0, 0.0)]);
+        }
+        // A mistake beside them is that mistake, and what is no text at all is no text.
+        let told = told_with(b"\0G0 Q1\nM2\n", Settings::default());
+        assert!(told[0].starts_with("1:4: Q is used by no code"), "{told:?}");
+        let told = told_with(b"\x7fELF\x02\x01\0\0>\n\0\xff\n", Settings::default());
+        assert!(told.len() == 1 && told[0].contains("this is no text"), "{told:?}");
+    }
+
+    #[test]
+    fn a_centre_of_0_along_the_normal_says_nothing() {
+        for line in [
+            "G17 F9 G2 X2 I1 K0.000",
+            "G18 F9 G2 X2 I1 J0",
+            "G19 F9 G2 Y2 J1 I0",
+            "G90.1 F9 G2 X2 I1 J0 K0",
+        ] {
+            assert_eq!(
+                told_with(format!("{line}\nM2\n").as_bytes(), Settings::default()),
+                [""; 0],
+                "{line}"
+            );
         }
     }
 }

@@ -4,6 +4,7 @@
 //! Out: typed codes, to `block`, which keeps one a group.
 
 use crate::error::ErrorKind;
+use crate::foreign;
 use crate::near_miss::distance;
 use motion::canon::{LengthUnit, Plane, ProbeMode, Side, SpindleDirection};
 
@@ -542,9 +543,18 @@ impl GCode {
                 return Ok(G_CODES[place]);
             }
         }
+        let is_meant = |tenths: u16, code: &GCode| {
+            let moves = matches!(
+                code,
+                GCode::Motion(Some(_)) | GCode::NonModal(NonModal::Return(_) | NonModal::MachineCoordinates)
+            );
+            // Of one family, such as the probing moves, one may be taken for the other.
+            !moves || !tenths.is_multiple_of(10) && f64::from(tenths / 10) == number.trunc() && number.fract() != 0.0
+        };
         Err(ErrorKind::UnknownG {
             number,
-            nearest: g_name(nearest(G_CODES, &format!("G{number}"), g_name, tenths)),
+            nearest: nearest(G_CODES, &format!("G{number}"), g_name, tenths, is_meant).map(g_name),
+            elsewhere: foreign::g_code(number),
         })
     }
 }
@@ -557,24 +567,34 @@ impl MCode {
             Some(code) if let Some(found) = M_CODES.iter().find(|(known, _)| i64::from(*known) == code) => Ok(*found),
             Some(_) | None => Err(ErrorKind::UnknownM {
                 number,
-                nearest: m_name(match number {
-                    150.0.. => 199,
-                    _ => nearest(M_CODES, &format!("M{number}"), m_name, number),
-                }),
+                nearest: nearest(M_CODES, &format!("M{number}"), m_name, number, |_, code| {
+                    !matches!(code, MCode::Spindle(SpindleAction::Start(_)))
+                })
+                .map(m_name),
+                elsewhere: foreign::m_code(number),
             }),
         }
     }
 }
 
-/// Number of the code that takes the fewest changes of what was typed, of several the one nearest to `wanted`.
-fn nearest<T>(codes: &[(u16, T)], typed: &str, name: fn(u16) -> String, wanted: f64) -> u16 {
+/// Number of the code, of those that may be meant, that takes one change of what was typed; of several the one nearest to
+/// `wanted`.
+fn nearest<T>(
+    codes: &[(u16, T)],
+    typed: &str,
+    name: fn(u16) -> String,
+    wanted: f64,
+    is_meant: impl Fn(u16, &T) -> bool,
+) -> Option<u16> {
     let typed: Vec<char> = typed.to_lowercase().chars().collect();
-    let far = |code: u16| (distance(&typed, &name(code)), (f64::from(code) - wanted).abs());
-    codes
+    let far = |code: u16| (f64::from(code) - wanted).abs();
+    let meant = codes
         .iter()
-        .map(|(code, _)| (far(*code), *code))
-        .min_by(|((a, at), _), ((b, bt), _)| a.cmp(b).then(at.total_cmp(bt)))
-        .map_or(0, |(_, code)| code)
+        .filter(|(code, what)| wanted >= 0.0 && is_meant(*code, what));
+    let near = meant
+        .map(|(code, _)| *code)
+        .filter(|code| distance(&typed, &name(*code)) <= 1);
+    near.min_by(|a, b| far(*a).total_cmp(&far(*b)))
 }
 
 /// `G1` of 10, `G59.1` of 591.
@@ -633,23 +653,39 @@ mod tests {
     }
 
     #[test]
-    fn refusals_name_the_nearest_code() {
-        let unknown_g = |number, nearest: &str| {
-            let nearest = nearest.into();
-            assert_eq!(GCode::from_number(number), Err(ErrorKind::UnknownG { number, nearest }));
-        };
-        unknown_g(22.0, "G21");
-        unknown_g(38.6, "G38.5");
-        unknown_g(-1.0, "G1");
-        unknown_g(6.1, "G6.2");
-        unknown_g(41.2, "G41.1");
-        unknown_g(910.0, "G91");
-        unknown_g(1e9, "G10");
-        let unknown_m = |number, nearest: &str| {
-            let nearest = nearest.into();
-            assert_eq!(MCode::from_number(number), Err(ErrorKind::UnknownM { number, nearest }));
-        };
-        unknown_m(3.5, "M3");
-        unknown_m(200.0, "M199");
+    fn refusals_name_what_was_meant_and_nothing_that_moves() {
+        let told = |result: Result<(u16, GCode), ErrorKind>| result.unwrap_err().to_string();
+        for (number, rest) in [
+            (38.6, "no known G code: did you mean G38.5?"),
+            (38.22, "no known G code: did you mean G38.2?"),
+            (41.2, "no known G code: did you mean G41.1?"),
+            (43.11, "no known G code: did you mean G43.1?"),
+            (910.0, "no known G code: did you mean G91?"),
+            (101.0, "no known G code: did you mean G10?"),
+            (-1.0, "no known G code"),
+            (1e9, "no known G code"),
+            (1.05, "no known G code"),
+            (
+                31.0,
+                "no code of this control but the skip of Fanuc and Haas: write G38.2, or G38.3 where no contact is no mistake",
+            ),
+        ] {
+            assert_eq!(told(GCode::from_number(number)), format!("G{number} is {rest}"));
+        }
+        for (number, rest) in [
+            (3.5, "no known M code"),
+            (-1.0, "no known M code"),
+            (200.0, "no known M code"),
+            (300.0, "no known M code: did you mean M30?"),
+            (
+                13.0,
+                "no code of this control but spindle and coolant at once: write M3 and M8",
+            ),
+        ] {
+            assert_eq!(
+                MCode::from_number(number).unwrap_err().to_string(),
+                format!("M{number} is {rest}")
+            );
+        }
     }
 }

@@ -180,6 +180,10 @@ pub(crate) fn read(mut cursor: Cursor<'_>, values: &impl Values) -> Result<Optio
         let at = cursor.at;
         let value = cursor.value(values)?;
         if argument_count == most {
+            if let (Keyword::Program, Some(label)) = (keyword, &label) {
+                let label = label.to_string();
+                return Err((cursor.span_from(start), ErrorKind::CallMissing { label }));
+            }
             let keyword = keyword.name();
             return Err((cursor.span_from(at), ErrorKind::TooManyArguments { keyword, most }));
         }

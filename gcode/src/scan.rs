@@ -204,6 +204,15 @@ impl<'l> Cursor<'l> {
         Ok(Span::new(start, end))
     }
 
+    /// Takes `-05` of `X1.5e-05`, whose E was taken last. `None`: without a sign that E may be a word.
+    #[cold]
+    pub(crate) fn exponent(&mut self) -> Option<Fault> {
+        let has_sign = matches!(self.line.get(self.at), Some(b'-' | b'+'));
+        let (span, kind) = number_with_exponent(self.line, self.start).filter(|_| has_sign)?;
+        self.at = span.end.into();
+        Some((span, kind))
+    }
+
     /// The octets of the item taken last and of the value behind it, as far as they are read.
     #[inline]
     pub(crate) fn span(&self) -> Span {
@@ -219,6 +228,31 @@ impl<'l> Cursor<'l> {
         }
         Span::new(start, end)
     }
+}
+
+/// The number around the E at a place of a line, if it is one with an exponent, as programs for a computer write it.
+#[cold]
+pub(crate) fn number_with_exponent(line: &[u8], e: usize) -> Option<Fault> {
+    let digits = |octets: &[u8]| octets.iter().take_while(|octet| octet.is_ascii_digit()).count();
+    let is_part = |octet: &&u8| octet.is_ascii_digit() || **octet == b'.';
+    let before = line[..e].iter().rev().take_while(is_part).count();
+    let behind = line.get(e + 1..)?;
+    let sign = usize::from(matches!(behind.first(), Some(b'-' | b'+')));
+    let count = digits(&behind[sign..]);
+    if before == 0 || count == 0 {
+        return None;
+    }
+    let start = e - before;
+    let start = start - usize::from(start > 0 && line[start - 1] == b'-');
+    let end = e + 1 + sign + count;
+    let written = String::from_utf8_lossy(&line[start..end]).into_owned();
+    let number: f64 = written.parse().ok()?;
+    if number.abs() > NUMBER_MAX {
+        return None;
+    }
+    // Nobody means less than that, and it would fill the line.
+    let plain = if number.abs() < 1e-15 { 0.0 } else { number }.to_string();
+    Some((Span::new(start, end), ErrorKind::Exponent { written, plain }))
 }
 
 #[cfg(test)]

@@ -10,6 +10,7 @@ use crate::block::{Block, Faults};
 use crate::code::{Motion, Stop, integer_in};
 use crate::error::{Error, ErrorKind};
 use crate::expression::Values;
+use crate::interpreter::of_the_whole;
 use crate::o_word::{self, Keyword, Label, OWord};
 use crate::octet::{is_blank, is_empty};
 use crate::remap;
@@ -242,10 +243,11 @@ pub(crate) fn errors(
             }
         }
         if part.is_some() || !ended {
-            let binary = !faults.is_empty() && octets.contains(&0);
-            if binary {
+            let whole = of_the_whole(octets, &faults);
+            let is_whole = whole.is_some();
+            if let Some(whole) = whole {
                 faults.clear();
-                faults.push((Span::default(), ErrorKind::Binary));
+                faults.push(whole);
             }
             for (span, kind) in faults.drain(..) {
                 let range = usize::from(span.start)..usize::from(span.end);
@@ -255,7 +257,8 @@ pub(crate) fn errors(
                     Some(_) => of_subroutines += 1,
                 }
             }
-            if binary {
+            if is_whole && part.is_none() {
+                opened.clear(); // what closes them is not looked for
                 break;
             }
         }

@@ -108,11 +108,20 @@ impl<R: Read + Seek> Text<R> {
 
     /// Takes the next line; its octets are [`Self::octets`]. `None`: the text ends here.
     pub(crate) fn next_line(&mut self) -> io::Result<Option<Line>> {
+        self.pass_leader();
         let start = self.at;
         if let Some(length) = line_feed(&self.window.buffer[start..self.window.filled]) {
             return Ok(Some(self.line_at(start, length, 1)));
         }
         self.next_line_beyond()
+    }
+
+    /// Goes behind octets of 0 before a line: a punched tape, and what goes as one over a line, begins with hundreds.
+    #[inline]
+    fn pass_leader(&mut self) {
+        while self.window.buffer[..self.window.filled].get(self.at) == Some(&0) {
+            self.at += 1;
+        }
     }
 
     /// As [`Self::next_line`], where the line does not end within the buffer.
@@ -121,6 +130,8 @@ impl<R: Read + Seek> Text<R> {
         self.line = 0..0;
         let mut searched = self.at;
         loop {
+            self.pass_leader();
+            searched = searched.max(self.at);
             if let Some(length) = line_feed(&self.window.buffer[searched..self.window.filled]) {
                 return Ok(Some(self.line_at(self.at, searched + length - self.at, 1)));
             }

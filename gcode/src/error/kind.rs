@@ -262,20 +262,40 @@ pub enum ErrorKind {
         spindle: u8,
     },
     /// No such G code.
-    #[error("G{number} is no known G code: the nearest one is {nearest}")]
+    #[error("G{number} {}", unknown_code("G", nearest, *elsewhere))]
     UnknownG {
         /// Number as programmed.
         number: f64,
-        /// Supported code with the nearest number.
-        nearest: String,
+        /// Code that was probably meant; none that moves.
+        nearest: Option<String>,
+        /// What it is on other controls, and what to write here.
+        elsewhere: Option<&'static str>,
     },
     /// No such M code.
-    #[error("M{number} is no known M code: the nearest one is {nearest}")]
+    #[error("M{number} {}", unknown_code("M", nearest, *elsewhere))]
     UnknownM {
         /// Number as programmed.
         number: f64,
-        /// Supported code with the nearest number.
-        nearest: String,
+        /// Code that was probably meant; none that turns the spindle.
+        nearest: Option<String>,
+        /// What it is on other controls, and what to write here.
+        elsewhere: Option<&'static str>,
+    },
+    /// Letters without numbers.
+    #[error(
+        "these are no words of G-code, each of which is a letter and a number: a comment stands in ( ) or behind ;"
+    )]
+    NoWords,
+    /// The line, and so the text, is for something else.
+    #[error("{0}")]
+    OtherLanguage(crate::Language),
+    /// A number as programs for a computer write it.
+    #[error("{written} is no number here, as there is no exponent: write {plain}")]
+    Exponent {
+        /// As it stands there.
+        written: String,
+        /// The same without exponent.
+        plain: String,
     },
     /// Two codes of one modal group.
     #[error("{first} and {second} are both of the modal group \"{group}\": one of them a line")]
@@ -397,10 +417,12 @@ pub enum ErrorKind {
     #[error("Q of M19 is the longest time to wait in seconds: above 0")]
     OrientTimeout,
     /// A tool that is not in the table.
-    #[error("tool {number} is not in the tool table: add it there, or call one that is")]
+    #[error("tool {number} is not in the tool table: add it there, or call one that is{}", lathe_tool_hint(*.number, *.lathe))]
     NoSuchTool {
         /// Number of the word as programmed.
         number: f64,
+        /// Its tool, which there is, and its offset, if it is one of other lathes.
+        lathe: Option<[u32; 2]>,
     },
     /// M61 without Q.
     #[error("M61 needs Q, the number of the tool in the spindle")]
@@ -605,6 +627,12 @@ pub enum ErrorKind {
         /// Greatest value allowed.
         most: usize,
     },
+    /// A label with values, and no word between them.
+    #[error("{label} needs a word between its name and the values: {label} call [...]")]
+    CallMissing {
+        /// The label.
+        label: String,
+    },
     /// A condition or count is missing.
     #[error("{keyword} needs a value in brackets behind it: {keyword} [...]")]
     ConditionMissing {
@@ -714,6 +742,19 @@ pub enum ErrorKind {
         /// Where.
         folders: String,
     },
+    /// A subroutine behind the `%` that ends the file.
+    #[error(
+        "{label} stands in line {line}, behind the % of line {percent}, which ends the program: move it before that %, or leave the % \
+         out"
+    )]
+    SubroutineBehindPercent {
+        /// The label.
+        label: String,
+        /// Where it stands.
+        line: u32,
+        /// Where the `%` stands.
+        percent: u32,
+    },
     /// More definitions than are remembered.
     #[error("more than {max} subroutines: a number computed for each new definition needs another way")]
     TooManySubroutines {
@@ -804,7 +845,22 @@ pub enum ErrorKind {
     ProgramTooLong,
 }
 
-/// What makes a cycle too long.
+/// What there is to say of a code that there is not.
+fn unknown_code(letter: &str, nearest: &Option<String>, elsewhere: Option<&'static str>) -> String {
+    match (elsewhere, nearest) {
+        (Some(elsewhere), _) => format!("is no code of this control but {elsewhere}"),
+        (None, Some(nearest)) => format!("is no known {letter} code: did you mean {nearest}?"),
+        (None, None) => format!("is no known {letter} code"),
+    }
+}
+
+/// T0101 names tool and offset on most lathes.
+fn lathe_tool_hint(number: f64, lathe: Option<[u32; 2]>) -> String {
+    lathe.map_or_else(String::new, |[tool, offset]| {
+        format!("; if T{number:04} is tool {tool} with offset {offset}, as on other lathes, write T{tool} M6 and G43 H{offset}")
+    })
+}
+
 /// ": did you mean endif?"
 fn named_word_hint(nearest: &Option<String>) -> String {
     nearest
@@ -824,11 +880,12 @@ fn character_hint(character: char) -> &'static str {
     match character {
         '%' => "comments stand in ( ) or behind ; (% stands alone on the first and last line)",
         ',' => "a number has a decimal point, as in 1.5",
+        '\u{a0}' | '\u{202f}' | '\u{2009}' => "it looks like a blank, as texts from a page have it: write a blank",
+        '\u{2212}' | '\u{2013}' => "a minus sign is the - of the keyboard",
         _ => "comments stand in ( ) or behind ;",
     }
 }
 
-/// Two numbers of a place.
 /// The probable meaning, behind a message.
 fn hint(nearest: Option<&'static str>) -> String {
     nearest.map_or(String::new(), |nearest| format!("; did you mean {nearest}?"))

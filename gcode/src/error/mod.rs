@@ -68,7 +68,8 @@ impl Error {
     /// An error at `span` of a line.
     pub(crate) fn at(file: &str, line: u32, octets: &[u8], span: Range<usize>, kind: ErrorKind) -> Error {
         // Octets that are no UTF-8 grow when shown, so places are counted in what is shown.
-        let shown = |octets: &[u8]| String::from_utf8_lossy(octets).replace('\r', " ");
+        let unseen = |letter: char| letter.is_control() && letter != '\t';
+        let shown = |octets: &[u8]| String::from_utf8_lossy(octets).replace(unseen, " ");
         let end = span.end.min(octets.len());
         let start = span.start.min(end);
         let before = shown(&octets[..start]);

@@ -78,7 +78,8 @@ impl State {
             None => 1,
         };
         let turns = circle::signed_turns(motion == Motion::ArcClockwise, count);
-        if block.word_value(words.other).is_some() {
+        // 0 along the normal says nothing, and some post-processors write it in every arc.
+        if block.word_value(words.other).is_some_and(|number| number != 0.0) {
             return Err(block.span(words.other).fault(ArcError::OffsetOfOtherPlane {
                 letter: words.other.into(),
                 plane: plane_name(plane),

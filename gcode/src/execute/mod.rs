@@ -79,7 +79,7 @@ impl State {
         let runs = |phase| phases.contains(&phase);
         let motion = self.motion_now(block);
         if runs(Phase::Feed) {
-            self.check_usage(block, motion)?;
+            self.check_usage(block, line, motion)?;
             self.check_words(block, motion)?;
             self.assign(&block.assignments)?;
             if let Some(text) = block.remark {

@@ -34,8 +34,18 @@ impl State {
         match (found, wanted, self.tools.table.changer()) {
             (Some(tool), _, _) => Ok(tool),
             (None, Some(0), ToolChanger::Fixed) => Ok(Tool::default()),
-            (None, _, ToolChanger::Fixed | ToolChanger::Random) => Err(ErrorKind::NoSuchTool { number }),
+            (None, _, ToolChanger::Fixed | ToolChanger::Random) => {
+                let lathe = wanted.and_then(|wanted| self.lathe_tool(wanted));
+                Err(ErrorKind::NoSuchTool { number, lathe })
+            }
         }
+    }
+
+    /// Tool and offset of a T word of other lathes, T0101, if there is such a tool.
+    fn lathe_tool(&self, number: u32) -> Option<[u32; 2]> {
+        let [tool, offset] = [number / 100, number % 100];
+        let is_one = (1..=99).contains(&tool) && offset > 0 && self.tools.table.by_number(tool).is_some();
+        is_one.then_some([tool, offset])
     }
 
     pub(super) fn change_tool(&mut self, block: &Block, calls: &mut Calls) -> Result<(), Fault> {

@@ -6,7 +6,7 @@ use crate::code::{
     SpindleAction, SpindleCode, Stop, ToolCode,
 };
 use crate::error::ErrorKind;
-use crate::scan::Fault;
+use crate::scan::{Fault, number_with_exponent};
 use crate::state::State;
 
 /// Letters that nothing uses unless a code on the line does.
@@ -30,7 +30,7 @@ pub(super) fn moves_without_axes(modal: Motion, block: &Block) -> bool {
 }
 
 impl State {
-    pub(super) fn check_usage(&self, block: &Block, motion: Option<Motion>) -> Result<(), Fault> {
+    pub(super) fn check_usage(&self, block: &Block, line: &[u8], motion: Option<Motion>) -> Result<(), Fault> {
         let takes_axes = block.codes.non_modal.filter(|code| code.value.takes_axes());
         if let (Some(code), Some(other)) = (takes_axes, block.codes.motion)
             && let Some(motion) = other.value
@@ -92,14 +92,14 @@ impl State {
             return Err((block.span(letter), ErrorKind::PolarWithoutMotion { code }));
         }
         if block.has(OPTIONAL) {
-            return check_letters(block, motion);
+            return check_letters(block, line, motion);
         }
         Ok(())
     }
 }
 
 /// Every letter of [`OPTIONAL`] that is there has a code that uses it.
-fn check_letters(block: &Block, motion: Option<Motion>) -> Result<(), Fault> {
+fn check_letters(block: &Block, line: &[u8], motion: Option<Motion>) -> Result<(), Fault> {
     let used = used_letters(block, motion);
     let unused = block.present() & OPTIONAL & !used;
     if unused == 0 {
@@ -109,6 +109,11 @@ fn check_letters(block: &Block, motion: Option<Motion>) -> Result<(), Fault> {
         .iter()
         .find(|(letter, _)| unused & letters(&[*letter]) != 0)
         .expect("every optional letter has its users");
+    if *letter == b'E'
+        && let Some(fault) = number_with_exponent(line, block.span(b'E').start.into())
+    {
+        return Err(fault);
+    }
     Err(block.span(*letter).fault(ErrorKind::UnusedWord {
         letter: (*letter).into(),
         users,

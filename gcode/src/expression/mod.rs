@@ -16,7 +16,7 @@ use crate::near_miss::nearest;
 use crate::number::{self, NumberFault};
 use crate::octet::is_blank;
 use crate::operator::{Function, Operator};
-use crate::scan::{Cursor, Fault, Span};
+use crate::scan::{Cursor, Fault, Span, number_with_exponent};
 use std::borrow::Cow;
 
 /// Highest number of a parameter.
@@ -132,8 +132,9 @@ impl<'l> Cursor<'l> {
         })?;
         Ok(
             if name.bytes().any(|octet| is_blank(octet) || octet.is_ascii_uppercase()) {
-                let kept = name.chars().filter(|character| !matches!(character, ' ' | '\t' | '\r'));
-                Cow::Owned(kept.map(|character| character.to_ascii_lowercase()).collect())
+                let is_kept = |letter: &char| !u8::try_from(*letter).is_ok_and(is_blank);
+                let kept = name.chars().filter(is_kept);
+                Cow::Owned(kept.map(|letter| letter.to_ascii_lowercase()).collect())
             } else {
                 Cow::Borrowed(name)
             },
@@ -497,6 +498,12 @@ impl<'l> Cursor<'l> {
             return self
                 .span_from(start)
                 .fault(ErrorKind::UnknownOperator { found, nearest: None });
+        }
+        if found == "E"
+            && let Some(fault) = number_with_exponent(self.line, start)
+        {
+            self.at = fault.0.end.into();
+            return fault;
         }
         let nearest = nearest(&found, Operator::WORDS.map(Operator::name));
         (self.span_from(start), ErrorKind::UnknownOperator { found, nearest })

@@ -256,10 +256,16 @@ impl Run<'_> {
     pub(super) fn search_failed(&mut self, search: &Search) {
         let label = search.label.to_string();
         if search.target == SearchEnd::Sub {
+            let percent = self.source().line;
+            let behind = self.line_behind_percent(&search.label);
             let (file, folders) = self.file_of(&search.label);
             self.leave_failed_call();
             self.set_source(search.source);
-            return self.fail(search.span, ErrorKind::NoSuchSubroutine { label, file, folders });
+            let kind = match behind {
+                Some(line) => ErrorKind::SubroutineBehindPercent { label, line, percent },
+                None => ErrorKind::NoSuchSubroutine { label, file, folders },
+            };
+            return self.fail(search.span, kind);
         }
         self.set_source(search.source);
         self.fail(
@@ -270,6 +276,22 @@ impl Run<'_> {
                 expected: format!("{} {}", search.label, search.target.name()),
             },
         );
+    }
+
+    /// The line behind the closing `%`, which was read last, in which a subroutine begins. Its end is looked for no further.
+    fn line_behind_percent(&mut self, wanted: &Label) -> Option<u32> {
+        while !self.is_cancelled()
+            && let Ok(Some(line)) = self.files[self.file].text.next_line()
+        {
+            let octets = self.files[self.file].text.octets();
+            let head = o_word::start(octets).map(|(mut cursor, _)| o_word::head(&mut cursor, &self.state));
+            if let Some(Ok((Some(label), Keyword::Sub | Keyword::Program))) = head
+                && label == *wanted
+            {
+                return Some(line.number);
+            }
+        }
+        None
     }
 
     fn leave_failed_call(&mut self) {

@@ -3,10 +3,21 @@
 use super::Run;
 use crate::error::{CallSite, Error, ErrorKind};
 use crate::flow::Level;
-use crate::scan::Span;
+use crate::foreign::language;
+use crate::scan::{Fault, Span};
 use motion::canon::{Event, Source};
 use motion::compensation::CompensationError;
 use std::ops::Range;
+
+/// What is wrong with the whole text, as far as its first wrong line shows it: one mistake instead of one in every line.
+pub(crate) fn of_the_whole(line: &[u8], faults: &[Fault]) -> Option<Fault> {
+    let is_garbled = |(_, kind): &Fault| matches!(kind, ErrorKind::BadCharacter(_));
+    if line.contains(&0) && faults.iter().any(is_garbled) {
+        return Some((Span::default(), ErrorKind::Binary));
+    }
+    let language = faults.iter().find_map(|(_, kind)| language(line, kind))?;
+    Some((Span::new(0, line.len()), ErrorKind::OtherLanguage(language)))
+}
 
 impl Run<'_> {
     /// An error of the machine that carries out a block: at its first word of this letter, or at all of it.
@@ -30,9 +41,9 @@ impl Run<'_> {
     #[cold]
     pub(super) fn fail_all(&mut self) {
         let octets = self.line_of(self.source);
-        if octets.contains(&0) {
+        if let Some(of_all) = of_the_whole(&octets, &self.faults) {
             self.ended = true;
-            self.faults = vec![(Span::default(), ErrorKind::Binary)];
+            self.faults = vec![of_all];
         }
         let sites: Vec<CallSite> = self
             .levels

@@ -11,6 +11,8 @@ mod control;
 mod failure;
 mod subroutine;
 
+pub(crate) use failure::of_the_whole;
+
 use crate::Settings;
 use crate::block::{Block, Faults, LineNumber, Remapped};
 use crate::error::{Error, ErrorKind};
@@ -260,6 +262,10 @@ impl Run<'_> {
     /// The program's parameters, offsets, tool and modes as they are behind the last event.
     pub fn snapshot(&self) -> Settings {
         self.state.snapshot()
+    }
+
+    pub(crate) fn is_cancelled(&self) -> bool {
+        self.spent.limits.cancel.is_cancelled()
     }
 
     /// Reads and runs one line: fills `calls`, or `errors`.
@@ -514,7 +520,7 @@ impl Iterator for Run<'_> {
     #[inline]
     fn next(&mut self) -> Option<Self::Item> {
         loop {
-            if self.spent.limits.cancel.is_cancelled() {
+            if self.is_cancelled() {
                 return self.cancelled();
             }
             if let Some(event) = self.compensated.pop() {
