@@ -85,7 +85,7 @@ impl State {
             FeedUnit::InverseTime => {} // belongs to the move of this line alone
             FeedUnit::UnitsPerMinute | FeedUnit::UnitsPerTurn => {
                 self.modal.feed = number;
-                self.feed_zero_line = (number == 0.0).then_some(self.line);
+                self.feed_zero_line = (number == 0.0).then_some(self.source.line);
                 self.push_feed(calls);
             }
         }

@@ -271,6 +271,7 @@ impl Run<'_> {
     /// Reads and runs one line: fills `calls`, or `errors`.
     #[inline]
     pub(crate) fn step(&mut self) {
+        self.state.sources.clear(); // whoever has left out calls has left out these
         if !self.state.questions.is_empty()
             && let Err(kind) = self.state.ask_machine(&mut *self.machine)
         {
@@ -345,9 +346,10 @@ impl Run<'_> {
     fn run_block(&mut self) {
         let octets = self.files[self.file].text.octets();
         self.faults.clear();
-        self.state.line = self.source.line;
+        self.state.source = self.source;
         self.block.read(octets, &self.state, &mut self.faults);
         number_source(&mut self.source, self.block.n);
+        self.state.source = self.source;
         if !self.faults.is_empty() {
             return self.fail_all();
         }
@@ -429,7 +431,7 @@ impl Run<'_> {
         line.extend_from_slice(self.files[self.file].text.octets());
         if let Some((cursor, n)) = crate::o_word::start(&line) {
             number_source(&mut self.source, n);
-            self.state.line = self.source.line;
+            self.state.source = self.source;
             let result = crate::o_word::read(cursor, &self.state)
                 .and_then(|o_word| o_word.map_or(Ok(()), |o_word| self.run_o_word(&o_word)));
             if let Err((span, kind)) = result {
@@ -463,7 +465,7 @@ impl Run<'_> {
     /// Goes back to a line that was read before, for what is left to run or to tell of it.
     pub(crate) fn set_source(&mut self, source: Source) {
         self.source = source;
-        self.state.line = source.line;
+        self.state.source = source;
     }
 
     /// The closing `%`.
@@ -533,7 +535,7 @@ impl Iterator for Run<'_> {
                 if takes_time(&call) {
                     self.spent.idle_steps = 0;
                 }
-                let source = self.source;
+                let source = self.state.sources.pop_front().unwrap_or(self.source);
                 let event = Event { source, call };
                 if !self.is_compensated(&event.call) {
                     return Some(Ok(event));

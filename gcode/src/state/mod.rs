@@ -12,7 +12,7 @@ use crate::parameter::{self, Parameters};
 use crate::remap;
 use crate::{Settings, ToolChanger, ToolTable};
 use motion::canon::{
-    Axis, Call, Cutter, Input, LengthUnit, PathMode, Plane, Position, ProbeMode, SPINDLES, SpindleDirection,
+    Axis, Call, Cutter, Input, LengthUnit, PathMode, Plane, Position, ProbeMode, SPINDLES, Source, SpindleDirection,
     SpindleMode, WaitMode,
 };
 use motion::kinematics::ToolFrame;
@@ -257,8 +257,10 @@ pub(crate) struct State {
     pub(crate) feed_cleared: bool,
     /// The line that set the feed to 0, while it is.
     pub(crate) feed_zero_line: Option<u32>,
-    /// Number of the line that is being run.
-    pub(crate) line: u32,
+    /// The line that is being run.
+    pub(crate) source: Source,
+    /// Where the calls of the line stand in the text that are not of the line itself: those of a lathe cycle, in their order.
+    pub(crate) sources: VecDeque<Source>,
     /// Subroutine calls under way.
     pub(crate) call_level: u32,
     /// The remapped codes.
@@ -328,7 +330,8 @@ impl State {
             spindle: 0,
             feed_cleared: false,
             feed_zero_line: None,
-            line: 0,
+            source: Source::default(),
+            sources: VecDeque::new(),
             call_level: 0,
             remaps: settings.remaps.iter().map(remap::Entry::new).collect(),
             remapping: Vec::new(),

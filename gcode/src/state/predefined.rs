@@ -103,7 +103,7 @@ impl State {
         match name {
             "_vmajor" => Some(2.9),
             "_vminor" => Some(0.0),
-            "_line" => Some(f64::from(self.line)),
+            "_line" => Some(f64::from(self.source.line)),
             "_motion_mode" => Some(f64::from(modal.motion.map_or(800, |motion| motion.code()))),
             "_plane" => Some(match modal.plane {
                 Plane::Xy => 170.0,

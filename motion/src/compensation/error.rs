@@ -114,7 +114,8 @@ pub enum CompensationErrorKind {
     /// Beside one part of the contour the tool cuts into another part.
     #[error(
         "beside the move of line {} a tool of radius {radius_mm:.4} mm would cut {missing_mm:.4} mm into the contour of line {}, at {}; \
-         take a smaller tool, or leave out what it cannot reach",
+         take a smaller tool, or leave out what it cannot reach; if nothing is to stay there, gouge = \"neighbours-only\" of [program] in \
+         the machine file lets it pass",
         .tool.line, .contour.line, place(*.plane, *.at_mm)
     )]
     Gouge {

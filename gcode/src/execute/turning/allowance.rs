@@ -38,7 +38,10 @@ fn joined(profile: &[Segment], right_mm: f64) -> Option<Vec<Segment>> {
             if gap > SAME_MM && turn * right_mm > 0.0 {
                 let last = path.last()?;
                 let turns = if right_mm > 0.0 { 1 } else { -1 };
-                path.push(Segment::arc(last.end, next.start, segment.start, turns));
+                path.push(Segment {
+                    of: segment.of,
+                    ..Segment::arc(last.end, next.start, segment.start, turns)
+                });
             } else if gap > SAME_MM {
                 join(&mut path, &mut next)?;
             }
@@ -88,10 +91,14 @@ pub(super) fn above(profile: &[Segment], radius_mm: f64) -> Option<Vec<Segment>>
     if start[0] < end[0] {
         return None; // a wall, and back along it
     }
-    let vertices = profile.iter().map(|segment| segment.end).chain([first.start]);
-    let around = |vertex: Point| {
+    let vertices = profile.iter().map(|segment| (segment.end, segment.of));
+    let vertices = vertices.chain([(first.start, first.of)]);
+    let around = |(vertex, of): (Point, u32)| {
         let [p, q] = vertex;
-        Segment::arc([p + radius_mm, q], [p - radius_mm, q], vertex, 1)
+        Segment {
+            of,
+            ..Segment::arc([p + radius_mm, q], [p - radius_mm, q], vertex, 1)
+        }
     };
     let upright = |segment: &Segment| segment.start[0] - segment.end[0] < SAME_MM;
     let sides = profile.iter().filter_map(|segment| segment.beside(radius_mm));
@@ -134,18 +141,25 @@ pub(super) fn above(profile: &[Segment], radius_mm: f64) -> Option<Vec<Segment>>
             // Where even the first or the last place is too low, the path begins or ends above it.
             let begins_above = path.is_empty() && from[1] > at[1];
             if length(minus(from, at)) > SAME_MM && !begins_above {
-                path.push(Segment::line(at, from));
+                path.push(Segment {
+                    of: part.of,
+                    ..Segment::line(at, from)
+                });
             }
             path.push(Segment {
                 start: from,
                 end: to,
                 arc: part.arc.filter(|_| !narrow),
+                of: part.of,
             });
         }
         (at, of) = (to, (!narrow).then_some(highest));
     }
     if end[1] > at[1] + SAME_MM {
-        path.push(Segment::line(at, end));
+        path.push(Segment {
+            of: last.of,
+            ..Segment::line(at, end)
+        });
     }
     (!path.is_empty()).then_some(path)
 }

@@ -6,6 +6,7 @@ use super::rough::{Cut, finish, rough};
 use super::segment::{Point, Segment};
 use crate::code::Roughing;
 use crate::error::TurningError;
+use motion::canon::Source;
 
 /// A cycle whose profile is being read.
 #[derive(Clone, Debug, PartialEq)]
@@ -15,6 +16,8 @@ pub(crate) struct Turning {
     pub(super) work: Work,
     /// Where it works from, `[Z, X]`. While the profile is read, the current point is the end of its last move.
     pub(super) start: Point,
+    /// Where the cycle stands in the text.
+    pub(super) source: Source,
     pub(super) moves: Vec<Move>,
 }
 
@@ -33,9 +36,10 @@ pub(super) enum Work {
 }
 
 impl Turning {
-    /// The cuts, and the frame in which they are told.
-    pub(super) fn cuts(self, unit_mm: f64) -> Result<(Frame, Vec<Cut>), TurningError> {
-        let mut moves = self.moves;
+    /// The cuts, each with the number of the move of the profile along which it goes (0: it goes down to it), and the frame in which
+    /// they are told.
+    pub(super) fn cuts(&self, unit_mm: f64) -> Result<(Frame, Vec<(Cut, u32)>), TurningError> {
+        let mut moves = self.moves.clone();
         if moves.len() < 2 {
             return Err(TurningError::TooShort { moves: moves.len() });
         }
@@ -92,7 +96,8 @@ impl Turning {
                     let end = [last.end[0], first.start[1]];
                     path.push(Segment::line(last.end, end));
                 }
-                Ok((frame, rough(&path, roughing.pockets, step_mm, retract_mm)?))
+                let cuts = rough(&path, roughing.pockets, step_mm, retract_mm)?;
+                Ok((frame, cuts.into_iter().map(|cut| (cut, 0)).collect()))
             }
         }
     }
@@ -109,11 +114,11 @@ fn close(moves: &mut Vec<Move>, start: Point, along_x: bool) {
     if way(&last.segment, along) != 0.0 && way(&first.segment, depth) * (start[depth] - from[depth]) < 0.0 {
         let mut to = from;
         to[depth] = start[depth];
-        let line = last.line;
+        let source = last.source;
         moves.push(Move {
             segment: Segment::line(from, to),
             corner: None,
-            line,
+            source,
         });
     }
 }

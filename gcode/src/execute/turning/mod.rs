@@ -21,7 +21,7 @@ use crate::error::{ArcError, ErrorKind, TurningError};
 use crate::scan::Fault;
 use crate::state::{Calls, State};
 pub(crate) use cycle::Turning;
-use motion::canon::{Axis, Call, Plane, Position};
+use motion::canon::{Axis, Call, Plane, Position, Source};
 
 use cycle::Work;
 use profile::{Corner, Move};
@@ -108,6 +108,7 @@ impl State {
             profile: number as u32,
             work,
             start: [to[Axis::Z], to[Axis::X]],
+            source: self.source,
             moves: Vec::new(),
         });
         Ok(())
@@ -169,7 +170,7 @@ impl State {
         turning.moves.push(Move {
             segment,
             corner,
-            line: self.line,
+            source: self.source,
         });
         Ok(())
     }
@@ -267,7 +268,16 @@ impl State {
             [to[Axis::Z], to[Axis::X]] = frame.back(point);
             to
         };
-        for cut in cuts {
+        // The calls before, if there are any, are of the line that ends the profile.
+        self.sources.resize(calls.len(), self.source);
+        for (cut, of) in cuts {
+            let of = (of as usize).checked_sub(1).and_then(|index| turning.moves.get(index));
+            let source = of.map_or(turning.source, |of| of.source);
+            self.sources.push_back(Source {
+                n: self.source.n,
+                n_digits: self.source.n_digits,
+                ..source
+            });
             let to = place(self.at, cut.to());
             let motion = match cut {
                 Cut::Rapid(_) => {

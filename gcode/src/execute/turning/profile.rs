@@ -7,6 +7,7 @@
 use super::segment::{Point, SAME_MM, Segment, cross, length, minus};
 use crate::error::TurningError;
 use crate::execute::circle::Arc;
+use motion::canon::Source;
 
 /// What a corner becomes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,7 +24,7 @@ pub(super) struct Move {
     pub(super) segment: Segment,
     /// What becomes of its end.
     pub(super) corner: Option<Corner>,
-    pub(super) line: u32,
+    pub(super) source: Source,
 }
 
 /// A symmetry of the plane that makes all profiles alike.
@@ -81,6 +82,7 @@ impl Frame {
                 centre_mm: self.point(arc.centre_mm),
                 turns: self.turns(arc.turns),
             }),
+            ..segment
         }
     }
 
@@ -93,23 +95,18 @@ impl Frame {
 pub(super) fn normal(moves: &[Move], along_x: bool, unit_mm: f64) -> Result<(Frame, Vec<Segment>), TurningError> {
     let frame = Frame::new(moves, along_x);
     let made = with_corners(moves, unit_mm)?;
-    let mut segments: Vec<(Segment, u32)> = made
-        .into_iter()
-        .map(|(segment, line)| (frame.segment(segment), line))
-        .collect();
+    let mut segments: Vec<Segment> = made.into_iter().map(|segment| frame.segment(segment)).collect();
     // A start behind the profile's first point is no way back: the tool comes from beside it.
-    if let Some((first, _)) = segments.first_mut()
+    if let Some(first) = segments.first_mut()
         && first.end[0] > first.start[0]
     {
         first.start[0] = first.end[0];
     }
-    for (segment, line) in &segments {
-        if turns_back(segment) {
-            let (axis, line) = (frame.axis(), *line);
-            return Err(TurningError::NotMonotonic { axis, line });
-        }
+    if let Some(back) = segments.iter().find(|segment| turns_back(segment)) {
+        let (axis, line) = (frame.axis(), line_of(moves, back));
+        return Err(TurningError::NotMonotonic { axis, line });
     }
-    Ok((frame, segments.into_iter().map(|(segment, _)| segment).collect()))
+    Ok((frame, segments))
 }
 
 /// How far a profile may go back, mm: as LinuxCNC's.
@@ -128,16 +125,22 @@ fn turns_back(segment: &Segment) -> bool {
     }
 }
 
-/// The segments with corners rounded and cut, each with its line. A corner at the end of the profile has no effect.
-fn with_corners(moves: &[Move], unit_mm: f64) -> Result<Vec<(Segment, u32)>, TurningError> {
-    let mut made: Vec<(Segment, u32)> = Vec::with_capacity(moves.len());
+/// The line of the move that a segment is of.
+fn line_of(moves: &[Move], segment: &Segment) -> u32 {
+    let of = (segment.of as usize).checked_sub(1).and_then(|index| moves.get(index));
+    of.map_or(0, |of| of.source.line)
+}
+
+/// The segments with corners rounded and cut, each with its move. A corner at the end of the profile has no effect.
+fn with_corners(moves: &[Move], unit_mm: f64) -> Result<Vec<Segment>, TurningError> {
+    let mut made: Vec<Segment> = Vec::with_capacity(moves.len());
     let mut corner: Option<Corner> = None;
-    for one in moves {
-        let mut next = one.segment;
-        if let Some((before, line)) = made.last_mut()
+    for (of, one) in (1..).zip(moves) {
+        let mut next = Segment { of, ..one.segment };
+        if let Some(before) = made.last_mut()
             && let Some(corner) = corner
         {
-            let line = *line;
+            let (line, of) = (line_of(moves, before), before.of);
             let (what, size_mm) = match corner {
                 Corner::Round(size) => ("rounding", size),
                 Corner::Cut(size) => ("chamfer", size),
@@ -148,12 +151,12 @@ fn with_corners(moves: &[Move], unit_mm: f64) -> Result<Vec<(Segment, u32)>, Tur
                 Corner::Round(_) => inserted,
                 Corner::Cut(_) => Segment::line(inserted.start, inserted.end),
             };
-            made.push((inserted, line));
+            made.push(Segment { of, ..inserted });
         }
-        made.push((next, one.line));
+        made.push(next);
         corner = one.corner;
     }
-    made.retain(|(segment, _)| length(minus(segment.end, segment.start)) > SAME_MM);
+    made.retain(|segment| length(minus(segment.end, segment.start)) > SAME_MM);
     Ok(made)
 }
 

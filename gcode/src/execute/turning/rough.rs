@@ -30,13 +30,13 @@ impl Cut {
 /// Most cuts of a cycle.
 pub(super) const CUTS_MAX: usize = 100_000;
 
-/// One pass along a path: rapid to its first point, then feed.
-pub(super) fn finish(path: &[Segment], cuts: &mut Vec<Cut>) {
+/// One pass along a path: rapid to its first point, then feed. Each cut with the move of the profile that it is of.
+pub(super) fn finish(path: &[Segment], cuts: &mut Vec<(Cut, u32)>) {
     for (index, segment) in path.iter().enumerate() {
         if index == 0 {
-            cuts.extend([Cut::Rapid(segment.start), Cut::Rapid(segment.end)]);
+            cuts.extend([segment.start, segment.end].map(|to| (Cut::Rapid(to), segment.of)));
         } else {
-            cuts.push(along(segment, segment.end));
+            cuts.push((along(segment, segment.end), segment.of));
         }
     }
 }

@@ -17,16 +17,23 @@ pub(super) struct Segment {
     pub(super) end: Point,
     /// `turns` is 1 or -1; `None`: a line.
     pub(super) arc: Option<Arc>,
+    /// Number of the move of the profile that it is of, from 1 on; 0: of none.
+    pub(super) of: u32,
 }
 
 impl Segment {
     pub(super) fn line(start: Point, end: Point) -> Segment {
-        Segment { start, end, arc: None }
+        Segment {
+            start,
+            end,
+            arc: None,
+            of: 0,
+        }
     }
 
     pub(super) fn arc(start: Point, end: Point, centre_mm: Point, turns: i32) -> Segment {
         let arc = Some(Arc { centre_mm, turns });
-        Segment { start, end, arc }
+        Segment { start, end, arc, of: 0 }
     }
 
     /// Direction at a point of it, length 1.
@@ -57,7 +64,7 @@ impl Segment {
         Some(Segment {
             start: moved(self.start),
             end: moved(self.end),
-            arc: self.arc,
+            ..*self
         })
     }
 
@@ -237,6 +244,7 @@ impl Segment {
                 centre_mm: plus(arc.centre_mm, way),
                 turns: arc.turns,
             }),
+            ..*self
         }
     }
 }

@@ -2,6 +2,8 @@ use super::segment::{SAME_MM, length, minus};
 use super::*;
 use crate::code::Pockets;
 use crate::printed::printed;
+use crate::{Error, Interpreter, Settings};
+use motion::canon::{Call, Event};
 use proptest::prelude::*;
 
 const PROFILE: &str = "o1 sub\nG0 X5\nG1 Z-10\nX8\nZ-15\nX10 Z-18\no1 endsub\nG18 F10\nG0 X12 Z2\n";
@@ -329,4 +331,54 @@ proptest! {
             prop_assert!(length(minus(two[0].end, two[1].start)) < SAME_MM, "{two:?}");
         }
     }
+}
+
+/// A program that finishes a profile under compensation, with a tool of this radius.
+fn finished(radius: f64, words: &str, profile: &str) -> Vec<String> {
+    let program = format!(
+        "G18 F10\nG0 X40 Z20\nG42.1 D{} L2\nG1 X30 Z5\nG70 Q1 {words}\nG40\nG0 X60 Z30\nM2\no1 sub\n{profile}o1 endsub\n",
+        2.0 * radius
+    );
+    let run = Interpreter::new(Settings::default()).run(program.as_bytes());
+    let told = |event: Result<Event, Box<Error>>| match event {
+        Ok(Event {
+            source,
+            call: Call::StraightFeed { .. } | Call::ArcFeed { .. },
+        }) => Some(source.line.to_string()),
+        Ok(_) => None,
+        Err(error) => Some(error.to_string()),
+    };
+    run.filter_map(told).collect()
+}
+
+#[test]
+fn moves_of_a_cycle_stand_where_the_profile_does() {
+    // Entry, then two passes along lines 11 to 14.
+    let profile = "G0 X5 Z2\nG1 Z-10\nX10 Z-20\nZ-30\nX20\n";
+    let lines = finished(0.4, "D1 E0 P2", profile);
+    assert!(
+        !lines.iter().any(|line| line.contains("cut")),
+        "a pass beside the next one is no gouge: {lines:?}"
+    );
+    let mut found = lines.clone();
+    found.dedup();
+    assert_eq!(
+        found,
+        ["4", "11", "12", "13", "14", "11", "12", "13", "14"],
+        "{lines:?}"
+    );
+    // Roughing goes along no move of it.
+    let shown = moves(&format!("{PROFILE}G71 Q1 I3\nM2\n"));
+    let program = format!("{PROFILE}G71 Q1 I3\nM2\n");
+    let run = Interpreter::new(Settings::default()).run(program.as_bytes());
+    let of_cycle = run.map(Result::unwrap).filter(|event| event.source.line == 10).count();
+    assert!(of_cycle >= shown.len() - 1, "{of_cycle} {shown:?}");
+}
+
+#[test]
+fn a_gouge_names_lines_of_the_profile() {
+    let told = finished(4.0, "P1", "G0 X5 Z2\nG1 Z-10\nX3\nZ-12\nX10\nZ-30\nX20\n");
+    let error = told.last().unwrap();
+    let line: u32 = error.split(':').next().unwrap().parse().unwrap();
+    assert!((11..=16).contains(&line), "{told:?}");
 }

@@ -68,6 +68,14 @@ const LEGAL: &[(&str, &str)] = &[
         "G0 Z5\nG41.1 D2\nG1 X10\nZ0\nX30\nG0 Z5\nX20 Y10\nG1 Y5\nG3 Y-15 J-10 Z-2\nG40\nG0 X0",
     ),
     (
+        "a second pass nearer to the part, after a traverse",
+        "G0 X-10 Y5\nG41.1 D2\nG1 X0 Y0\nX30\nG0 X40 Y20\nX-10 Y5\nG1 X0 Y-0.5\nX30\nG40\nG1 X40",
+    ),
+    (
+        "the same around a corner, three passes",
+        "G0 X-10 Y6\nG41.1 D2\nG1 X0 Y1\nX30\nY20\nG0 X0 Y30\nX-10 Y6\nG1 X0 Y0.5\nX30.5\nY20\nG0 X0 Y30\nX-10 Y6\nG1 X0 Y0\nX31\nY20\nG40\nG1 X30 Y30",
+    ),
+    (
         "an exit that goes up through the air above the contour",
         "G41.1 D2\nG1 X10\nX30\nY20\nX10\nG40\nX20 Y-10 Z9",
     ),
@@ -122,6 +130,18 @@ const GOUGES: &[(&str, &str, u32, u32)] = &[
         "G41.1 D2\nG1 X10\nX30\nY20\nX10\nG40\nX20 Y-10",
         7,
         3,
+    ),
+    (
+        "the passes in the wrong order: the first one cuts into the contour of the second",
+        "G0 X-10 Y5\nG41.1 D2\nG1 X0 Y-0.5\nX30\nG0 X40 Y20\nX-10 Y5\nG1 X0 Y0\nX30\nG40\nG1 X40",
+        4,
+        7,
+    ),
+    (
+        "a later contour that crosses an earlier one",
+        "G0 X-10 Y5\nG41.1 D2\nG1 X0 Y0\nX30\nG0 X35 Y20\nX20 Y10\nG1 X15 Y5\nY-20\nG40\nG1 X40",
+        4,
+        8,
     ),
     (
         "a tight bend in small pieces",

@@ -28,6 +28,10 @@
 //! walls; at feed they are compared with the contour, but for what of it is within 2 radii of the point where they join
 //! it: LinuxCNC's entry is slanted there and its exit leaves from beside the end, whatever corner a closed contour has there.
 //!
+//! **One contour after the other**, with a traverse or a change of depth between them, are passes: what a later one cuts off an earlier
+//! one was left for it, as roughing does and passes of a lathe cycle (G70 P). Where both cross, or the earlier pass cuts into the
+//! later contour, it is a gouge: the later one is what is to stay.
+//!
 //! **Rings inside each other** that go round in the same direction are steps of clearing but for the last, which alone keeps
 //! something (`rings.rs`).
 //!
@@ -46,7 +50,7 @@ use crate::canon::{Event, Plane, Source};
 
 use super::CompensationErrorKind as Kind;
 use super::element::{Closest, Element};
-use super::geometry::Point;
+use super::geometry::{Point, length, sub};
 use super::{Gouge, Tool};
 use conflict::conflict;
 use lead::Leads;
@@ -293,10 +297,42 @@ impl Window {
             None::<()>
         });
         close.sort_by_key(|wall| wall.number);
+        close.retain(|wall| !self.is_of_an_earlier_pass(track, wall) && !self.begins_where_it_came_from(track, wall));
         close.retain(|wall| !self.rings.is_cleared(&mut self.walls, track, wall));
         let walls = close.into_iter();
         let walls = walls.filter_map(|wall| self.leads.wall(&mut self.walls, wall));
         walls.filter(|wall| conflict(track, wall, radius).is_some()).collect()
+    }
+
+    /// Whether a wall belongs to a contour before that of a move, and both do not cross: what the later one cuts off there was left
+    /// for it.
+    fn is_of_an_earlier_pass(&self, track: &Track, wall: &Wall) -> bool {
+        let [own, _] = track.mark.walls;
+        // The last move of a contour is made when the next one has begun.
+        let run = self.walls.get(own).map_or(track.run, |own| own.run);
+        // Not only at an end: passes often come from one place and end at one.
+        let inside = |element: &Element, at: Point| {
+            [element.from, element.to]
+                .iter()
+                .all(|end| length(sub(*end, at)) > PATH_TOLERANCE_MM)
+        };
+        let crosses = |number: &u64| {
+            let own = self.walls.get(*number).map(|own| own.element);
+            own.is_some_and(|own| {
+                let mut crossings = own.crossings(&wall.element);
+                crossings.any(|at| inside(&own, at) && inside(&wall.element, at))
+            })
+        };
+        track.joint.is_none() && wall.run < run && !track.mark.walls.iter().any(crosses)
+    }
+
+    /// Whether a wall is how a later pass comes from where the tool stood before the first: what is there is air.
+    fn begins_where_it_came_from(&self, track: &Track, wall: &Wall) -> bool {
+        let from = [&track.element, &wall.element].map(|element| element.from);
+        track.joint.is_some()
+            && wall.number == wall.run
+            && wall.run > track.run
+            && length(sub(from[0], from[1])) < self.radius
     }
 
     fn gouge_of(&self, track: &Track, wall: &Wall) -> Option<Kind> {
