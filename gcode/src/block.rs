@@ -107,6 +107,9 @@ pub(crate) struct Block {
 /// So many letters without a number are no mistyped words but a sentence, of which the letters are not worth a mistake each.
 const LETTERS_ALONE: usize = 5;
 
+/// Longest wait, s: a year.
+const DWELL_S_MAX: f64 = 365.0 * 86_400.0;
+
 /// Most M words on a line.
 const M_WORDS_MAX: usize = 4;
 
@@ -454,6 +457,18 @@ impl Block {
                 let span = self.span(letter);
                 let letter = letter.into();
                 Err((span, ErrorKind::Negative { letter, value }))
+            }
+            Some(_) | None => Ok(()),
+        }
+    }
+
+    /// Refuses a wait in seconds below 0, or of more than a year: nobody means one.
+    pub(crate) fn check_dwell(&self, letter: u8) -> Result<(), Fault> {
+        self.check_not_negative(letter)?;
+        match self.word_value(letter) {
+            Some(seconds) if seconds > DWELL_S_MAX => {
+                let days = seconds / 86_400.0;
+                Err(self.span(letter).fault(ErrorKind::DwellTooLong { days }))
             }
             Some(_) | None => Ok(()),
         }

@@ -233,6 +233,14 @@ mod tests {
                 "1:1: these are no words of G-code, each of which is a letter and a number: a comment stands in ( ) or behind ;",
             ),
             (
+                "G4 P100000000\nM2\n",
+                "1:4: P is seconds, and would wait for 1157 days: no more than a year is allowed",
+            ),
+            (
+                "F1 G82 X1 Z-1 R1 P31536001\nM2\n",
+                "1:18: P is seconds, and would wait for 365 days: no more than a year is allowed",
+            ),
+            (
                 "o<x> [1]\nM2\n",
                 "1:1: O<x> needs a word between its name and the values: O<x> call [...]",
             ),

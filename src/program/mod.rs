@@ -722,6 +722,12 @@ mod tests {
         );
         let place = error.of_text();
         assert_eq!(&place.text[place.span.clone()], "X 212");
+        // Numbers that differ are shown so.
+        let close = first_error("G21 G90\nG0 X 285.0006\nM2\n");
+        assert_eq!(
+            close.located("p.ngc"),
+            "p.ngc:2:4: X 285.00060 mm in G54 (offset X 20.000) is machine 305.00060, travel ends at 305.00000"
+        );
         assert!(error.render("p.ngc").contains("^^^^^"));
     }
 }

@@ -511,9 +511,11 @@ impl<'t> Smoothing<'t> {
         let follows = |other: &Axis| ((one[*other] - zero[*other]) - f64::from(*other == axis)).abs() < 1e-9;
         let (letter, offset) = (axis.letter(), 0.0 - zero[axis]);
         let unit = if axis.is_rotary() { "degrees" } else { "mm" };
+        // As many digits as tell the two apart.
+        let digits = if (value - limit).abs() < 0.01 { 5 } else { 3 };
         Axis::ALL.iter().all(follows).then(|| {
             format!(
-                "{letter} {:.3} {unit} in {} (offset {letter} {offset:.3}) is machine {value:.3}, travel ends at {limit:.3}",
+                "{letter} {:.digits$} {unit} in {} (offset {letter} {offset:.3}) is machine {value:.digits$}, travel ends at {limit:.digits$}",
                 value - offset,
                 WORK_SYSTEMS[usize::from(self.work_system.clamp(1, 9)) - 1],
             )

@@ -831,6 +831,12 @@ pub enum ErrorKind {
         /// G2 or G3.
         motion: String,
     },
+    /// P of a wait.
+    #[error("P is seconds, and would wait for {days:.0} days: no more than a year is allowed")]
+    DwellTooLong {
+        /// How long it would be.
+        days: f64,
+    },
     /// G4 without P.
     #[error("G4 needs P, the seconds to wait")]
     DwellMissing,

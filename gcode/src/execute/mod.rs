@@ -268,7 +268,7 @@ impl State {
             return Ok(());
         };
         let seconds = block.word_value(b'P').ok_or((coded.span, ErrorKind::DwellMissing))?;
-        block.check_not_negative(b'P')?;
+        block.check_dwell(b'P')?;
         calls.push_back(Call::Dwell { seconds });
         Ok(())
     }

@@ -53,6 +53,7 @@ pub use gate::{LimitJudge, Over};
 pub use joint_space::JointSpace;
 pub use offline::{Offline, plan_offline};
 pub use planner::{FEED_OVERRIDE_MAX, PathPlanner, Planner, Pumped, Smoothed, SpeedPlanner};
+pub use travel::TRAVEL_TOLERANCE;
 
 #[cfg(test)]
 mod tests;
@@ -231,6 +232,11 @@ pub enum PlanErrorKind {
         /// Greatest speed of the axes along the move, mm/s.
         limit: f64,
     },
+    /// A move that would take more than a year.
+    TooSlow {
+        /// Its time at its feed.
+        seconds: f64,
+    },
     /// A number that is infinite or none at all.
     NotFinite,
     /// A joint would jump there, or pass a limit, however it is planned: a defect of the planner.
@@ -305,6 +311,12 @@ impl fmt::Display for PlanErrorKind {
             PlanErrorKind::SpindleTooFast { speed, limit } => write!(
                 f,
                 "pitch and spindle speed come to {speed:.3} mm/s, more than the axes reach ({limit:.3} mm/s); expected a lower S"
+            ),
+            PlanErrorKind::TooSlow { seconds } => write!(
+                f,
+                "the move would take {:.0} days at its feed; expected no more than a year: is F right, in the unit of G93, G94 or G95, and \
+                 S, K or P where the spindle leads?",
+                seconds / 86_400.0
             ),
             PlanErrorKind::NotFinite => f.write_str("position is not a finite number"),
             PlanErrorKind::OverLimits => f.write_str(

@@ -15,8 +15,9 @@ use crate::canon::{AXES, Axis};
 use crate::kinematics::ToolFrame;
 use crate::path::{Piece, Shape};
 
-/// What rounding adds to a position programmed at the limit is no excess, mm or degrees.
-const ROUNDING: f64 = 1e-6;
+/// What rounding adds to a position programmed at the limit is no excess, mm or degrees: half of the last digit that is shown, more
+/// than the last one of inches that post-processors write.
+pub const TRAVEL_TOLERANCE: f64 = 0.0005;
 /// The same of what smoothing makes. It begins and ends on what is programmed.
 const SMOOTHED_ROUNDING: f64 = 5e-10;
 
@@ -26,7 +27,7 @@ pub(super) fn check(piece: &Piece, settings: &Settings) -> Result<(), PlanErrorK
     if axes_count(piece.frame(), settings) {
         check_travel(piece, &settings.axes)?;
     }
-    joints(piece.frame(), settings).map_or(Ok(()), |joints| joints.check(piece, ROUNDING))
+    joints(piece.frame(), settings).map_or(Ok(()), |joints| joints.check(piece, TRAVEL_TOLERANCE))
 }
 
 /// Whether all axes and joints stay inside their travel along a piece that smoothing has made. Its frame is that of the moves
@@ -178,9 +179,9 @@ fn check_travel(piece: &Piece, limits: &[Option<AxisLimits>; AXES]) -> Result<()
 
 fn within(axis: Axis, value: f64, limits: &AxisLimits) -> Result<(), PlanErrorKind> {
     let [low, high] = limits.travel;
-    let limit = if value < low - ROUNDING {
+    let limit = if value < low - TRAVEL_TOLERANCE {
         low
-    } else if value > high + ROUNDING {
+    } else if value > high + TRAVEL_TOLERANCE {
         high
     } else {
         return Ok(());
@@ -193,6 +194,33 @@ mod tests {
     use super::*;
     use crate::canon::Position;
     use crate::path::Circle;
+
+    #[test]
+    fn rounding_of_the_program_is_no_excess_and_more_than_that_is_shown() {
+        let limits = AxisLimits {
+            velocity: 1.0,
+            acceleration: 1.0,
+            jerk: 1.0,
+            travel: [-305.0, 305.0],
+        };
+        // 11.22048 inches are 285.0002 mm, 20 mm from the origin.
+        for value in [20.0 + 11.22048 * 25.4, 305.000499, -305.000499] {
+            assert_eq!(within(Axis::X, value, &limits), Ok(()), "{value}");
+        }
+        for (value, limit) in [(305.000501, 305.0), (-305.000501, -305.0)] {
+            let error = within(Axis::X, value, &limits).unwrap_err();
+            assert_eq!(
+                error,
+                PlanErrorKind::Travel {
+                    axis: Axis::X,
+                    value,
+                    limit
+                }
+            );
+            let (shown, end) = (format!("{value:.4}"), format!("{limit:.4}"));
+            assert!(shown != end && error.to_string().contains(&shown), "{error}");
+        }
+    }
 
     #[test]
     fn an_arc_may_leave_the_travel_between_its_ends() {

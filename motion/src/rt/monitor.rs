@@ -126,7 +126,7 @@ const ROUNDING_MM: f64 = 1e-11;
 /// Part of the limits of stops that a joint uses at the least to come to rest: what hardly moves stands before the others do.
 const PART_MIN: f64 = 0.1;
 /// The same against the travel, which a program may name to its last digit, mm.
-const TRAVEL_SLACK_MM: f64 = 1e-6;
+const TRAVEL_SLACK_MM: f64 = crate::plan::TRAVEL_TOLERANCE + 1e-6;
 
 #[derive(Clone, Copy, Debug)]
 struct JointMonitor {

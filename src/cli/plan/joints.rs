@@ -18,7 +18,7 @@ pub(super) const NAMES: [&str; ORDERS] = ["velocity", "acceleration", "jerk"];
 const SLACK: f64 = 1e-6;
 
 /// Rounding of a position against the travel, mm: as much as real time lets pass.
-const TRAVEL_SLACK_MM: f64 = 1e-6;
+const TRAVEL_SLACK_MM: f64 = motion::plan::TRAVEL_TOLERANCE + 1e-6;
 
 /// One joint on its way through a program.
 #[derive(Clone, Debug)]

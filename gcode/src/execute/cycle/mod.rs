@@ -222,7 +222,7 @@ impl State {
 
     /// P, Q, I, J and K, from the line or, in a run of the same cycle, from before.
     fn hole_words(&self, cycle: Cycle, block: &Block, r: f64, depth: f64) -> Result<Words, Fault> {
-        block.check_not_negative(b'P')?;
+        block.check_dwell(b'P')?;
         block.check_not_negative(b'D')?;
         let held = self.cycle.cycle == Some(cycle);
         let before = &self.cycle;

@@ -38,6 +38,18 @@ impl Feed {
     }
 }
 
+/// Longest time of one move, s: a year. What takes longer is mistyped, and planning it would never end either.
+const MOVE_S_MAX: f64 = 365.0 * 86_400.0;
+
+/// Whether a move of a length comes to its end in a time that anybody waits for.
+pub(super) fn check_time(length: f64, feed: f64) -> Result<(), PlanErrorKind> {
+    let seconds = length / feed;
+    if seconds > MOVE_S_MAX {
+        return Err(PlanErrorKind::TooSlow { seconds });
+    }
+    Ok(())
+}
+
 impl Program {
     /// A straight move until a contact changes, from rest to rest.
     pub(super) fn probe(
@@ -165,6 +177,7 @@ impl Program {
             let per_s = if self.per_turn { self.turns_s(settings)? } else { 1.0 };
             per_s * feed.along(&piece, start)
         };
+        check_time(piece.length(), feed)?;
         let corner = match self.mode {
             PathMode::ExactPath => Corner::Exact,
             PathMode::ExactStop => Corner::Stop,

@@ -3,7 +3,7 @@
 //! In:  S, G96, pitches.
 //! Out: what the spindle is told; turns per second for feed by turns; threads and taps from rest to rest.
 
-use super::moves::is_no_move;
+use super::moves::{check_time, is_no_move};
 use super::{Entry, Program};
 use crate::canon::{Axis, Position, SpindleMode};
 use crate::element::{Action, Element, Surface, Synced, Tap};
@@ -109,6 +109,7 @@ impl Program {
         if speed > limits.v {
             return Err(PlanErrorKind::SpindleTooFast { speed, limit: limits.v });
         }
+        check_time(way.length(), pitch_mm * turns_s)?;
         if return_scale.is_none() {
             self.position = end;
         }

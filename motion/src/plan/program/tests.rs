@@ -111,6 +111,81 @@ fn a_feed_counts_degrees_where_rotary_axes_alone_move() {
 }
 
 #[test]
+fn a_move_that_takes_more_than_a_year_is_refused_whatever_gives_its_feed() {
+    const YEAR_S: f64 = 365.0 * 86_400.0;
+    let run = |feed: f64, calls: &[Call]| {
+        let mut program = Program::new(Position::ZERO);
+        let feed = Call::SetFeedRate {
+            linear: feed,
+            angular: feed,
+        };
+        let mut all = vec![feed];
+        all.extend_from_slice(calls);
+        let last = all.pop().unwrap();
+        for call in all {
+            program.run(1, &call, &settings()).unwrap();
+        }
+        program.run(1, &last, &settings()).map(|entry| entry.is_some())
+    };
+    let line = Call::StraightFeed {
+        to: Position::xyz(10.0, 0.0, 0.0),
+    };
+    let mut to = Position::ZERO;
+    to[Axis::C] = 10.0;
+    let turn = Call::StraightFeed { to };
+    let spindle = [
+        speed(60.0),
+        Call::StartSpindle {
+            spindle: 0,
+            direction: SpindleDirection::Clockwise,
+            wait_for_speed: true,
+        },
+    ];
+    for (slow, calls) in [
+        (10.0, vec![line.clone()]),
+        (10.0, vec![turn]),
+        (PI, vec![arc(Position::xyz(2.0, 0.0, 0.0), Plane::Xy, [1.0, 0.0], 1)]),
+        (
+            10.0,
+            [
+                &[Call::SetFeedMode(FeedMode::PerTurn { spindle: 0 })],
+                &spindle[..],
+                std::slice::from_ref(&line),
+            ]
+            .concat(),
+        ),
+    ] {
+        assert_eq!(run(slow / YEAR_S * 1.01, &calls), Ok(true), "{calls:?}");
+        let refused = run(slow / YEAR_S / 2.0, &calls);
+        assert!(
+            matches!(refused, Err(PlanErrorKind::TooSlow { seconds }) if (seconds / YEAR_S - 2.0).abs() < 1e-9),
+            "{calls:?}: {refused:?}"
+        );
+    }
+    let thread = |mm_per_turn: f64| {
+        let sync = Call::StartSpindleSync {
+            spindle: 0,
+            mm_per_turn,
+            velocity: false,
+        };
+        run(1.0, &[&spindle[..], &[sync, line.clone()]].concat())
+    };
+    assert_eq!(thread(1e-3), Ok(true));
+    assert!(matches!(
+        thread(10.0 / YEAR_S / 4.0),
+        Err(PlanErrorKind::TooSlow { .. })
+    ));
+    let told = PlanErrorKind::TooSlow {
+        seconds: 6.2e9 * 86_400.0,
+    }
+    .to_string();
+    assert!(
+        told.starts_with("the move would take 6200000000 days at its feed;"),
+        "{told}"
+    );
+}
+
+#[test]
 fn a_feed_per_turn_is_that_of_the_programmed_speed_and_none_where_the_spindle_stands() {
     let mut program = with_feed();
     let to = Position::xyz(0.0, 0.0, 1.0);
