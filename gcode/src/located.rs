@@ -48,6 +48,15 @@ impl<Kind: fmt::Display> Located<Kind> {
     ///
     /// `text` is the file that was read, `path` its name.
     pub fn render(&self, path: &str, text: &[u8]) -> String {
+        self.rendered(Level::ERROR, path, text)
+    }
+
+    /// The same of what is no mistake, but should be known.
+    pub fn render_warning(&self, path: &str, text: &[u8]) -> String {
+        self.rendered(Level::WARNING, path, text)
+    }
+
+    fn rendered(&self, level: Level<'_>, path: &str, text: &[u8]) -> String {
         let line = lines(text)
             .nth((self.line as usize).saturating_sub(1))
             .map(text_of)
@@ -59,7 +68,7 @@ impl<Kind: fmt::Display> Located<Kind> {
             .path(path)
             .line_start(self.line as usize)
             .annotation(AnnotationKind::Primary.span(span.unwrap_or_default()));
-        let report = [Level::ERROR.primary_title(title.as_str()).element(snippet)];
+        let report = [level.primary_title(title.as_str()).element(snippet)];
         Renderer::plain().render(&report)
     }
 }

@@ -281,6 +281,9 @@ fn run_on(
     };
     scanners.sort_by_key(Scanner::period_ns);
     lock(session.tables).set_tool_in_spindle(remembered.tool);
+    for warning in lock(session.tables).warnings() {
+        operator.add_entry(format!("warning: {warning}"));
+    }
     judge_tool(&lock(session.tables), &remembered, &mut operator);
     let mut memory = Memory::new(config, remembered);
     if let Some(panel) = &session.panel {

@@ -4,7 +4,8 @@
 //! Out: [`ToolTable`]; its text. A line that did not change is written as it was read.
 //!
 //! An entry is a letter with its number and no blank between them; entries stand in any order, in either case, with
-//! blanks or tabs between. T and P must be there. LinuxCNC skips lines that it cannot read; here they are errors.
+//! blanks or tabs between. T and P must be there. LinuxCNC skips lines that it cannot read; here they are errors,
+//! but for headlines and entries with other letters, which are told and passed over.
 
 use super::table::{
     Line, NUMBER_MAX, TOOLS_MAX, Tool, ToolChanger, ToolTable, VALUE_MAX, one_line, pocket_max, values,
@@ -14,6 +15,9 @@ use motion::canon::{Axis, LengthUnit};
 use std::collections::HashMap;
 use std::fmt::Write;
 use std::ops::Range;
+
+/// Letters of entries.
+const LETTERS: &str = "TPXYZABCUVWDIJQ";
 
 /// A mistake in a tool table.
 pub type TableError = Located<TableErrorKind>;
@@ -27,6 +31,12 @@ pub enum TableErrorKind {
          remarks stand behind ;"
     )]
     UnknownEntry,
+    /// An entry of another format, or a word.
+    #[error(
+        "this counts for nothing: an entry is one of the letters T P X Y Z A B C U V W D I J Q with a number right behind it; \
+         remarks stand behind ;"
+    )]
+    PassedOver,
     /// The same letter twice in a line.
     #[error("{letter} appears twice in this line: once is allowed")]
     RepeatedEntry {
@@ -52,7 +62,7 @@ pub enum TableErrorKind {
         letter: char,
     },
     /// Not an integer of the range.
-    #[error("{letter} ({meaning}) is an integer from 0 to {max}, without a point, and a blank before the next entry")]
+    #[error("{letter} ({meaning}) is an integer from 0 to {max}, with a blank before the next entry")]
     NotInteger {
         /// Letter of the word.
         letter: char,
@@ -103,7 +113,12 @@ impl ToolTable {
                 break;
             }
             let line = text_of(line);
-            let found = match read_line(index, &line, unit, changer, &mut errors) {
+            if let Some(span) = headline(&line) {
+                table.pass_over(Located::at(index, &line, span, TableErrorKind::PassedOver));
+                table.lines.push(Line::Text(line));
+                continue;
+            }
+            let found = match read_line(index, &line, &mut table, &mut errors) {
                 Read::Text => {
                     table.lines.push(Line::Text(line));
                     continue;
@@ -171,7 +186,40 @@ struct FoundTool {
     p: Range<usize>,
 }
 
-fn read_line(index: usize, line: &str, unit: LengthUnit, changer: ToolChanger, errors: &mut Vec<TableError>) -> Read {
+impl ToolTable {
+    fn pass_over(&mut self, what: TableError) {
+        if self.passed_over.len() < MISTAKES_MAX {
+            self.passed_over.push(what);
+        }
+    }
+}
+
+/// What of a line is a headline: words alone.
+fn headline(line: &str) -> Option<Range<usize>> {
+    let (entries, _) = line.split_once(';').unwrap_or((line, ""));
+    let mut found = words(entries).peekable();
+    found.peek()?;
+    found.all(|(_, entry)| is_word(entry)).then(|| {
+        let start = entries.len() - entries.trim_start_matches(is_blank).len();
+        start..entries.trim_end_matches(is_blank).len()
+    })
+}
+
+/// Whether an entry is a word of a language: letters, and no number that somebody could have meant.
+fn is_word(entry: &str) -> bool {
+    let is_number = |text: &str| text.parse::<f64>().is_ok();
+    entry.chars().count() > 2
+        && entry
+            .chars()
+            .all(|letter| letter.is_alphabetic() || matches!(letter, '.' | '-' | '_'))
+        && !entry
+            .char_indices()
+            .nth(1)
+            .is_some_and(|(at, _)| is_number(&entry[at..]))
+}
+
+fn read_line(index: usize, line: &str, table: &mut ToolTable, errors: &mut Vec<TableError>) -> Read {
+    let (unit, changer) = (table.unit, table.changer());
     let (entries, remark) = line.split_once(';').unwrap_or((line, ""));
     if entries.chars().all(is_blank) {
         return Read::Text;
@@ -187,7 +235,11 @@ fn read_line(index: usize, line: &str, unit: LengthUnit, changer: ToolChanger, e
         let mut wrong = |kind| errors.push(Located::at(index, line, span.clone(), kind));
         let mut characters = entry.chars();
         let letter = characters.next().map_or(' ', |letter| letter.to_ascii_uppercase());
-        if !"TPXYZABCUVWDIJQ".contains(letter) {
+        if is_word(entry) || letter.is_alphabetic() && !LETTERS.contains(letter) {
+            table.pass_over(Located::at(index, line, span, TableErrorKind::PassedOver));
+            continue;
+        }
+        if !LETTERS.contains(letter) {
             wrong(TableErrorKind::UnknownEntry);
             continue;
         }
@@ -260,7 +312,11 @@ fn integer(letter: char, meaning: &'static str, number: &str, max: u32) -> Resul
     if number.is_empty() {
         return Err(TableErrorKind::NumberMissing { letter });
     }
-    match number.parse::<u32>() {
+    // Some programs write all numbers with a point.
+    let whole = number
+        .split_once('.')
+        .filter(|(_, rest)| rest.bytes().all(|digit| digit == b'0'));
+    match whole.map_or(number, |(whole, _)| whole).parse::<u32>() {
         Ok(value) if value <= max => Ok(value),
         Ok(_) | Err(_) => Err(TableErrorKind::NotInteger { letter, meaning, max }),
     }

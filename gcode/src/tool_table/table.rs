@@ -1,5 +1,6 @@
 //! Tools, and what a program and a tool changer do to them.
 
+use super::TableError;
 use motion::canon::{Axis, LengthUnit, Position, ToolEntry};
 use std::cmp::Ordering;
 
@@ -79,6 +80,8 @@ pub struct ToolTable {
     pub(super) lines: Vec<Line>,
     pub(super) unit: LengthUnit,
     changer: ToolChanger,
+    /// What of the file was passed over when it was read.
+    pub(super) passed_over: Vec<TableError>,
 }
 
 impl PartialEq for ToolTable {
@@ -100,12 +103,18 @@ impl ToolTable {
             lines: Vec::new(),
             unit,
             changer,
+            passed_over: Vec::new(),
         }
     }
 
     /// What the pockets mean.
     pub fn changer(&self) -> ToolChanger {
         self.changer
+    }
+
+    /// What of the file counts for nothing, about a hundred places at the most: a headline, entries that nobody knows.
+    pub fn passed_over(&self) -> &[TableError] {
+        &self.passed_over
     }
 
     /// All tools in the order of the file.

@@ -60,7 +60,13 @@ pub(super) fn read(args: &InterpretArgs) -> anyhow::Result<Option<Tables>> {
     if let Some(path) = args.tools.as_ref().or(tool_file.as_ref()) {
         let content = read_file(path)?;
         match ToolTable::parse(&content, settings.machine_unit, changer) {
-            Ok(tools) => settings.tools = tools,
+            Ok(tools) => {
+                let name = path.display().to_string();
+                for passed_over in tools.passed_over() {
+                    eprintln!("{}", passed_over.render_warning(&name, &content));
+                }
+                settings.tools = tools;
+            }
             Err(errors) => return Ok(mistakes(path, &content, &errors)),
         }
     }

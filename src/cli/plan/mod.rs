@@ -126,6 +126,12 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
         return measured(args, text, file);
     }
     let (config, tables, mut work) = planned(args, machine(args, None)?, text)?;
+    if !args.json {
+        tables
+            .warnings()
+            .iter()
+            .for_each(|warning| eprintln!("warning: {warning}"));
+    }
     let report = Report::new(&config, &work);
     // What was found out first: a disk may be full.
     if args.json {

@@ -151,6 +151,13 @@ impl Tables {
         Ok(())
     }
 
+    /// What of the files counts for nothing, each with its place.
+    pub fn warnings(&self) -> Vec<String> {
+        let Some(kept) = &self.tool_file else { return Vec::new() };
+        let (path, passed_over) = (kept.path.display(), self.tools.passed_over());
+        passed_over.iter().map(|what| format!("{path}:{what}")).collect()
+    }
+
     /// Numbers and values of the parameters that are kept, ascending; lengths in the unit of the machine.
     pub fn parameters(&self) -> &[(u16, f64)] {
         &self.parameters
