@@ -449,6 +449,47 @@ fn a_random_changer_prepares_on_the_way_and_exchanges_pockets_as_the_machine_cha
     });
 }
 
+#[test]
+fn the_tool_that_is_in_the_spindle_is_asked_for_by_nobody() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let table = folder.path().join("tool.tbl");
+    let mut config = machine(MILL);
+    config.nets.retain(|net| net.name != "tool-change-loop");
+    config.tools.table = Some(table.clone());
+    for (changer, tools, first) in [
+        (config::ToolChanger::Fixed, "T1 P1\nT2 P2\n", "M61 Q1\n"),
+        (config::ToolChanger::Random, "T1 P0\nT2 P2\n", ""),
+    ] {
+        std::fs::write(&table, tools).expect("our folder");
+        config.tools.changer = changer;
+        let text = format!("G21 G90\n{first}T1 M6\nG1 X5 F600\nT2 M6\nM2\n");
+        rehearse_part(&config, &text, |run| {
+            let change = bit(run, "iocontrol.0.tool-change");
+            let prepare = bit(run, "iocontrol.0.tool-prepare");
+            let (mut asked, mut prepared) = (false, false);
+            let there = run.run_until(CYCLES_MAX, |run| {
+                asked |= change.get() && run.operator.changing_tool() != Some(2);
+                prepared |= prepare.get() && run.operator.live().position[motion::canon::Axis::X] < 1.0;
+                run.operator.live().waiting == Some(Waiting::ToolChange { tool: 2 })
+            });
+            assert!(
+                there.expect("a good program"),
+                "{changer:?}: {:#?}",
+                run.operator.journal()
+            );
+            assert!(!asked, "{changer:?}: {:#?}", run.operator.journal());
+            assert!(!prepared || changer == config::ToolChanger::Fixed);
+            // Another one is, until somebody answers.
+            run.run_until(20, |_| false).expect("a good program");
+            assert!(change.get(), "{changer:?}");
+            run.operator.give(Command::ToolChanged);
+            let ended = run.run_until(CYCLES_MAX, |run| run.operator.outcome().is_some());
+            assert!(ended.expect("a good program"), "{changer:?}");
+            assert_eq!(run.operator.outcome(), Some(Outcome::Completed), "{changer:?}");
+        });
+    }
+}
+
 /// Runs dry with this feed, mm/min.
 fn dry<T>(config: &Config, text: &'static str, feed: f64, act: impl FnOnce(&mut Rehearsal<'_>) -> T) -> T {
     let begin = Begin::Dry {

@@ -126,6 +126,11 @@ impl DeskPins {
         })
     }
 
+    /// The tool in the spindle, 0: none.
+    pub fn tool(&self) -> u32 {
+        self.tool.get()
+    }
+
     /// A program has changed the tool in the spindle.
     pub fn set_tool(&mut self, tool: u32) {
         self.tool.set(tool);

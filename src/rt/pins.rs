@@ -142,6 +142,8 @@ pub struct Pins {
     pub outputs: OutputPins,
     flood: Output<bool>,
     mist: Output<bool>,
+    /// Pocket 0 of the tool changer is the spindle.
+    random_changer: bool,
     tool_prepare: Output<bool>,
     tool_prep_number: Output<u32>,
     tool_prep_pocket: Output<i32>,
@@ -493,6 +495,7 @@ impl Pins {
             tool_prep_number: hal.output("iocontrol.0.tool-prep-number")?,
             tool_prep_pocket: hal.output("iocontrol.0.tool-prep-pocket")?,
             // A changer that prepares nothing is always ready.
+            random_changer: config.tools.changer == gcode::ToolChanger::Random,
             tool_prepared: hal.input("iocontrol.0.tool-prepared", true)?,
             tool_change: hal.output("iocontrol.0.tool-change")?,
             tool_changed: hal.input("iocontrol.0.tool-changed", false)?,
@@ -665,6 +668,10 @@ impl Pins {
                 if self.tool_prepare.get() {
                     return false;
                 }
+                // A tool that is there is asked for by nobody; that there is none, somebody has to see.
+                if !self.tool_change_asked && tool != 0 && self.desk.tool() == tool {
+                    return true;
+                }
                 // `tool-changed` still up from the change before must not answer for this one: it has to fall first.
                 if !self.tool_change_asked {
                     self.tool_change_asked = !self.tool_changed.get();
@@ -709,7 +716,9 @@ impl Pins {
         self.tool_prep_number.set(tool);
         self.tool_prep_pocket
             .set(pocket.and_then(|pocket| i32::try_from(pocket).ok()).unwrap_or(-1));
-        self.tool_prepare.set(true);
+        // Where pocket 0 is the spindle, there is nothing to fetch.
+        let is_there = self.random_changer && tool != 0 && self.desk.tool() == tool;
+        self.tool_prepare.set(!is_there);
     }
 
     /// Once a cycle: the tool may be ready, so that the change can begin.
