@@ -273,7 +273,7 @@ impl SubDevice {
     }
 
     fn is_emulated(&self) -> bool {
-        self.esc.octet(register::PDI_CONFIG) & 1 != 0
+        self.esc.u16(register::PDI_CONTROL) & register::PDI_EMULATED != 0
     }
 
     /// A datagram passes; `frame` from its first octet on. `now_ns`: when it passes the processing unit; `times`: when the frame
@@ -324,17 +324,13 @@ impl SubDevice {
         self.poll(now_ns);
     }
 
-    /// A device without firmware: the status mirrors the control.
+    /// A device without firmware: the status mirrors the control, its acknowledgement as the error bit, and has no code.
     fn emulate(&mut self, events: Events) {
         if events.al_control {
-            let control = AlControl::from(self.esc.u16(register::AL_CONTROL));
-            self.state = control.state;
-            let status = AlStatus {
-                state: control.state,
-                error: false,
-                id_loaded: false,
-            };
-            self.esc.set_al_status(status.into(), 0);
+            let word = self.esc.u16(register::AL_CONTROL);
+            self.state = AlControl::from(word).state;
+            self.error = AlStatus::from(word).error;
+            self.esc.set_al_status(word, 0);
         }
         self.fresh_outputs |= events.written != 0;
         if self.fresh_outputs {

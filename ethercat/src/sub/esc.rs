@@ -103,9 +103,7 @@ impl Esc {
 
     /// Takes what the chip itself takes from the EEPROM.
     fn load_eeprom(&mut self) {
-        let [control, config] = self.eeprom.word(0).to_le_bytes();
-        self.memory[usize::from(register::PDI_CONTROL)] = control;
-        self.memory[usize::from(register::PDI_CONFIG)] = config;
+        self.set_u16(register::PDI_CONTROL, self.eeprom.word(0));
         self.set_u16(register::ALIAS, self.eeprom.word(4));
         self.set_u16(register::DC_PULSE_LENGTH, self.eeprom.word(2));
     }

@@ -22,10 +22,10 @@ pub const AL_CONTROL: u16 = 0x0120;
 pub const AL_STATUS: u16 = 0x0130;
 /// Why it is not in another one; see [`AlStatusCode`].
 pub const AL_STATUS_CODE: u16 = 0x0134;
-/// Kind of the interface to the firmware.
+/// Kind of the interface to the firmware; see [`PDI_EMULATED`].
 pub const PDI_CONTROL: u16 = 0x0140;
-/// Bit 0: there is no firmware, AL status mirrors AL control.
-pub const PDI_CONFIG: u16 = 0x0141;
+/// Bit of [`PDI_CONTROL`]: there is no firmware, AL status mirrors AL control.
+pub const PDI_EMULATED: u16 = 1 << 8;
 /// Which events reach the frame header.
 pub const EVENT_MASK: u16 = 0x0200;
 /// Which events reach the firmware.

@@ -6,7 +6,8 @@ use ethercat::main::config::{
 };
 use ethercat::main::{Event, SetupError};
 use ethercat::sub::{IdealMotor, Segment, SubDevice, SubDeviceConfig, models};
-use ethercat::wire::register::{AlState, AlStatusCode};
+use ethercat::wire::Command;
+use ethercat::wire::register::{self, AlState, AlStatusCode};
 use ethercat::wire::sii::Identity;
 
 fn failures(events: &[Event]) -> Vec<(u16, String)> {
@@ -538,4 +539,70 @@ fn a_drive_that_is_slower_than_the_cycle_says_so_and_comes_up() {
         slow,
         ["device 0 says that its shortest cycle is 1500 us (1C32h:05), which is longer than ours"]
     );
+}
+
+/// What is written into AL control of a device at its station address: its state and its acknowledgement, in order.
+fn asked_states(world: &mut World, station: u16) -> std::sync::Arc<std::sync::Mutex<Vec<u16>>> {
+    let seen = std::sync::Arc::<std::sync::Mutex<Vec<u16>>>::default();
+    let tapped = std::sync::Arc::clone(&seen);
+    world.tap = Box::new(move |_, octets| {
+        let Ok(frame) = ethercat::wire::Frame::parse(octets) else {
+            return;
+        };
+        for datagram in frame.datagrams() {
+            // As it is sent: nobody has counted it.
+            let is_control = datagram.ado() == register::AL_CONTROL && datagram.working_counter == 0;
+            if datagram.command == Command::Fpwr && is_control && datagram.adp() == station {
+                let word = [datagram.data[0], datagram.data[1]];
+                tapped.lock().unwrap().push(u16::from_le_bytes(word));
+            }
+        }
+    });
+    seen
+}
+
+/// A chip that emulates the state machine mirrors the acknowledgement as an error that it does not have, with which it was left by
+/// the reset of all devices, and by a main device before.
+#[test]
+fn a_device_whose_state_machine_is_emulated_comes_up() {
+    let mut outputs_only = terminal_config(1);
+    outputs_only.inputs.octets = 0;
+    let devices = vec![
+        models::digital_terminal(TERMINAL),
+        models::digital_terminal(TERMINAL),
+        drive(0, 0),
+    ];
+    let mut world = World::new(devices, vec![terminal_config(0), outputs_only, drive_config(2)], 5);
+    let seen = asked_states(&mut world, 0x1000);
+    world.run_to_op(3000);
+    assert_eq!(failures(&world.events), []);
+    assert_eq!(ups(&world.events), [0, 1, 2]);
+    for number in 0..2 {
+        let device = world.segment.device(number);
+        assert_eq!((device.state(), device.has_error()), (AlState::Op, false), "{number}");
+    }
+    assert_eq!(*seen.lock().unwrap(), [1, 2, 4, 8]);
+    // Another main device has left it so.
+    seen.lock().unwrap().clear();
+    world.segment.device_mut(0).power_off();
+    world.run(100);
+    world.segment.device_mut(0).power_on(world.now_ns);
+    world.run(3000);
+    assert!(world.main.is_operational());
+    assert_eq!(failures(&world.events), []);
+    assert!(seen.lock().unwrap().iter().all(|word| word & 0x10 == 0), "{seen:?}");
+}
+
+/// An error of a device with firmware is acknowledged where it stands, and nowhere else.
+#[test]
+fn only_an_error_that_stands_is_acknowledged() {
+    let mut world = World::new(vec![drive(0, 0)], vec![drive_config(0)], 5);
+    let seen = asked_states(&mut world, 0x1000);
+    world.segment.device_mut(0).faults.refused = Some((AlState::SafeOp, AlStatusCode::HARDWARE));
+    world.run(600);
+    assert_eq!(seen.lock().unwrap()[..5], [1, 2, 4, 0x12, 1], "{seen:?}");
+    world.segment.device_mut(0).faults.refused = None;
+    seen.lock().unwrap().clear();
+    world.run_to_op(3000);
+    assert_eq!(*seen.lock().unwrap(), [0x12, 1, 2, 4, 8]);
 }

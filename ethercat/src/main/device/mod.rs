@@ -43,6 +43,8 @@ pub(super) enum Step {
     Address,
     Features,
     Ports,
+    /// Whether it has firmware.
+    Pdi,
     EepromForce,
     EepromOwner,
     Eeprom,
@@ -89,7 +91,7 @@ pub(super) enum Step {
     Find,
     /// What is at its position?
     FindPosition,
-    /// It has left OP with an error, which is acknowledged before it is asked for anything.
+    /// It shows an error, which is acknowledged before it is asked for anything.
     Acknowledge,
 }
 
@@ -204,6 +206,12 @@ pub(super) struct Device<'a> {
     /// The step has to be done by then.
     until_ns: u64,
     not_before_ns: u64,
+    /// Its state machine is emulated by its chip: AL status mirrors AL control, the acknowledgement with it.
+    emulated: bool,
+    /// It shows an error, or what would be one in a device with firmware.
+    error: bool,
+    /// Whether it shows one was looked at before it is asked for INIT.
+    looked: bool,
     /// The state was asked for; its answer is awaited.
     asked: bool,
     /// The step whose datagram is under way, or was last.
@@ -241,6 +249,9 @@ impl<'a> Device<'a> {
             told_other: None,
             until_ns: u64::MAX,
             not_before_ns: 0,
+            emulated: false,
+            error: false,
+            looked: false,
             asked: false,
             asked_in: Step::Address,
             counts: (0, 0),
@@ -308,7 +319,7 @@ impl<'a> Device<'a> {
             Step::MapInputs => self.mapping = Mapping::new(Usage::Inputs),
             Step::Settle => self.item = now.cycle,
             Step::MailOut => self.mailbox = Mailbox::new(self.found.mailboxes, times.pause_ns),
-            Step::ToInit => self.purpose = Purpose::None,
+            Step::ToInit => (self.purpose, self.looked) = (Purpose::None, false),
             Step::Run => {
                 self.tries = 0;
                 self.told = None;
@@ -651,8 +662,10 @@ impl<'a> Device<'a> {
             Step::Identified | Step::Stranger | Step::Clock | Step::Settle | Step::Away => return Ok(false),
             Step::Features => return read(register::TYPE, 10),
             Step::Ports => return read(register::DL_STATUS, 2),
+            Step::Pdi => return read(register::PDI_CONTROL, 2),
             Step::Near => return read(register::DC_DIFFERENCE, 4),
             Step::Look | Step::Find => return read(register::AL_STATUS, 6),
+            Step::ToInit if !self.looked => return read(register::AL_STATUS, 6),
             Step::ToInit | Step::ToPreOp | Step::ToSafeOp | Step::ToOp | Step::Acknowledge if self.asked => {
                 return read(register::AL_STATUS, 6);
             }
@@ -691,7 +704,7 @@ impl<'a> Device<'a> {
                 if let Some(state) = self.target() {
                     let control = AlControl {
                         state,
-                        acknowledge: true,
+                        acknowledge: self.error && !self.emulated,
                         ask_id: false,
                     };
                     writer.push_data(
@@ -756,6 +769,10 @@ impl<'a> Device<'a> {
             }
             Step::Ports => {
                 self.ports = DlStatus(u16_at(data, 0).unwrap_or(0));
+                self.enter(Step::Pdi, now);
+            }
+            Step::Pdi => {
+                self.emulated = u16_at(data, 0).is_ok_and(|pdi| pdi & register::PDI_EMULATED != 0);
                 self.enter(Step::EepromForce, now);
             }
             Step::Address => self.enter(Step::Features, now),
@@ -805,14 +822,15 @@ impl<'a> Device<'a> {
 
     /// The answer to a request of a state, or to a look at it.
     fn stepped(&mut self, now: &Now<'_>, data: &[u8]) -> Option<Notice> {
-        if !self.asked {
+        let to_look = self.step == Step::ToInit && !self.looked;
+        if !self.asked && !to_look {
             self.asked = true;
             return None;
         }
         let target = self.target()?;
-        let status = AlStatus::from(u16_at(data, 0).ok()?);
+        let (status, error) = self.status(data)?;
         if self.step == Step::Acknowledge {
-            if status.error {
+            if error.is_some() {
                 self.pause(now);
             } else {
                 self.resume(now);
@@ -820,8 +838,14 @@ impl<'a> Device<'a> {
             return None;
         }
         self.small[0] = status.state.into();
-        if status.error {
-            let code = AlStatusCode(u16_at(data, 4).unwrap_or(0));
+        if to_look {
+            self.looked = true;
+            if error.is_some() {
+                self.enter(Step::Acknowledge, now);
+            }
+            return None;
+        }
+        if let Some(code) = error {
             let error = SetupError::Refused {
                 state: target,
                 at: status.state,
@@ -836,6 +860,15 @@ impl<'a> Device<'a> {
         }
         self.advance(now);
         (self.step == Step::Run).then_some(Notice::Up)
+    }
+
+    /// AL status, and why it refused a step or left a state. Its bit alone says neither: a chip that emulates the state machine mirrors
+    /// there what it was asked, and without a code there was no error.
+    fn status(&mut self, data: &[u8]) -> Option<(AlStatus, Option<AlStatusCode>)> {
+        let status = AlStatus::from(u16_at(data, 0).ok()?);
+        let code = AlStatusCode(u16_at(data, 4).unwrap_or(0));
+        self.error = status.error;
+        Some((status, (status.error && code != AlStatusCode::NONE).then_some(code)))
     }
 
     fn was_set_up(&self) -> SetUp {
@@ -856,14 +889,15 @@ impl<'a> Device<'a> {
     }
 
     fn looked(&mut self, now: &Now<'_>, data: &[u8]) -> Option<Notice> {
-        let status = AlStatus::from(u16_at(data, 0).ok()?);
+        let (status, error) = self.status(data)?;
         let goal = self.config.map_or(AlState::Op, |(_, config)| config.goal);
-        if status.state == goal && !status.error {
+        if status.state == goal && error.is_none() {
             self.enter(Step::Run, now);
             return None;
         }
-        let code = AlStatusCode(u16_at(data, 4).unwrap_or(0));
         self.enter(Step::Away, now);
+        // Of a step that nobody refused there may be a code all the same.
+        let code = AlStatusCode(u16_at(data, 4).unwrap_or(0));
         Some(Notice::Left(status.state, code))
     }
 
@@ -873,13 +907,12 @@ impl<'a> Device<'a> {
             self.enter(Step::FindPosition, now);
             return None;
         }
-        let status = AlStatus::from(u16_at(data, 0).ok()?);
+        let (status, error) = self.status(data)?;
         // One that was only without outputs needs no set-up.
-        let code = AlStatusCode(u16_at(data, 4).unwrap_or(0));
-        let only_starved = status.state == AlState::SafeOp && (!status.error || code == AlStatusCode::WATCHDOG);
+        let only_starved = status.state == AlState::SafeOp && error.is_none_or(|code| code == AlStatusCode::WATCHDOG);
         self.was_up &= only_starved;
         self.small[0] = status.state.into();
-        if status.error {
+        if error.is_some() {
             self.enter(Step::Acknowledge, now);
         } else {
             self.resume(now);

@@ -122,7 +122,7 @@ fn led_to(step: Step) -> AlState {
 
 fn text(step: Step) -> &'static str {
     match step {
-        Step::Address | Step::Features | Step::Ports => "gets its address",
+        Step::Address | Step::Features | Step::Ports | Step::Pdi => "gets its address",
         Step::EepromForce | Step::EepromOwner | Step::Eeprom => "its EEPROM is read",
         Step::Identified | Step::Stranger => "is identified",
         Step::Clock => "waits until clocks are measured",
