@@ -24,7 +24,9 @@ use anyhow::{Context, anyhow, bail, ensure};
 use clap::Args;
 use motion::canon::Axis;
 use motion::plan::PlannerKind;
-use motion::rt::{JointCompensation, Pid, PidGains, PitchRow, PitchTable, TakeUpLimits};
+use motion::rt::{
+    CompensationShare, JointCompensation, MotionLimits, Pid, PidGains, PitchBounds, PitchRow, PitchTable, StopLimits,
+};
 use serde::Serialize;
 use serde_json::{Value as Json, json};
 use std::f64::consts::TAU;
@@ -411,18 +413,26 @@ fn compensation_us() -> anyhow::Result<f64> {
             let (at_mm, error_mm) = (f64::from(row), 0.01 * f64::from(row).sin());
             PitchRow {
                 position_mm: at_mm,
-                forward_mm: at_mm + error_mm,
-                backward_mm: at_mm - error_mm,
+                forward_mm: 0.01 - error_mm,
+                backward_mm: error_mm - 0.01,
             }
         })
         .collect();
-    let limits = TakeUpLimits {
-        velocity_mm_s: 10.0,
-        acceleration_mm_s2: 1e3,
-        jerk_mm_s3: 1e5,
+    let bounds = PitchBounds {
+        correction_mm: 0.5,
+        slope: 0.01,
     };
-    let table = PitchTable::new(&rows)?;
-    let mut compensation = JointCompensation::new(table, 0.02, &limits, 1e-3);
+    let motion = MotionLimits {
+        velocity: 150.0,
+        acceleration: 1500.0,
+        jerk: 30_000.0,
+    };
+    let stop = StopLimits {
+        acceleration: 3000.0,
+        jerk: 120_000.0,
+    };
+    let share = CompensationShare::new(PitchTable::new(&rows, &bounds)?, motion, stop)?;
+    let mut compensation = JointCompensation::new(share.table, 0.0, share.take_up, 1e-3);
     let all_us = least_us(|| {
         for call in 0..CALLS {
             let at_mm = 50.0 + 40.0 * (1e-3 * f64::from(call)).sin();

@@ -272,7 +272,10 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
         acceleration_mm_s2: stop_acceleration_mm_s2?,
         jerk_mm_s3: stop_jerk_mm_s3?,
     };
-    let compensation = compensation?.map(|asked_for| compensation::share(asked_for, &mut limits, &mut stop));
+    let compensation = match compensation? {
+        None => None,
+        Some(asked_for) => Some(compensation::share(section, asked_for, &mut limits, &mut stop)?),
+    };
     Some(Joint {
         node: match output {
             Output::Drive => node?,

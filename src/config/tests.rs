@@ -815,12 +815,9 @@ fn compensation_divides_what_the_joint_can_do() {
         (compensation.backlash_mm, compensation.table),
         (0.02, motion::rt::PitchTable::default())
     );
-    assert_eq!([joint.limits.velocity_mm_s, take_up.velocity_mm_s], [95.0, 5.0]);
-    assert_eq!(
-        [joint.stop.acceleration_mm_s2, take_up.acceleration_mm_s2],
-        [1500.0, 500.0]
-    );
-    assert_eq!([joint.stop.jerk_mm_s3, take_up.jerk_mm_s3], [50_000.0, 30_000.0]);
+    assert_eq!([joint.limits.velocity_mm_s, take_up.velocity], [95.0, 5.0]);
+    assert_eq!([joint.stop.acceleration_mm_s2, take_up.acceleration], [1500.0, 500.0]);
+    assert_eq!([joint.stop.jerk_mm_s3, take_up.jerk], [50_000.0, 30_000.0]);
     assert_eq!(parse(SMALL, Path::new("m.toml")).unwrap().joints[0].compensation, None);
 }
 
@@ -832,18 +829,13 @@ fn a_mistake_in_a_compensation_file_is_told_with_its_place() {
         "jerk_mm_s3 = 20000.0",
         "jerk_mm_s3 = 20000.0\ncompensation_file = \"x.comp\"",
     );
-    let rule = |content: &str| {
+    let rule_with = |text: &str, content: &str| {
         std::fs::write(folder.path().join("x.comp"), content).unwrap();
-        match parse(&text, &machine) {
-            Ok(config) => format!(
-                "{:.3}",
-                config.joints[0]
-                    .compensation
-                    .as_ref()
-                    .unwrap()
-                    .table
-                    .correction_mm(5.0, true)
-            ),
+        match parse(text, &machine) {
+            Ok(config) => {
+                let table = &config.joints[0].compensation.as_ref().unwrap().table;
+                format!("{:.4}", table.correction_mm(5.0, true))
+            }
             Err(errors) => {
                 let rule = &errors.errors()[0].rule;
                 rule.split_once("x.comp:")
@@ -852,10 +844,62 @@ fn a_mistake_in_a_compensation_file_is_told_with_its_place() {
             }
         }
     };
+    let rule = |content: &str| rule_with(&text, content);
     let columns = "a line is three numbers: position, measured forward, measured backward, mm";
     assert_eq!(
         rule("# told forward backward\n0 0 0.01 ; home\n\n10 9.98 9.99\n"),
-        "0.010"
+        "0.0100"
+    );
+    // What is added, as LinuxCNC's COMP_FILE_TYPE = 1 has it.
+    const CORRECTIONS: &str = "0 0.001 0.002\n2 0.003 0.002\n9 0.01 0.011\n";
+    assert_eq!(
+        rule(CORRECTIONS),
+        "2:1: corrects by 1.997 mm at 2 mm, more than 0.5; the file was read as positions, and fits as corrections: write \
+         compensation_type = \"corrections\" if that is what it holds"
+    );
+    let with = |more: &str| {
+        changed(
+            "jerk_mm_s3 = 20000.0",
+            &format!("jerk_mm_s3 = 20000.0\ncompensation_file = \"x.comp\"\n{more}"),
+        )
+    };
+    assert_eq!(
+        rule_with(&with("compensation_type = \"corrections\""), CORRECTIONS),
+        "0.0060"
+    );
+    const FAR_OFF: &str = "0 0 0\n10 9.8 9.8\n50 49.2 49.2\n";
+    assert_eq!(
+        rule(FAR_OFF),
+        "2:1: corrects by 0.02 mm per mm more than the row before, more than 0.01; correct the file, or raise \
+         compensation_slope_max if the machine is really that far off"
+    );
+    let steep = with("compensation_slope_max = 0.02");
+    assert_eq!(
+        rule_with(&steep, FAR_OFF),
+        "3:1: corrects by 0.8 mm at 50 mm, more than 0.5; correct the file, or raise compensation_max_mm if the machine is really \
+         that far off"
+    );
+    let raised = with("compensation_slope_max = 0.02\ncompensation_max_mm = 1.0");
+    assert_eq!(rule_with(&raised, FAR_OFF), "0.1000");
+    let tight = format!("{raised}\n");
+    let tight = tight.replacen(
+        "compensation_max_mm = 1.0",
+        "compensation_max_mm = 1.0\nstop_jerk_mm_s3 = 24000.0",
+        1,
+    );
+    let told = rule_with(&tight, FAR_OFF);
+    assert!(
+        told.starts_with("cannot be followed within the limits of the joint: its bends would have to be rounded by"),
+        "{told}"
+    );
+    assert!(rule_with(&with("backlash_mm = 0.02"), "0 0 0.01\n").contains("would count twice"));
+    assert_eq!(rule_with(&with("backlash_mm = 0.0"), "0 0 0.01\n"), "0.0000");
+    assert_eq!(
+        messages(&changed(
+            "jerk_mm_s3 = 20000.0",
+            "jerk_mm_s3 = 20000.0\ncompensation_max_mm = 1.0"
+        ))[0],
+        "m.toml:19:23: joint[0].compensation_max_mm = 1.0: is about a compensation_file, and there is none"
     );
     assert_eq!(rule("\u{feff}0 0 0.01\n10 9.98 9.99\n"), "0.010");
     assert_eq!(rule("0 0 0\n10 1o 10\n"), format!("2:4: 1o is not a number; {columns}"));

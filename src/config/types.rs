@@ -19,7 +19,7 @@ use cia402::profile::object_of;
 pub use gcode::ToolChanger;
 use motion::canon::{Axis, LengthUnit, Position};
 use motion::kinematics::{Follows, JOINTS, Kinematics, Transform};
-use motion::rt::{PidGains, PitchTable, TakeUpLimits};
+use motion::rt::{MotionLimits, PidGains, PitchTable};
 pub use obd::device::{ConfigurationWrite, DeviceDescription};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -269,8 +269,8 @@ pub struct Compensation {
     /// Way that is lost when the joint turns round, mm.
     pub backlash_mm: f64,
     pub table: PitchTable,
-    /// How fast it may change.
-    pub take_up: TakeUpLimits,
+    /// How fast a difference may be taken up, mm and s.
+    pub take_up: MotionLimits,
 }
 
 /// Limits of planned motion.

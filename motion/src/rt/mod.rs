@@ -14,7 +14,6 @@ mod joint_compensation;
 mod monitor;
 mod otg;
 mod pid;
-mod pitch_file;
 pub mod probe;
 mod scale;
 mod shares;
@@ -22,11 +21,13 @@ mod synced;
 mod track;
 
 pub use interpolator::{Interpolator, Sample, SampleState};
-pub use joint_compensation::{JointCompensation, PitchError, PitchRow, PitchTable, TakeUpLimits};
+pub use joint_compensation::{
+    CompensationShare, JointCompensation, PitchBounds, PitchError, PitchFileError, PitchFileKind, PitchRow, PitchTable,
+    RoundError,
+};
 pub use monitor::{Monitor, MonitorLimits, Order, Peaks, Trip, Watched};
 pub use otg::{State, TrajectoryGenerator};
 pub use pid::{Pid, PidGains};
-pub use pitch_file::PitchFileError;
 pub use scale::{MotionLimits, ScaleRamp, StopLimits};
 pub use shares::Shares;
 pub use synced::{Follower, PATIENCE_S, SpindleFeedback, SyncFault, SyncReport, run_in_mm};

@@ -1,7 +1,8 @@
 //! `isocnc hal import`: HAL files of LinuxCNC to `[[hal.component]]` and `[[hal.net]]` of a machine file.
 //!
 //! In:  HAL files, an INI file for their values, a machine file for the pins that there are.
-//! Out: TOML on standard output; on standard error what could not be translated, each with its place and why.
+//! Out: TOML on standard output; on standard error what could not be translated, each with its place and why, and which keys of
+//! joints stand for what the INI file says of backlash and pitch errors.
 
 mod read;
 #[cfg(test)]
@@ -75,6 +76,8 @@ struct Translation {
     needless: usize,
     /// In the order of the files.
     refused: Vec<Refused>,
+    /// What of the INI file is no HAL and has keys of its own.
+    notes: Vec<String>,
 }
 
 impl Translation {
@@ -88,6 +91,7 @@ impl Translation {
             "translated": self.translated,
             "needless": self.needless,
             "refused": refused.collect::<Vec<_>>(),
+            "notes": self.notes,
         })
     }
 
@@ -101,6 +105,9 @@ impl Translation {
         } in &self.refused
         {
             text += &format!("{place}: {command}: {why}\n");
+        }
+        for note in &self.notes {
+            text += &format!("{note}\n");
         }
         let (translated, needless) = (self.translated, self.needless);
         // Commands, not the parts of them that are told one by one.
@@ -200,5 +207,7 @@ fn translated(paths: &[PathBuf], ini: &Ini, own: &OwnPins, exactly: bool) -> any
         }
         commands.extend(read::read(path, ini, &|name| std::env::var(name).ok(), &mut refused)?);
     }
-    Ok(translate::translate(&commands, own, exactly, refused))
+    let mut translation = translate::translate(&commands, own, exactly, refused);
+    translation.notes = ini.compensation();
+    Ok(translation)
 }

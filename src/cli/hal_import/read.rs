@@ -52,6 +52,46 @@ impl Ini {
         }
         Ini(values)
     }
+
+    /// What of joints is no HAL, but keys of a machine file: their backlash and pitch errors.
+    pub(super) fn compensation(&self) -> Vec<String> {
+        let value = |section: &str, key: &str| self.0.get(&(section.to_owned(), key.to_owned())).map(String::as_str);
+        let mut sections: Vec<&str> = self.0.keys().map(|(section, _)| section.as_str()).collect();
+        sections.dedup();
+        sections.retain(|section| section.starts_with("JOINT_") || section.starts_with("AXIS_"));
+        let mut notes = Vec::new();
+        for section in sections {
+            let backlash = value(section, "BACKLASH").filter(|text| text.parse().ok() != Some(0.0));
+            match (value(section, "COMP_FILE"), backlash) {
+                (None, None) => {}
+                (None, Some(backlash)) => notes.push(format!(
+                    "[{section}]BACKLASH: write backlash_mm = {backlash} in its [[joint]]"
+                )),
+                (Some(file), backlash) => {
+                    let kind = match value(section, "COMP_FILE_TYPE").and_then(|text| text.parse::<i64>().ok()) {
+                        None | Some(0) => "positions",
+                        Some(_) => "corrections",
+                    };
+                    notes.push(format!(
+                        "[{section}]COMP_FILE: write compensation_file = {file:?} and compensation_type = {kind:?} in its [[joint]]"
+                    ));
+                    if backlash.is_some() {
+                        notes.push(format!(
+                            "[{section}]BACKLASH: LinuxCNC takes no account of it beside a COMP_FILE, and backlash_mm is refused there: \
+                             leave it out"
+                        ));
+                    }
+                }
+            }
+        }
+        let is_inch = value("TRAJ", "LINEAR_UNITS").is_some_and(|units| units.starts_with(['i', 'I']));
+        if is_inch && !notes.is_empty() {
+            notes.push(
+                "[TRAJ]LINEAR_UNITS: values and compensation files are in inches; here they are in mm".to_owned(),
+            );
+        }
+        notes
+    }
 }
 
 fn expand(path: &Path, depth: usize, whole: &mut String) -> anyhow::Result<()> {

@@ -323,3 +323,31 @@ fn no_text_makes_the_reader_panic() {
         })
         .unwrap();
 }
+
+/// Backlash and pitch errors of an INI file are no HAL; which keys stand for them is told.
+#[test]
+fn backlash_and_compensation_files_of_the_ini_file_are_told_with_their_keys() {
+    let ini = "[TRAJ]\nLINEAR_UNITS = inch\n[JOINT_0]\nBACKLASH = 0.02\nCOMP_FILE = x.comp\nCOMP_FILE_TYPE = 1\n\
+               [JOINT_1]\nBACKLASH = 0.015\n[JOINT_2]\nCOMP_FILE = z.comp\nBACKLASH = 0.0\n[SPINDLE_0]\nBACKLASH = 3\n";
+    let translation = import("loadrt trivkins\n", ini);
+    assert_eq!(
+        translation.notes,
+        [
+            "[JOINT_0]COMP_FILE: write compensation_file = \"x.comp\" and compensation_type = \"corrections\" in its [[joint]]",
+            "[JOINT_0]BACKLASH: LinuxCNC takes no account of it beside a COMP_FILE, and backlash_mm is refused there: leave it out",
+            "[JOINT_1]BACKLASH: write backlash_mm = 0.015 in its [[joint]]",
+            "[JOINT_2]COMP_FILE: write compensation_file = \"z.comp\" and compensation_type = \"positions\" in its [[joint]]",
+            "[TRAJ]LINEAR_UNITS: values and compensation files are in inches; here they are in mm",
+        ]
+    );
+    assert!(
+        translation.report().starts_with("[JOINT_0]COMP_FILE: write"),
+        "{}",
+        translation.report()
+    );
+    assert_eq!(
+        translation.to_json()["notes"][2],
+        "[JOINT_1]BACKLASH: write backlash_mm = 0.015 in its [[joint]]"
+    );
+    assert_eq!(import("loadrt trivkins\n", "").notes, [""; 0]);
+}

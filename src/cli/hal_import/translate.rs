@@ -99,6 +99,7 @@ pub(super) fn translate(commands: &[Command], own: &OwnPins, exactly: bool, refu
         translated: commands.len() - translator.needless - not_translated.min(commands.len() - translator.needless),
         needless: translator.needless,
         refused,
+        notes: Vec::new(),
     }
 }
 

@@ -307,7 +307,7 @@ impl Drive {
                     table,
                     take_up,
                 } = compensation;
-                JointCompensation::new(table.clone(), *backlash_mm, take_up, cycle_s)
+                JointCompensation::new(table.clone(), *backlash_mm, *take_up, cycle_s)
             }),
         })
     }
@@ -495,21 +495,24 @@ impl Drive {
             return command_mm;
         };
         match self.axis.status() {
-            // Nobody knows of what place the error would be.
-            Status::Enabled if !is_homed => command_mm + compensation.correction_mm(),
-            Status::Enabled => compensation.step(command_mm),
+            Status::Enabled if is_homed => compensation.step(command_mm),
             Status::Homing => {
                 // Afterwards the motor counts again, and which way it came is not known.
                 compensation.restart();
                 command_mm
             }
-            Status::Offline
+            // Without a home nobody knows of what place the error would be.
+            Status::Enabled
+            | Status::Offline
             | Status::Disabled
             | Status::Enabling
             | Status::Switching
             | Status::Disabling
             | Status::QuickStopping
-            | Status::Faulted(_) => command_mm + compensation.correction_mm(),
+            | Status::Faulted(_) => {
+                compensation.hold();
+                command_mm + compensation.correction_mm()
+            }
         }
     }
 

@@ -129,10 +129,15 @@ impl TrajectoryGenerator {
 
     /// Says where the joint stands: after something else has moved it. RT.
     pub fn rest_at(&mut self, position: f64) {
+        self.go_on_from(State::resting(position));
+    }
+
+    /// Says where the joint is and how it moves: after something else has moved it. Without a goal it goes on with that velocity. RT.
+    pub(super) fn go_on_from(&mut self, state: State) {
         self.goal = Goal::Velocity;
         self.limits.acceleration = self.acceleration;
-        self.follow(Segments::none(State::resting(position)));
-        self.state = self.segments.end;
+        self.follow(Segments::none(state));
+        self.state = state;
     }
 
     /// Share of its acceleration that it uses for the goals to come; what is no share above 0 is all of it. Less than before counts
