@@ -286,6 +286,7 @@ pub(super) fn esi(section: &mut Section<'_, '_>, folder: &Path) -> Option<Option
         section.wrong("device_file", rule);
         return None;
     };
+    can_be_used(section, &file, device)?;
     let refitted = match chosen? {
         Some(chosen) => {
             let modules = fit(section, &chosen, &parsed, device)?;
@@ -305,6 +306,7 @@ pub(super) fn esi(section: &mut Section<'_, '_>, folder: &Path) -> Option<Option
         .as_ref()
         .and_then(|esi| esi.find(device.product, Some(device.revision)));
     let device = refitted.unwrap_or(device);
+    can_be_used(section, &file, device)?;
     if let Some(slot) = &device.open_slot {
         let rule = format!(
             "does not tell what {} exchanges: {slot} may hold one of several modules, and none of them is usual (ModuleIdent Default): \
@@ -332,6 +334,15 @@ pub(super) fn esi(section: &mut Section<'_, '_>, folder: &Path) -> Option<Option
         device: device.clone(),
         file,
     }))
+}
+
+/// The device that is asked for must be without mistakes; others of the file need not.
+fn can_be_used(section: &Section<'_, '_>, file: &str, device: &EsiDevice) -> Option<()> {
+    for mistake in device.mistakes.iter().take(super::device::MISTAKES_TOLD) {
+        let rule = format!("cannot be used for {}: {}", device.name, mistake.line(file));
+        section.wrong("device_file", rule);
+    }
+    device.mistakes.is_empty().then_some(())
 }
 
 fn cannot_be_used<T>(section: &Section<'_, '_>, errors: &DeviceErrors) -> Option<T> {

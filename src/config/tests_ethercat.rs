@@ -426,3 +426,23 @@ fn modules_that_cannot_be_are_refused_at_their_places() {
     let alone = machine("", "", "modules = [\"DI4\"]");
     assert!(messages(&alone)[0].ends_with("needs device_file, an ESI file: it tells slots and modules"), "{:?}", messages(&alone));
 }
+
+/// An odd device of a file refuses only whoever asks for it.
+#[test]
+fn only_the_device_that_is_asked_for_is_judged() {
+    let second = "<Device><Type ProductCode=\"#x77\" RevisionNo=\"#x1\">ODD</Type><RxPdo><Index>#x1800</Index></RxPdo></Device></Devices>";
+    let esi = ESI.replace("FIXED", "0").replace("</Devices>", second);
+    let asked = |product: &str| {
+        let (file, text) = with_esi(&esi, &format!("product_code = {product}"));
+        let told = messages(&text);
+        drop(file);
+        told
+    };
+    assert_eq!(asked("0x402"), [""; 0]);
+    let told = asked("0x77");
+    assert!(
+        told[0].contains("cannot be used for ODD: ")
+            && told[0].contains("RxPdo Index = \"#x1800\": expected an integer"),
+        "{told:?}"
+    );
+}

@@ -178,6 +178,30 @@ impl<'t> Log<'t> {
         }
     }
 
+    /// Takes out what has been wrong since there were `before` mistakes: it makes a part of the file unusable, not the file.
+    pub(super) fn take_since(&mut self, before: usize) -> Vec<DeviceMistake> {
+        self.more = 0;
+        self.mistakes.split_off(before.min(self.mistakes.len()))
+    }
+
+    /// Mistakes so far.
+    pub(super) fn count(&self) -> usize {
+        self.mistakes.len()
+    }
+
+    /// Puts mistakes back that were taken out: they make the file unusable after all.
+    pub(super) fn put_back(&mut self, mistakes: &[DeviceMistake]) {
+        let room = MISTAKES_MAX.saturating_sub(self.mistakes.len());
+        self.more += mistakes.len().saturating_sub(room);
+        self.mistakes.extend(mistakes.iter().take(room).cloned());
+    }
+
+    /// Puts mistakes that were taken out among the notes.
+    pub(super) fn note(&mut self, mistakes: &[DeviceMistake]) {
+        let room = MISTAKES_MAX.saturating_sub(self.notes.len());
+        self.notes.extend(mistakes.iter().take(room).cloned());
+    }
+
     /// The notes if nothing is wrong.
     pub(super) fn finish(mut self) -> Result<Vec<DeviceMistake>, DeviceErrors> {
         if self.mistakes.is_empty() {

@@ -7,6 +7,9 @@
 //! puts into a slot by default is taken as there. Its PDOs and start-up commands are those of the device then, moved by the number of the
 //! slot. A slot that is left open is named.
 //!
+//! A file of a maker has many devices, and one of them may be odd. What is wrong in a device is its own: the others can be used, and
+//! the file is refused only where none can.
+//!
 //! Modules may be in groups by which their PDOs are ordered and aligned (`ModulePdoGroup`). Manuals and captures of devices show PDOs of
 //! padding before and behind the modules of a group, and tell no rule for their lengths: where one might be needed, it is said.
 //!
@@ -38,11 +41,11 @@ pub struct EsiFile {
     pub vendor: u32,
     /// Its name.
     pub vendor_name: String,
-    /// All devices, in the order of the file.
+    /// All devices whose kind is told, in the order of the file.
     pub devices: Vec<EsiDevice>,
     /// Modules for slots of devices.
     pub modules: Vec<EsiModule>,
-    /// What is odd, and changes nothing that is used.
+    /// What is odd, and changes nothing that is used; what is wrong in devices and modules that may not be asked for.
     pub notes: Vec<DeviceMistake>,
 }
 
@@ -75,6 +78,8 @@ pub struct EsiDevice {
     pub open_slot: Option<String>,
     /// Its modules are in groups that would move their process data, so that these are not known: in words, with the line.
     pub moved_by_group: Option<String>,
+    /// Why it cannot be used: the first hundred mistakes of its description. Empty for one that can.
+    pub mistakes: Vec<DeviceMistake>,
 }
 
 /// A module that can stand in a slot.
@@ -271,7 +276,7 @@ impl EsiDevice {
 /// Reads an ESI file.
 ///
 /// # Errors
-/// Every mistake in the file.
+/// What is wrong in the file as a whole; every mistake, where no device of it can be used.
 pub fn parse_esi(file: &str, octets: &[u8]) -> Result<EsiFile, DeviceErrors> {
     parse_esi_with(file, octets, None)
 }
@@ -279,7 +284,7 @@ pub fn parse_esi(file: &str, octets: &[u8]) -> Result<EsiFile, DeviceErrors> {
 /// Reads an ESI file, with chosen modules in the slots of one of its devices.
 ///
 /// # Errors
-/// Every mistake in the file.
+/// As [`parse_esi`].
 pub fn parse_esi_with(file: &str, octets: &[u8], choice: Option<EsiChoice<'_>>) -> Result<EsiFile, DeviceErrors> {
     let text = super::text(file, octets)?;
     let mut log = Log::new(file, &text);
@@ -305,17 +310,40 @@ fn read(text: &str, log: &mut Log<'_>, choice: Option<EsiChoice<'_>>) -> Option<
     let vendor_id = reader.needed(number, root, "Vendor Id", 0..=u32::MAX.into());
     let descriptions = child(root, "Descriptions");
     let modules = descriptions.and_then(|all| child(all, "Modules"));
+    // Of modules and of devices that nobody can name.
+    let mut loose = Vec::new();
     let modules: Vec<Module<'_, '_>> = modules
         .into_iter()
         .flat_map(|modules| named(modules, "Module"))
-        .filter_map(|module| reader.module(module))
+        .filter_map(|module| {
+            let (module, mistakes) = reader.apart(|reader| reader.module(module));
+            loose.extend(mistakes);
+            module
+        })
         .collect();
     let devices = descriptions.and_then(|all| child(all, "Devices"));
     let devices: Vec<EsiDevice> = devices
         .into_iter()
         .flat_map(|devices| named(devices, "Device"))
-        .filter_map(|device| reader.device(device, &modules))
+        .filter_map(|device| {
+            let (device, mistakes) = reader.apart(|reader| reader.device(device, &modules));
+            match device {
+                Some(device) => Some(EsiDevice { mistakes, ..device }),
+                None => {
+                    loose.extend(mistakes);
+                    None
+                }
+            }
+        })
         .collect();
+    let is_usable = devices.iter().any(|device| device.mistakes.is_empty());
+    let all = devices.iter().map(|device| device.mistakes.as_slice());
+    for mistakes in all.chain([loose.as_slice()]) {
+        match is_usable {
+            true => reader.log.note(mistakes),
+            false => reader.log.put_back(mistakes),
+        }
+    }
     if devices.is_empty() {
         let rule = "is missing: at least one device with a product code";
         reader
@@ -419,6 +447,13 @@ struct Reader<'r, 't> {
 }
 
 impl Reader<'_, '_> {
+    /// Reads a part of the file, and what is wrong in it.
+    fn apart<T>(&mut self, read: impl FnOnce(&mut Self) -> Option<T>) -> (Option<T>, Vec<DeviceMistake>) {
+        let before = self.log.count();
+        let found = read(self);
+        (found, self.log.take_since(before))
+    }
+
     fn range(&mut self, at: usize, what: &str, text: &str, range: &RangeInclusive<i128>) -> Option<i128> {
         let number = esi_number(text).filter(|number| range.contains(number));
         if number.is_none() {
@@ -520,6 +555,7 @@ impl Reader<'_, '_> {
             modules: Vec::new(),
             open_slot: None,
             moved_by_group: None,
+            mistakes: Vec::new(),
             sync_managers,
         };
         self.all_pdos(node, &mut device, Shift::default());

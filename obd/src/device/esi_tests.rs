@@ -12,7 +12,8 @@ const SIMULATED: &str = include_str!("../../tests/data/simulated.esi.xml");
 
 fn mistakes(text: &str) -> Vec<String> {
     match parse_esi("d", text.as_bytes()) {
-        Ok(_) => Vec::new(),
+        // Of devices and modules beside which others can be used.
+        Ok(esi) => esi.notes.iter().map(|note| note.line("d")).collect(),
         Err(errors) => errors.lines().collect(),
     }
 }
@@ -454,4 +455,32 @@ proptest! {
             }
         }
     }
+}
+
+/// Of two devices one is odd: the other one can be used, and only a file without any that can is refused.
+#[test]
+fn what_is_wrong_in_a_device_is_its_own() {
+    let odd = changed("<BitLen>16", "<BitLen>?");
+    let esi = parse_esi("d", odd.as_bytes()).unwrap();
+    let told: Vec<usize> = esi.devices.iter().map(|device| device.mistakes.len()).collect();
+    assert_eq!(told, [1, 0]);
+    assert!(
+        esi.devices[0].mistakes[0]
+            .line("d")
+            .contains("BitLen = \"?\": expected an integer"),
+        "{esi:?}"
+    );
+    assert_eq!(esi.notes, esi.devices[0].mistakes);
+    let whole = parse_esi("d", SIMULATED.as_bytes()).unwrap();
+    assert_eq!(esi.devices[1], whole.devices[1]);
+    // No kind, so that nobody can ask for it: noted.
+    let unnamed = changed("ProductCode=\"#x04020001\"", "ProductCode=\"?\"");
+    let esi = parse_esi("d", unnamed.as_bytes()).unwrap();
+    assert_eq!((esi.devices.len(), esi.notes.len()), (1, 1));
+    // Both are odd.
+    let (start, end) = odd.rsplit_once("<BitLen>1<").unwrap();
+    let errors = parse_esi("d", format!("{start}<BitLen>!<{end}").as_bytes()).unwrap_err();
+    assert_eq!(errors.mistakes.len(), 2, "{errors}");
+    // What is wrong in the vendor is wrong in all.
+    assert!(parse_esi("d", changed("#x00000A1B", "?").as_bytes()).is_err());
 }
