@@ -149,18 +149,7 @@ pub(crate) fn examples() -> Vec<Fault> {
             stops: true,
         },
         Fault::ForeignMaster {
-            sign: ForeignMaster {
-                node: Some(240),
-                mac,
-                is_itself: true,
-            },
-        },
-        Fault::ForeignMaster {
-            sign: ForeignMaster {
-                node: Some(3),
-                mac,
-                is_itself: false,
-            },
+            sign: ForeignMaster { node: Some(240), mac },
         },
         Fault::EmergencyStop {
             cause: EstopCause::Chain,

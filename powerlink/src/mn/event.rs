@@ -10,7 +10,7 @@ use obd::AbortCode;
 use super::config::Stamp;
 use super::threshold::Threshold;
 use crate::nmt::{NmtCommand, NmtState};
-use crate::wire::{self, ErrorEntry, Mac, WireError};
+use crate::wire::{ErrorEntry, Mac, WireError};
 
 /// What stands in the place of the EtherType in a frame with a VLAN tag: IEEE 802.1Q, 802.1ad.
 const VLAN_ETHER_TYPES: [u16; 2] = [0x8100, 0x88A8];
@@ -194,17 +194,10 @@ pub enum MnEvent {
 /// The frame that shows that there is another managing node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ForeignSign {
-    /// Node id of its sender: of the other managing node (240; 241 to 250, redundant), or of a node that answers one.
+    /// Node id of the other managing node: 240; 241 to 250, redundant.
     pub id: u8,
-    /// MAC of its sender.
+    /// Its MAC.
     pub mac: Mac,
-}
-
-impl ForeignSign {
-    /// The managing node itself was heard, and not only a node that answers it.
-    pub fn is_its_own(&self) -> bool {
-        (wire::node::MN..=wire::node::MN_MAX).contains(&self.id)
-    }
 }
 
 impl fmt::Display for ForeignSign {
@@ -214,14 +207,7 @@ impl fmt::Display for ForeignSign {
             mac: [a, b, c, d, e, g],
         } = self;
         let mac = format_args!("{a:02x}:{b:02x}:{c:02x}:{d:02x}:{e:02x}:{g:02x}");
-        if self.is_its_own() {
-            write!(f, "another managing node is on the wire: {mac}, node id {id}")
-        } else {
-            write!(
-                f,
-                "another managing node is on the wire, perhaps on this PC: node {id} ({mac}) answers one"
-            )
-        }
+        write!(f, "another managing node is on the wire: {mac}, node id {id}")
     }
 }
 
@@ -396,7 +382,7 @@ pub struct Counters {
     pub unexpected: u64,
     /// Frames of nodes that are not configured, or for another node.
     pub unknown_node: u64,
-    /// Frames of another managing node, or in NOT_ACTIVE of nodes that answer one.
+    /// Frames of another managing node.
     pub foreign_mn_frames: u64,
     /// Our own frames, seen again.
     pub own_frames: u64,

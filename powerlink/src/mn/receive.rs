@@ -6,9 +6,10 @@
 //! |---|---|---|---|
 //! | any that the standard does not know between these nodes | | | counted (`malformed`), nothing else |
 //! | any that carries our own MAC | | | counted (`own_frames`), nothing else |
-//! | SoC, PReq, PRes, SoA, ASnd, AInv | 240 | as the standard has it | another managing node |
+//! | SoC, PReq, SoA, ASnd, AInv | 240 | as the standard has it | another managing node |
 //! | AMNI | 241..=250 | 255 | another managing node |
-//! | PRes, ASnd, in NOT_ACTIVE | 1..=239, 253, 254 | as the standard has it | an answer to another managing node |
+//! | PRes | 240 | 255 | counted (`unknown_node`), nothing else |
+//! | PRes, ASnd, in NOT_ACTIVE | any | as the standard has it | counted (`unexpected`), nothing else |
 //! | PRes, once we have sent | 1..=239 | 255 | the node's process data, if it was polled |
 //! | ASnd, once we have sent | 1..=239, 253 | 240, 255 | the node's answer; it ends the slot that was the node's |
 //!
@@ -34,10 +35,16 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             self.counters.own_frames += 1;
             return;
         }
-        // No node sends anything unless a managing node asks for it, and in NOT_ACTIVE we have asked none. What another control
-        // of this PC sends on the same interface is not heard, only the answers to it.
-        if header.is_from_managing_node() || self.state == NmtState::NotActive {
+        // A managing node shows itself by what only it begins. An answer does not: it may be one to what we asked before we were
+        // started again, or have waited in a switch. A managing node that polls sends SoC and SoA, too, and one of this PC, which is not
+        // heard here, has claimed the interface.
+        let is_answer = matches!(body, Frame::Pres(_));
+        if header.is_from_managing_node() && !is_answer {
             return self.foreign_mn(now_ns, &header);
+        }
+        if self.state == NmtState::NotActive {
+            self.counters.unexpected += 1;
+            return;
         }
         match body {
             Frame::Pres(pres) => self.receive_pres(now_ns, &header, &pres),

@@ -251,7 +251,6 @@ impl<'a, L: Link, const N: usize, const F: usize> Ethercat<'a, L, N, F> {
                 let sign = ForeignMaster {
                     node: None,
                     mac: source,
-                    is_itself: true,
                 };
                 (BusEvent::ForeignMaster(sign), None)
             }

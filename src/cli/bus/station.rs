@@ -27,34 +27,20 @@ const SDO_GIVE_UP_NS: u64 = 5_000 * MS;
 /// Pause between two invitations to a node that has nothing to send yet.
 const INVITE_PAUSE_NS: u64 = MS;
 
-/// Another managing node is at work.
+/// Another managing node is at work: it was heard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ForeignMaster {
-    /// It was heard.
-    Heard {
-        /// Its address.
-        mac: Mac,
-    },
-    /// Only a node that answers it was heard: what this PC itself sends on an interface is not heard on it.
-    Answered {
-        /// Id of that node.
-        node: u8,
-    },
+pub struct ForeignMaster {
+    /// Its address.
+    pub mac: Mac,
 }
 
 impl std::fmt::Display for ForeignMaster {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            ForeignMaster::Heard { mac } => write!(
-                f,
-                "a managing node is at work on this wire ({}): nothing was sent",
-                super::words::mac(*mac)
-            ),
-            ForeignMaster::Answered { node } => write!(
-                f,
-                "node {node} answers a managing node, perhaps on this very interface: nothing was sent"
-            ),
-        }
+        write!(
+            f,
+            "a managing node is at work on this wire ({}): nothing was sent",
+            super::words::mac(self.mac)
+        )
     }
 }
 
@@ -85,26 +71,17 @@ pub fn listen(
             let frame = &buffer[..received.length.min(FRAME_LEN_MAX)];
             let now_ns = link.now_ns();
             hear(received.stamp_ns.unwrap_or(now_ns), frame);
-            foreign = match (foreign, master(frame)) {
-                // Who is heard says more than who answers.
-                (None | Some(ForeignMaster::Answered { .. }), Some(mac)) => Some(ForeignMaster::Heard { mac }),
-                (None, None) => node_of(frame).map(|node| ForeignMaster::Answered { node }),
-                (known @ Some(_), _) => known,
-            };
+            foreign = foreign.or_else(|| master(frame).map(|mac| ForeignMaster { mac }));
         }
     }
     Ok(foreign)
 }
 
-/// The managing node that sent a frame.
+/// The managing node that sent a frame. An answer is no sign of one: it may have waited in a switch, or be one to us, before.
 fn master(frame: &[u8]) -> Option<Mac> {
-    let (header, _) = wire::accept(frame).ok()?;
-    header.is_from_managing_node().then_some(header.source)
-}
-
-/// The node that sent a frame. No node sends anything unless a managing node asks for it.
-fn node_of(frame: &[u8]) -> Option<u8> {
-    wire::accept(frame).ok().map(|(header, _)| header.source_node)
+    let (header, body) = wire::accept(frame).ok()?;
+    let is_sign = header.is_from_managing_node() && !matches!(body, Frame::Pres(_));
+    is_sign.then_some(header.source)
 }
 
 /// The station.

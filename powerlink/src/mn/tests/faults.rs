@@ -202,6 +202,36 @@ fn another_managing_node_keeps_this_one_silent() {
     net.boot();
 }
 
+/// Answers that nobody asked for, of nodes that were polled until a moment ago: the network starts as it would without them.
+#[test]
+fn stray_answers_do_not_delay_the_start() {
+    let configuration = configuration();
+    let nodes = [node_config(1, &configuration)];
+    let mut quiet = Net::new(&nodes);
+    let mut net = Net::new(&nodes);
+    for cycle in 0..100 {
+        quiet.cycles(1);
+        net.cycles(1);
+        assert_eq!(net.mn.nmt_state(), quiet.mn.nmt_state(), "cycle {cycle}");
+        let stray = Pres {
+            nmt_state: NmtState::Operational,
+            multiplexed: false,
+            exception_new: false,
+            ready: true,
+            requests: Requests::default(),
+            pdo_version: 0,
+            payload: &[9; 6],
+        };
+        net.hear(
+            Header::multicast(multicast::PRES, FOREIGN_MAC, [1, 2, 240][cycle % 3]),
+            &Frame::Pres(stray),
+        );
+    }
+    assert_eq!(net.count_events(|event| matches!(event, MnEvent::ForeignMn(_))), 0);
+    assert_eq!(net.mn.counters().foreign_mn_frames, 0);
+    net.boot();
+}
+
 #[test]
 fn another_managing_node_on_a_running_network_is_reported() {
     let configuration = configuration();
