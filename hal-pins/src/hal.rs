@@ -5,6 +5,7 @@ use crate::cell;
 use crate::file::{OwnFile, PREFIX, own_directories};
 use crate::layout::{CAPACITY_MAX, Entry, UNIT_LEN_MAX, Words, target};
 use crate::{AnyValue, HalError, Kind, Type, Value, check_name, nearest};
+use std::collections::HashMap;
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -15,6 +16,8 @@ pub struct Hal {
     pub(crate) shared: Arc<Shared>,
     /// What the descriptors say, kept here so that nothing is ever believed that another process could have changed.
     entries: Vec<Entry>,
+    /// Where each name is among them: with tens of thousands, each would be looked for among all.
+    names: HashMap<String, usize>,
     file: OwnFile,
 }
 
@@ -50,6 +53,7 @@ impl Hal {
         Ok(Hal {
             shared: Arc::new(Shared { words, source }),
             entries: Vec::new(),
+            names: HashMap::new(),
             file,
         })
     }
@@ -221,10 +225,10 @@ impl Hal {
 
     fn add(&mut self, name: &str, kind: Kind, value_type: Type, alias: Option<usize>) -> Result<usize, HalError> {
         check_name(name)?;
-        if let Some(other) = self.entries.iter().find(|entry| entry.name == name) {
+        if let Some(other) = self.names.get(name) {
             return Err(HalError::Taken {
                 name: name.to_owned(),
-                kind: other.kind,
+                kind: self.entries[*other].kind,
             });
         }
         let index = self.entries.len();
@@ -245,6 +249,7 @@ impl Hal {
         };
         self.shared.words.write(index, &entry);
         self.entries.push(entry);
+        self.names.insert(name.to_owned(), index);
         self.shared.words.publish(self.entries.len());
         Ok(index)
     }
@@ -258,10 +263,9 @@ impl Hal {
     }
 
     fn index(&self, name: &str) -> Result<usize, HalError> {
-        self.entries
-            .iter()
-            .position(|entry| entry.name == name)
-            .map(|index| target(&self.entries, index))
+        self.names
+            .get(name)
+            .map(|index| target(&self.entries, *index))
             .ok_or_else(|| HalError::Unknown {
                 name: name.to_owned(),
                 hint: nearest(name, self.entries.iter().map(|entry| entry.name.as_str())).map(str::to_owned),

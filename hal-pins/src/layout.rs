@@ -66,8 +66,8 @@ pub(crate) fn target(entries: &[Entry], index: usize) -> usize {
     entries[index].alias.unwrap_or(index)
 }
 
-/// Octets of a file for so many entries. `capacity` is at most [`CAPACITY_MAX`].
-pub(crate) const fn file_len(capacity: usize) -> usize {
+/// Octets of the memory of so many pins and nets. `capacity` is at most [`CAPACITY_MAX`].
+pub const fn file_len(capacity: usize) -> usize {
     8 * (HEADER_WORDS + capacity * (1 + DESCRIPTOR_WORDS))
 }
 

@@ -57,6 +57,6 @@ pub use external::{Change, Claim, EXTERNAL_PINS_MAX, External, ExternalPin, Lost
 pub use file::{Found, directories, find};
 pub use hal::{Hal, Input, Memory, Output, View};
 pub use kind::{Kind, Type};
-pub use layout::{CAPACITY_MAX, UNIT_LEN_MAX};
+pub use layout::{CAPACITY_MAX, UNIT_LEN_MAX, file_len};
 pub use name::{NAME_LEN_MAX, check_name, nearest};
 pub use value::{AnyValue, Value};

@@ -162,6 +162,9 @@ impl fmt::Display for Summary<'_> {
             kind => format!("{}: the simulated machine inside the control", kind.name()),
         };
         writeln!(f, "bus       {interface}")?;
+        let room = capacity(config);
+        let mib = hal_pins::file_len(room) as f64 / f64::from(1 << 20);
+        writeln!(f, "pins      room for {room}: {mib:.1} MiB of memory that is locked")?;
         if config.bus.kind != BusKind::None {
             write_budget(f, config, plans)?;
             writeln!(f, "nodes")?;

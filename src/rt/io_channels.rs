@@ -345,6 +345,26 @@ impl CounterPins {
     }
 }
 
+/// Pins of a counter, and the name of its channel: more than any other channel has.
+const CHANNEL_PINS: usize = 9;
+
+/// Pins that the nodes have at the most, and other names of these.
+pub fn count_pins(config: &Config) -> usize {
+    let of_node = |node: &Node| {
+        let of_object = |object: &Mapped| match (node.profile, node.object_kind(*object)) {
+            // A bit goes by its number and by the name of its channel.
+            (Profile::Io, ObjectKind::Bits) => 2 * usize::from(object.bits),
+            _ => 1,
+        };
+        let objects = node.inputs.iter().chain(&node.outputs).map(of_object);
+        let is_made = |channel: &&Channel| !matches!(channel.kind, ChannelKind::Bit { .. });
+        let channels = node.channels.iter().filter(is_made).count();
+        // What it is like, and how many of its answers were lost.
+        2 + objects.sum::<usize>() + CHANNEL_PINS * channels
+    };
+    config.bus.nodes.iter().map(of_node).sum()
+}
+
 /// All pins of I/O nodes.
 #[derive(Default)]
 pub struct IoPins {
@@ -730,6 +750,51 @@ mod tests {
             hal.set("io.5.object-6413-01", wanted).unwrap();
             pins.write(&mut outputs);
             assert_eq!(sent(&outputs), expected, "{wanted}");
+        }
+    }
+
+    /// As many nodes as a bus has, and stations full of modules: the room for their pins comes from the machine file.
+    #[test]
+    fn there_is_room_for_the_pins_of_every_node_that_a_bus_can_have() {
+        let digital = |octets: u32| -> String {
+            let objects = |index: u32| {
+                (1..=octets)
+                    .map(move |sub| format!("\"0x{index:04X}:{sub}/8\""))
+                    .collect::<Vec<_>>()
+                    .join(", ")
+            };
+            format!("inputs = [{}]\noutputs = [{}]\n", objects(0x6000), objects(0x6200))
+        };
+        let channels = |octets: u32| -> String {
+            let of = |(index, word): (u32, &'static str)| {
+                (0..8 * octets).map(move |bit| {
+                    let (sub, place) = (1 + bit / 8, bit % 8);
+                    format!("[[bus.node.channel]]\nname = \"{word}-{bit}\"\nobject = \"0x{index:04X}:{sub}\"\nbit = {place}\n")
+                })
+            };
+            [(0x6000, "sensor"), (0x6200, "valve")]
+                .into_iter()
+                .flat_map(of)
+                .collect()
+        };
+        // 239 nodes of 8 inputs and 8 outputs; 64 stations of 8 modules, each with 16 inputs and 16 outputs that have names.
+        for (nodes, keys, pins) in [
+            (239, digital(1), 239 * (2 + 16)),
+            (64, digital(16) + &channels(16), 64 * (2 + 2 * 256)),
+        ] {
+            let mut text =
+                "schema = 1\n[machine]\nname = \"m\"\nkinematics = \"none\"\n[bus]\nkind = \"memory\"\n".to_owned();
+            for id in 1..=nodes {
+                text += &format!("[[bus.node]]\nid = {id}\nname = \"n{id}\"\nprofile = \"io\"\n{keys}");
+            }
+            let config = config::parse(&text, Path::new("m.toml")).unwrap_or_else(|errors| panic!("{errors}"));
+            let folder = tempfile::tempdir().unwrap();
+            let room = crate::rt::pins::capacity(&config);
+            let mut hal = Hal::create_in(&[folder.path().to_owned()], "many", room).unwrap();
+            let steps = crate::rt::steps::StepDrives::new(&config);
+            crate::rt::pins::Pins::new(&mut hal, &config, &bus::plan(&config), &steps).unwrap();
+            let made = hal.list().len();
+            assert!(made > pins && made <= room, "{nodes} nodes: {made} of {room}");
         }
     }
 }

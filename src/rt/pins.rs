@@ -8,7 +8,7 @@
 use super::components::{Lists, count_pins};
 use super::drives::{Drives, is_filled};
 use super::external::{self, ExternalPins};
-use super::io_channels::IoPins;
+use super::io_channels::{self, IoPins};
 use super::io_pins::{InputPins, OutputPins};
 use super::logic;
 use super::loop_pins::LoopPins;
@@ -33,12 +33,13 @@ use motion::canon::Axis;
 use motion::element::{Action, Enables};
 use motion::rt::{Sample, Shares};
 
-/// Pins and nets of the control that there is room for, beside those of components.
+/// Pins of the control that there is room for, beside those that the machine file asks for.
 const CAPACITY: usize = 2048;
 
 /// Pins and nets that there is to be room for.
 pub fn capacity(config: &Config) -> usize {
-    let declared = count_pins(config) + logic::count_pins(config) + external::count_pins(config);
+    let declared =
+        count_pins(config) + logic::count_pins(config) + external::count_pins(config) + io_channels::count_pins(config);
     (CAPACITY + declared + config.nets.len()).min(CAPACITY_MAX)
 }
 
