@@ -1,16 +1,15 @@
 //! `isocnc init`: a machine file to begin with.
 //!
-//! In:  options, answers of the user, or the nodes that answer on an interface; `configs/mill3-powerlink.toml`, whose comments and
-//! values the new file has.
+//! In:  options, answers of the user, or the nodes that answer on an interface, of either bus.
 //! Out: a machine file that `isocnc check` accepts. It is written at once at the end: what is given up before leaves nothing.
 
-use super::bus::scan;
+use super::bus::{Protocol, scan};
+use super::proposal::{Node, Proposal, letters};
 use crate::host::terminal::say;
 use crate::operator::refusal::Refusal;
 use crate::{bus, config};
 use anyhow::{Context, bail, ensure};
 use clap::Args;
-use std::fmt::Write as _;
 use std::io::{BufRead, IsTerminal, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -26,7 +25,7 @@ pub struct InitArgs {
     /// Network interface of the bus
     #[arg(long, value_name = "IF")]
     interface: Option<String>,
-    /// Take the nodes that answer on this interface; nothing is sent where a managing node is at work
+    /// Take the nodes that answer on this interface, of POWERLINK or of EtherCAT; nothing is sent where another master is at work
     #[arg(long, value_name = "IF", conflicts_with_all = ["interface", "drives", "io"])]
     scan: Option<String>,
     /// Letters of the axes, one drive each
@@ -49,34 +48,6 @@ pub struct InitArgs {
     force: bool,
 }
 
-const EXAMPLE: &str = include_str!("../../configs/mill3-powerlink.toml");
-/// What the example is called and where it is.
-const EXAMPLE_NAME: &str = "\"mill3\"";
-const EXAMPLE_INTERFACE: &str = "\"enp2s0\"";
-const EXAMPLE_CYCLE: &str = "cycle_us = 1000";
-/// The profile in a device type (0x1000).
-const PROFILE_IO: u32 = 401;
-const PROFILE_DRIVE: u32 = 402;
-/// Axes of a machine that says nothing else, as many as it has drives.
-const LETTERS: &str = "XYZABCUVW";
-
-/// A node of the new machine.
-#[derive(Clone, Debug, PartialEq)]
-struct Node {
-    id: u8,
-    is_drive: bool,
-    /// Keys by which it is known again.
-    identity: String,
-}
-
-impl Node {
-    /// One of which nothing but its id is known.
-    fn new(id: u8, is_drive: bool) -> Node {
-        let identity = String::new();
-        Node { id, is_drive, identity }
-    }
-}
-
 /// Writes a machine file.
 ///
 /// # Errors
@@ -89,11 +60,11 @@ pub fn init(args: &InitArgs) -> anyhow::Result<ExitCode> {
         "{file} is there already; --force replaces it"
     );
     let mut args = args.clone();
-    let found = args.scan.as_deref().map(nodes_on).transpose()?;
+    let found = args.scan.as_deref().map(scan::nodes_on).transpose()?;
     if std::io::stdin().is_terminal() && !args.yes {
         let count = found
             .as_ref()
-            .map(|nodes| nodes.iter().filter(|node| node.is_drive).count());
+            .map(|(_, nodes)| nodes.iter().filter(|node| node.is_drive).count());
         ask(&mut args, count, &mut std::io::stdin().lock(), &mut std::io::stdout())?;
     }
     let text = machine_file(&args, found)?;
@@ -109,36 +80,6 @@ pub fn init(args: &InitArgs) -> anyhow::Result<ExitCode> {
          machine, then: isocnc check {file}\n"
     ));
     Ok(ExitCode::SUCCESS)
-}
-
-/// The drives and the inputs and outputs that answer on an interface.
-fn nodes_on(interface: &str) -> anyhow::Result<Vec<Node>> {
-    let found = scan::nodes_on(interface)?;
-    let mut nodes = Vec::new();
-    for found in found {
-        let ident = &found.ident;
-        let is_drive = match ident.device_type & 0xFFFF {
-            PROFILE_DRIVE => true,
-            PROFILE_IO => false,
-            profile => {
-                say(&format!(
-                    "node {} is left out: its profile is {profile}, neither 401 nor 402\n",
-                    found.id
-                ));
-                continue;
-            }
-        };
-        let identity = format!(
-            "device_type = 0x{:08X}\nvendor_id = 0x{:08X}\nproduct_code = 0x{:08X}\n",
-            ident.device_type, ident.vendor_id, ident.product_code
-        );
-        nodes.push(Node {
-            id: found.id,
-            is_drive,
-            identity,
-        });
-    }
-    Ok(nodes)
 }
 
 /// Asks for what no option gives; `drives`: how many are known. An empty answer is the usual one, in brackets.
@@ -197,94 +138,44 @@ fn usual_name(args: &InitArgs) -> String {
     stem.filter(|stem| !stem.is_empty()).unwrap_or("machine").to_owned()
 }
 
-fn letters(count: usize) -> String {
-    LETTERS.chars().take(count).collect()
+/// One of which nothing but its id is known.
+fn plain(id: u8, is_drive: bool) -> Node {
+    Node {
+        id,
+        name: None,
+        is_drive,
+        keys: String::new(),
+    }
 }
 
-/// The text of the machine file. `found`: nodes of a scan.
-fn machine_file(args: &InitArgs, found: Option<Vec<Node>>) -> anyhow::Result<String> {
+/// The text of the machine file. `found`: nodes of a scan, and of which bus.
+fn machine_file(args: &InitArgs, found: Option<(Protocol, Vec<Node>)>) -> anyhow::Result<String> {
     let Some(interface) = args.scan.as_ref().or(args.interface.as_ref()) else {
         bail!("which network interface? --interface IF names it, --scan IF asks it for its nodes");
     };
-    let mut nodes = found.unwrap_or_else(|| {
+    let with_nets = found.is_none();
+    let (bus, nodes) = found.unwrap_or_else(|| {
         let usual = args.axes.as_deref().map_or(3, |axes| axes.chars().count()) as u8;
         let ids = if args.drives.is_empty() {
             (1..=usual).collect()
         } else {
             args.drives.clone()
         };
-        let drives = ids.into_iter().map(|id| Node::new(id, true));
-        drives.chain(args.io.iter().map(|id| Node::new(*id, false))).collect()
+        let drives = ids.into_iter().map(|id| plain(id, true));
+        let nodes = drives.chain(args.io.iter().map(|id| plain(*id, false))).collect();
+        (Protocol::Powerlink, nodes)
     });
-    nodes.sort_by_key(|node| !node.is_drive);
-    let drives: Vec<&Node> = nodes.iter().filter(|node| node.is_drive).collect();
-    let axes = args
-        .axes
-        .clone()
-        .map_or_else(|| letters(drives.len()), |axes| axes.to_ascii_uppercase());
-    let count = axes.chars().count();
-    ensure!(
-        count == drives.len() && count > 0,
-        "{count} axes ({axes}) and {} drives: each axis has one drive; more drives of an axis are added in the file",
-        drives.len()
-    );
-    let quoted = |text: &str| toml::Value::from(text).to_string();
-    let between = |from: &str, to: &str| -> &'static str {
-        let rest = EXAMPLE.split_once(from).map_or("", |(_, rest)| rest);
-        rest.split_once(to).map_or(rest, |(part, _)| part)
-    };
     let name = args.name.clone().unwrap_or_else(|| usual_name(args));
-    let head = between("schema = 1", "[[bus.node]]");
-    let head = head.replacen(EXAMPLE_NAME, &quoted(&name), 1);
-    let head = head.replacen(EXAMPLE_INTERFACE, &quoted(interface), 1);
-    let head = head.replacen(EXAMPLE_CYCLE, &format!("cycle_us = {}", args.cycle_us), 1);
-    let mut text = format!(
-        "# Written by `isocnc init`: set scale, travel, limits and homing of each joint to those of the machine.\n\
-         # `isocnc check` names every mistake; `isocnc schema > machine.schema.json` and a first line\n\
-         # `#:schema ./machine.schema.json` show in an editor what each key means.\nschema = 1{head}"
-    );
-    for node in &nodes {
-        let letter = drives
-            .iter()
-            .position(|drive| *drive == node)
-            .and_then(|joint| axes.chars().nth(joint));
-        let (name, profile) = match letter {
-            Some(letter) => (format!("{}-drive", letter.to_ascii_lowercase()), "cia402"),
-            None => (format!("io-{}", node.id), "io"),
-        };
-        let id = node.id;
-        write!(
-            text,
-            "[[bus.node]]\nid = {id}\nname = \"{name}\"\nprofile = \"{profile}\"\n{}\n",
-            node.identity
-        )?;
-    }
-    // Three joints stand there: one with remarks, a plain one, and one that homes upward.
-    let joints: Vec<&str> = between("[[joint]]\n", "[[axis]]").split("[[joint]]\n").collect();
-    for (letter, drive) in axes.chars().zip(&drives) {
-        let joint = joints[if letter == 'Z' { 2 } else { 1 }];
-        let keys = joint.split_once('\n').map_or("", |(_, keys)| keys);
-        write!(text, "# {letter}\n[[joint]]\nnode = {}\n{keys}", drive.id)?;
-    }
-    for (joint, letter) in axes.chars().enumerate() {
-        write!(text, "[[axis]]\nletter = \"{letter}\"\njoints = [{joint}]\n\n")?;
-    }
-    let zeros: Vec<String> = axes
-        .to_ascii_lowercase()
-        .chars()
-        .map(|letter| format!("{letter} = 0.0"))
-        .collect();
-    write!(
-        text,
-        "[offsets]\ng54 = {{ {} }}\n\n[spindle]{}",
-        zeros.join(", "),
-        between("[spindle]", "# I/O as")
-    )?;
-    if let Some(io) = nodes.iter().find(|node| !node.is_drive) {
-        let nets = between("# I/O as", "\u{0}").replace("io.10.", &format!("io.{}.", io.id));
-        write!(text, "# I/O as{nets}")?;
-    }
-    Ok(text)
+    let proposal = Proposal {
+        by: "isocnc init",
+        name: &name,
+        bus,
+        interface,
+        cycle_us: args.cycle_us,
+        axes: args.axes.as_deref(),
+        with_nets,
+    };
+    proposal.machine_file(nodes)
 }
 
 #[cfg(test)]
@@ -305,21 +196,6 @@ mod tests {
 
     fn read(text: &str) -> config::Config {
         config::parse(text, "mill.toml".as_ref()).unwrap_or_else(|errors| panic!("{errors}\n{text}"))
-    }
-
-    #[test]
-    fn the_example_has_all_that_is_taken_from_it() {
-        for part in [
-            EXAMPLE_NAME,
-            EXAMPLE_INTERFACE,
-            EXAMPLE_CYCLE,
-            "schema = 1",
-            "[spindle]",
-            "# I/O as",
-        ] {
-            assert_eq!(EXAMPLE.matches(part).count(), 1, "{part}");
-        }
-        assert_eq!(EXAMPLE.matches("[[joint]]\nnode = ").count(), 3);
     }
 
     #[test]
@@ -363,10 +239,10 @@ mod tests {
     #[test]
     fn what_a_scan_finds_is_known_again() {
         let drive = Node {
-            identity: "device_type = 0x00020192\nvendor_id = 0x2D\nproduct_code = 0x7\n".into(),
-            ..Node::new(9, true)
+            keys: "device_type = 0x00020192\nvendor_id = 0x2D\nproduct_code = 0x7\n".into(),
+            ..plain(9, true)
         };
-        let found = vec![Node::new(2, false), drive];
+        let found = (Protocol::Powerlink, vec![plain(2, false), drive]);
         let config = read(&machine_file(&args(&["--scan", "eth1"]), Some(found)).unwrap());
         assert_eq!((config.joints.len(), config.bus.nodes[0].id), (1, 9));
         assert_eq!(config.bus.nodes[0].identity.vendor_id, Some(0x2D));
@@ -382,7 +258,8 @@ mod tests {
         assert!(said(&[], None).contains("--interface"));
         let two = said(&["--interface", "e", "--axes", "XY", "--drives", "1"], None);
         assert!(two.starts_with("2 axes (XY) and 1 drives"), "{two}");
-        assert!(said(&["--scan", "e"], Some(vec![Node::new(1, false)])).starts_with("0 axes"));
+        let still = Some((Protocol::Ethercat, vec![plain(1, false)]));
+        assert!(said(&["--scan", "e", "--axes", "X"], still).starts_with("1 axes (X) and 0 drives"));
     }
 
     #[test]

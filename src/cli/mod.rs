@@ -19,6 +19,7 @@ pub mod pages;
 pub mod panel;
 pub mod plan;
 mod progress;
+mod proposal;
 pub mod run;
 pub mod simulate;
 pub mod tables;

@@ -19,6 +19,8 @@ struct Module {
 pub struct Modules {
     modules: Vec<Module>,
     missing: Vec<usize>,
+    /// Ids are positions along the cable, which nobody sets.
+    by_position: bool,
 }
 
 impl Modules {
@@ -32,6 +34,7 @@ impl Modules {
         Modules {
             modules: config.bus.nodes.iter().map(module).collect(),
             missing: Vec::new(),
+            by_position: config.bus.kind.is_ethercat(),
         }
     }
 
@@ -55,10 +58,8 @@ impl Modules {
             .filter(|module| module.wanted.is_checked())
             .find(|module| module.wanted.fits(found));
         match moved {
-            Some(Module { label, wanted, .. }) => format!(
-                "{label} has moved: expected {wanted}; found at node {id}: set its id back, or write {id} into the file"
-            ),
-            None => format!("node {id} is on the network and not in the machine file: found {found}"),
+            Some(Module { label, wanted, .. }) => self.moved(label, wanted, id),
+            None => Modules::strange(id, found),
         }
     }
 
@@ -83,23 +84,73 @@ impl Modules {
         format!("{label} is another device: expected {wanted}; found {found}{whose}")
     }
 
-    /// All that is otherwise than the machine file says, in the order of its nodes.
-    pub fn differences(mut self, found: &[(u8, Identity)]) -> Vec<String> {
+    /// All that is otherwise than the machine file says, in the order of its nodes. What has moved is told once: it is neither missing nor
+    /// strange where it is.
+    pub fn differences(mut self, found: &[(u8, Identity)]) -> Vec<Difference> {
+        let at = |id: u8| {
+            found
+                .iter()
+                .find(|(found, _)| *found == id)
+                .map(|(_, identity)| *identity)
+        };
+        let is_strange = |id: u8| self.modules.iter().all(|module| module.id != id);
+        let mut strangers: Vec<(u8, Identity)> = found.iter().filter(|(id, _)| is_strange(*id)).copied().collect();
         let mut told = Vec::new();
         for node in 0..self.modules.len() {
-            let (id, wanted) = (self.modules[node].id, self.modules[node].wanted);
-            match found.iter().find(|(found, _)| *found == id) {
-                Some((_, identity)) if wanted.fits(identity) => {}
-                Some((_, identity)) => told.push(self.swapped(node, identity)),
-                None => told.push(self.missing(node)),
+            let Module { label, id, wanted } = self.modules[node].clone();
+            let there = at(id);
+            if there.is_some_and(|identity| wanted.fits(&identity)) {
+                continue;
             }
+            let moved = strangers
+                .iter()
+                .position(|(_, identity)| wanted.is_checked() && wanted.fits(identity));
+            let (text, place) = match (moved, there) {
+                (Some(moved), _) => {
+                    let (to, _) = strangers.remove(moved);
+                    let in_its_place = there.map_or(String::new(), |other| format!("; in its place {other}"));
+                    let text = self.moved(&label, &wanted, to) + &in_its_place;
+                    (text, Some(to))
+                }
+                (None, Some(identity)) => (self.swapped(node, &identity), None),
+                (None, None) => (self.missing(node), None),
+            };
+            told.push(Difference {
+                text,
+                moved_to: place,
+                stranger: None,
+            });
         }
-        let strangers = found
-            .iter()
-            .filter(|(id, _)| self.modules.iter().all(|module| module.id != *id));
-        told.extend(strangers.map(|(id, identity)| self.stranger(*id, identity)));
+        told.extend(strangers.into_iter().map(|(id, identity)| Difference {
+            text: Modules::strange(id, &identity),
+            moved_to: None,
+            stranger: Some(id),
+        }));
         told
     }
+
+    fn moved(&self, label: &str, wanted: &Identity, to: u8) -> String {
+        let cure = match self.by_position {
+            true => format!("plug it in where it was, or write id = {to} into the file"),
+            false => format!("set its id back, or write {to} into the file"),
+        };
+        format!("{label} has moved: expected {wanted}; found at node {to}: {cure}")
+    }
+
+    fn strange(id: u8, found: &Identity) -> String {
+        format!("node {id} is on the network and not in the machine file: found {found}")
+    }
+}
+
+/// Something that is otherwise than the machine file says.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Difference {
+    /// In words.
+    pub text: String,
+    /// Where a module that has moved is now.
+    pub moved_to: Option<u8>,
+    /// Where a device is that the file does not have.
+    pub stranger: Option<u8>,
 }
 
 #[cfg(test)]
@@ -126,10 +177,54 @@ mod tests {
         }
     }
 
+    fn told(found: &[(u8, Identity)]) -> Vec<String> {
+        let differences = modules().differences(found).into_iter();
+        differences.map(|difference| difference.text).collect()
+    }
+
+    /// Another device in the place of one that has moved; two of one type, of which one has.
+    #[test]
+    fn what_has_moved_is_told_once_and_truly() {
+        let a = "expected vendor 0x00000007, product 0x00000001";
+        let moved = told(&[
+            (1, device(4, 4)),
+            (2, device(2, 99)),
+            (3, device(8, 8)),
+            (9, device(1, 5)),
+        ]);
+        assert_eq!(moved.len(), 1, "{moved:?}");
+        let expected = format!(
+            "a (node 1) has moved: {a}; found at node 9: set its id back, or write 9 into the file; in its place "
+        );
+        assert!(
+            moved[0].starts_with(&expected) && moved[0].ends_with("serial 4"),
+            "{moved:?}"
+        );
+        let twice = [
+            (2, device(2, 99)),
+            (3, device(8, 8)),
+            (9, device(1, 5)),
+            (10, device(1, 6)),
+        ];
+        let differences = modules().differences(&twice);
+        let places: Vec<_> = differences.iter().map(|it| (it.moved_to, it.stranger)).collect();
+        assert_eq!(places, [(Some(9), None), (None, Some(10))]);
+        // On EtherCAT an id is a position, which nobody sets.
+        let mut modules = modules();
+        modules.by_position = true;
+        let differences = modules.differences(&twice);
+        assert!(
+            differences[0]
+                .text
+                .ends_with("found at node 9: plug it in where it was, or write id = 9 into the file"),
+            "{differences:?}"
+        );
+    }
+
     #[test]
     fn what_is_right_is_not_told() {
         let found = [(1, device(1, 5)), (2, device(2, 99)), (3, device(8, 8))];
-        assert_eq!(modules().differences(&found), [""; 0]);
+        assert_eq!(told(&found), [""; 0]);
     }
 
     #[test]
@@ -143,7 +238,7 @@ mod tests {
         };
         // Swapped against each other; the third one is not there, and nothing is wanted of it.
         assert_eq!(
-            modules().differences(&[(1, device(2, 99)), (2, device(1, 5))]),
+            told(&[(1, device(2, 99)), (2, device(1, 5))]),
             [
                 format!(
                     "a (node 1) is another device: {a}; {}, as b (node 2) should be: swapped?",
@@ -164,11 +259,10 @@ mod tests {
             (10, device(4, 4)),
         ];
         assert_eq!(
-            modules().differences(&changed),
+            told(&changed),
             [
-                format!("a (node 1) is missing: {a}; nobody answers there"),
-                format!("b (node 2) is another device: {b}; {}", found(2, 98)),
                 format!("a (node 1) has moved: {a}; found at node 9: set its id back, or write 9 into the file"),
+                format!("b (node 2) is another device: {b}; {}", found(2, 98)),
                 format!("node 10 is on the network and not in the machine file: {}", found(4, 4)),
             ]
         );

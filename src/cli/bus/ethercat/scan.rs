@@ -4,14 +4,15 @@
 
 use super::{Found, Lead, asked, lead, refuse_other};
 use crate::bus;
-use crate::cli::bus::scan::ScanArgs;
 use crate::cli::bus::scan::propose::{self, Written};
-use crate::cli::bus::words;
+use crate::cli::bus::scan::{NOBODY_ON_BOTH, ScanArgs};
+use crate::cli::bus::{Protocol, words};
+use crate::cli::proposal::Node as ProposedNode;
 use crate::config::{self, Config, Identity, Mapped, Node};
 use crate::host::terminal;
 use crate::machine::modules::Modules;
 use crate::operator::refusal::Refusal;
-use anyhow::{Context, ensure};
+use anyhow::{Context, bail, ensure};
 use ethercat::wire::sii::Identity as SiiIdentity;
 use obd::device::{EsiDevice, EsiFile, parse_esi};
 use powerlink::link::Link;
@@ -56,30 +57,20 @@ pub(in crate::cli::bus) fn scan_on(
     as_json: bool,
     out: &mut impl Write,
 ) -> anyhow::Result<ExitCode> {
-    refuse_other(link, (args.listen * 1e9) as u64)?;
-    let found = lead(link, mac, &[], |lead| lead.find())?;
-    let devices: Vec<_> = found.iter().map(|found| asked(found.position)).collect();
-    let modules = lead(link, mac, &devices, |lead| {
-        let why = lead.led(devices.len())?;
-        let modules = found.iter().enumerate().map(|(device, found)| {
-            let mut module = ask(lead, device, *found)?;
-            let own = why.iter().find(|(of, _)| *of == device);
-            module.why = own.map(|(_, error)| error.to_string());
-            Ok(module)
-        });
-        let modules = modules.collect::<anyhow::Result<Vec<_>>>()?;
-        lead.end()?;
-        Ok(modules)
-    })?;
+    let modules = modules_on(link, mac, (args.listen * 1e9) as u64)?;
     let mut trouble: Vec<String> = modules
         .iter()
         .filter_map(|module| Some(format!("position {}: {}", module.found.position, module.why.as_ref()?)))
         .collect();
     if modules.is_empty() {
-        trouble.push(
-            "nobody answers: are the devices on, is the cable in the port IN of the first one, and its link up? ('ip link')"
-                .into(),
-        );
+        trouble.push(match args.bus {
+            None => NOBODY_ON_BOTH.into(),
+            Some(_) => {
+                "nobody answers: are the devices on, is the cable in the port IN of the first one, and its link up? ('ip link'); \
+                 without --bus nodes of POWERLINK are asked for, too"
+                    .into()
+            }
+        });
     }
     let mut written = None;
     if let (Some(path), true) = (&args.write, trouble.is_empty()) {
@@ -89,7 +80,7 @@ pub(in crate::cli::bus) fn scan_on(
     }
     if as_json {
         let nodes = modules.iter().map(Module::json).collect::<Vec<_>>();
-        let all = json!({ "interface": args.interface, "nodes": nodes, "trouble": trouble, "written": written });
+        let all = json!({ "interface": args.interface, "bus": "ethercat", "nodes": nodes, "trouble": trouble, "written": written });
         writeln!(out, "{all:#}")?;
     } else {
         table(&args.interface, &modules, out)?;
@@ -105,6 +96,47 @@ pub(in crate::cli::bus) fn scan_on(
         true => ExitCode::SUCCESS,
         false => ExitCode::FAILURE,
     })
+}
+
+/// All devices on a wire, and what they say of themselves.
+///
+/// # Errors
+/// The link, another main device.
+fn modules_on(link: &mut dyn Link, mac: [u8; 6], listen_ns: u64) -> anyhow::Result<Vec<Module>> {
+    refuse_other(link, listen_ns)?;
+    let found = lead(link, mac, &[], |lead| lead.find())?;
+    let devices: Vec<_> = found.iter().map(|found| asked(found.position)).collect();
+    lead(link, mac, &devices, |lead| {
+        let why = lead.led(devices.len())?;
+        let modules = found.iter().enumerate().map(|(device, found)| {
+            let mut module = ask(lead, device, *found)?;
+            let own = why.iter().find(|(of, _)| *of == device);
+            module.why = own.map(|(_, error)| error.to_string());
+            Ok(module)
+        });
+        let modules = modules.collect::<anyhow::Result<Vec<_>>>()?;
+        lead.end()?;
+        Ok(modules)
+    })
+}
+
+/// Nodes of a new machine file, of all devices on a wire; none where nobody answers.
+///
+/// # Errors
+/// The link, another main device, a device that does not come to PRE-OP.
+pub(in crate::cli::bus) fn nodes_on(
+    link: &mut dyn Link,
+    mac: [u8; 6],
+    listen_ns: u64,
+) -> anyhow::Result<Vec<ProposedNode>> {
+    let modules = modules_on(link, mac, listen_ns)?;
+    let failed = modules
+        .iter()
+        .find_map(|module| Some((module.found.position, module.why.as_ref()?)));
+    if let Some((position, why)) = failed {
+        bail!("position {position}: {why}");
+    }
+    Ok(nodes(&modules))
 }
 
 /// What a device says of itself.
@@ -256,24 +288,52 @@ impl Module {
 
     /// Its `[[bus.node]]`.
     pub(super) fn text(&self) -> String {
-        let profile = if self.is_drive() { "cia402" } else { "io" };
-        let identity = self.found.identity;
-        let position = self.found.position;
         let name = match self.node_name.as_str() {
             "" => self.usual_name(),
             name => name.to_owned(),
         };
+        self.node().text(&name)
+    }
+
+    /// What it calls itself, where that makes a name.
+    fn own_name(&self) -> Option<String> {
+        let plain = |c: char| {
+            if c.is_ascii_alphanumeric() {
+                c.to_ascii_lowercase()
+            } else {
+                '-'
+            }
+        };
+        let name: String = self.name.chars().map(plain).collect();
+        let name = name
+            .split('-')
+            .filter(|part| !part.is_empty())
+            .collect::<Vec<_>>()
+            .join("-");
+        Some(name).filter(|name| config::is_name(name))
+    }
+
+    /// As a node of a new file.
+    pub(super) fn node(&self) -> ProposedNode {
+        ProposedNode {
+            id: self.found.position,
+            name: self.own_name(),
+            is_drive: self.is_drive(),
+            keys: self.keys(),
+        }
+    }
+
+    fn keys(&self) -> String {
+        let identity = self.found.identity;
         let mut text = format!(
-            "[[bus.node]]\nid = {position}\nname = \"{name}\"\nprofile = \"{profile}\"\nvendor_id = 0x{:08X}\n\
-             product_code = 0x{:08X}\n# revision = 0x{:08X}\n# serial = {}\n",
+            "vendor_id = 0x{:08X}\nproduct_code = 0x{:08X}\n# revision = 0x{:08X}\n# serial = {}\n",
             identity.vendor, identity.product, identity.revision, identity.serial
         );
         if let Some(file) = &self.device_file {
             text += &format!("device_file = {}\n", toml::Value::from(file.as_str()));
         }
         if self.is_drive() {
-            text +=
-                "# What it exchanges is as the profile usually has it; its joint: [[joint]] with node = this id.\n\n";
+            text += "# What it exchanges is as the profile usually has it.\n";
             return text;
         }
         let [outputs, inputs] = &self.exchanges;
@@ -320,23 +380,16 @@ fn channel(name: &str, number: usize, object: &Mapped, used: u8, is_signed: bool
 }
 
 /// A machine file of these devices. What exchanges nothing, such as a coupler, is left out.
-pub(super) fn new_file(modules: &[Module], name: &str, interface: &str) -> String {
-    let mut text = format!(
-        "# Written by `isocnc bus scan`: names of nodes and channels are proposals; `isocnc check` names every mistake.\n\
-         schema = 1\n\n[machine]\nname = {}\nkinematics = \"none\"             # nothing moves\n\n[bus]\nkind = \"ethercat\"\n\
-         interface = {}\n\n",
-        toml::Value::from(name),
-        toml::Value::from(interface)
-    );
-    text.extend(
-        modules
-            .iter()
-            .filter(|module| !module.exchanges_nothing())
-            .map(Module::text),
-    );
-    text.truncate(text.trim_end().len());
-    text.push('\n');
-    text
+///
+/// # Errors
+/// None that nodes alone could have.
+pub(super) fn new_file(modules: &[Module], path: &Path, interface: &str) -> anyhow::Result<String> {
+    propose::new_file(nodes(modules), Protocol::Ethercat, path, interface)
+}
+
+fn nodes(modules: &[Module]) -> Vec<ProposedNode> {
+    let exchange = modules.iter().filter(|module| !module.exchanges_nothing());
+    exchange.map(Module::node).collect()
 }
 
 /// Writes a machine file or adds to it: what was done, and what is otherwise than a file said that was there.
@@ -354,27 +407,24 @@ fn write(path: &Path, mut modules: Vec<Module>, args: &ScanArgs) -> anyhow::Resu
         // A coupler that the file leaves out is not missed there.
         modules.retain(|module| is_known(module.at(&config).0) || !module.exchanges_nothing());
         let found: Vec<(u8, Identity)> = modules.iter().map(|module| module.at(&config)).collect();
-        differences = Modules::new(&config).differences(&found);
+        let all = Modules::new(&config).differences(&found);
         if !args.add {
             let text = format!(
                 "{file} is there already and was not changed: --add adds the devices that it does not have, and keeps all else\n"
             );
-            return Ok((text, differences));
+            return Ok((text, all.into_iter().map(|difference| difference.text).collect()));
         }
         // What has moved is in the file already; what is added is no longer strange.
-        let has_moved = |id: u8| {
-            let place = format!("found at node {id}: set its id back");
-            differences.iter().any(|told: &String| told.contains(&place))
-        };
+        let has_moved = |id: u8| all.iter().any(|difference| difference.moved_to == Some(id));
         modules.retain(|module| {
             let (id, _) = module.at(&config);
             !is_known(id) && !has_moved(id)
         });
-        let added = |told: &String| {
-            let mut ids = modules.iter().map(|module| module.found.position);
-            ids.any(|id| told.starts_with(&format!("node {id} is on the network")))
-        };
-        differences.retain(|told| !added(told));
+        let is_added = |id: u8| modules.iter().any(|module| module.found.position == id);
+        let stays = all
+            .into_iter()
+            .filter(|difference| !difference.stranger.is_some_and(is_added));
+        differences.extend(stays.map(|difference| difference.text));
         if modules.is_empty() {
             return Ok((propose::told(path, &Written::Unchanged), differences));
         }
@@ -389,7 +439,7 @@ fn write(path: &Path, mut modules: Vec<Module>, args: &ScanArgs) -> anyhow::Resu
         );
     }
     for module in &mut modules {
-        let plain = module.usual_name();
+        let plain = module.own_name().unwrap_or_else(|| module.usual_name());
         let numbered = (2..).map(|number| format!("{plain}-{number}"));
         let mut free = std::iter::once(plain.clone()).chain(numbered);
         module.node_name = free.find(|name| !names.contains(name)).unwrap_or(plain);
@@ -405,11 +455,7 @@ fn write(path: &Path, mut modules: Vec<Module>, args: &ScanArgs) -> anyhow::Resu
             propose::added(&before, modules.iter().map(Module::text)),
             Written::Added(count),
         ),
-        None => {
-            let stem = path.file_stem().and_then(|stem| stem.to_str());
-            let name = stem.filter(|stem| config::is_name(stem)).unwrap_or("machine");
-            (new_file(&modules, name, &args.interface), Written::New(count))
-        }
+        None => (new_file(&modules, path, &args.interface)?, Written::New(count)),
     };
     // Never a file that would be refused.
     let config = config::parse(&text, path).map_err(Refusal::from)?;
@@ -437,10 +483,15 @@ fn name_device_files(modules: &mut [Module], folder: &Path, machine_file: &Path)
         let Some((file, device)) = files.iter().find_map(own) else {
             continue;
         };
+        if let Some(mistake) = device.mistakes.first() {
+            let why = mistake.line(&file);
+            unused += &format!("{} is without device_file = {file:?}: {why}\n", module.usual_name());
+            continue;
+        }
         let plain = module.clone();
         module.describe(&device);
         module.device_file = Some(file.clone());
-        let alone = new_file(std::slice::from_ref(module), "machine", "eth0");
+        let alone = new_file(std::slice::from_ref(module), machine_file, "eth0")?;
         if let Err(errors) = config::parse(&alone, machine_file) {
             *module = plain;
             let errors = errors.to_string();

@@ -122,7 +122,7 @@ fn devices_are_found_in_the_order_of_the_wire() {
 
 #[test]
 fn a_machine_file_is_written_that_is_taken() {
-    let text = new_file(&modules(), "found", "eth1");
+    let text = new_file(&modules(), Path::new("found.toml"), "eth1").expect("a file");
     let config = config::parse(&text, Path::new("found.toml")).unwrap_or_else(|errors| panic!("{errors}\n{text}"));
     let nodes: Vec<_> = config
         .bus
@@ -130,8 +130,15 @@ fn a_machine_file_is_written_that_is_taken() {
         .iter()
         .map(|node| (node.id, node.name.as_str(), node.inputs.len(), node.channels.len()))
         .collect();
-    assert_eq!(nodes[..2], [(2, "io-2", 1, 16), (3, "io-3", 4, 8)]);
-    assert_eq!((nodes[2].0, nodes[2].1), (4, "drive-4"));
+    assert_eq!((nodes[0].0, nodes[0].1), (4, "simulated-servo-drive"));
+    assert_eq!(nodes[1..], [(2, "io-2", 1, 16), (3, "simulated-analog-terminal", 4, 8)]);
+    // The drive has a joint and an axis.
+    let axes: Vec<_> = config
+        .axes
+        .iter()
+        .map(|map| (map.axis.letter(), map.joints.clone()))
+        .collect();
+    assert_eq!((config.joints[0].node, axes), (0, vec![('X', vec![0])]));
     assert_eq!(nodes.len(), 3, "a coupler exchanges nothing");
 }
 
@@ -175,7 +182,7 @@ fn another_main_device_is_heard_before_anything_is_sent() {
 fn scanned(wire: &mut dyn Link, path: &Path, add: bool, devices: Option<&Path>) -> (String, bool) {
     let args = ScanArgs {
         interface: "eth7".into(),
-        bus: Protocol::Ethercat,
+        bus: Some(Protocol::Ethercat),
         listen: 0.3,
         answer_us: 2000,
         write: Some(path.to_owned()),

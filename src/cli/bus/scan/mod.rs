@@ -12,12 +12,14 @@ use super::words;
 use crate::api::client::Client;
 use crate::bus::sender::SoleSender;
 use crate::bus::service::IdentityView;
+use crate::cli::proposal::Node;
 use crate::config;
 use crate::host::terminal;
 use crate::machine::modules::Modules;
 use crate::operator::refusal::Refusal;
 use anyhow::ensure;
 use clap::Args;
+use obd::device::DeviceDescription;
 use powerlink::link::Link;
 use powerlink::link::raw::{RawConfig, RawLink};
 use powerlink::wire::Mac;
@@ -32,9 +34,9 @@ pub struct ScanArgs {
     /// Network interface
     #[arg(long, value_name = "IF")]
     pub(super) interface: String,
-    /// What the interface carries
-    #[arg(long, value_enum, default_value_t)]
-    pub(super) bus: Protocol,
+    /// What the interface carries; left out: POWERLINK is tried, and where nobody answers EtherCAT
+    #[arg(long, value_enum)]
+    pub(super) bus: Option<Protocol>,
     /// Listen this long for a managing node before sending anything, and where there is one, to it
     #[arg(long, value_name = "S", default_value = "1", value_parser = super::listen_time)]
     pub(super) listen: f64,
@@ -57,13 +59,19 @@ pub struct ScanArgs {
 /// # Errors
 /// The interface.
 pub(super) fn scan(args: &ScanArgs, as_json: bool, out: &mut impl Write) -> anyhow::Result<ExitCode> {
-    let mut link = open(&args.interface, args.bus)?;
-    let mac = link.mac();
-    if args.bus == Protocol::Ethercat {
-        let _sole = SoleSender::claim(&args.interface)?;
-        return super::ethercat::scan::scan_on(&mut link, mac, args, as_json, out);
+    if args.bus != Some(Protocol::Ethercat) {
+        let link = open(&args.interface, Protocol::Powerlink)?;
+        let mac = link.mac();
+        let shows_progress = std::io::stderr().is_terminal() && !as_json;
+        let scanned = ask(Box::new(link), mac, Some(&args.interface), args, shows_progress)?;
+        if args.bus.is_some() || !scanned.is_empty() {
+            return tell(scanned, args, as_json, out);
+        }
     }
-    scan_on(Box::new(link), mac, Some(&args.interface), args, as_json, out)
+    let mut link = open(&args.interface, Protocol::Ethercat)?;
+    let mac = link.mac();
+    let _sole = SoleSender::claim(&args.interface)?;
+    super::ethercat::scan::scan_on(&mut link, mac, args, as_json, out)
 }
 
 /// A link that hears all nodes, also what is sent to another one.
@@ -99,6 +107,10 @@ fn sees_our_interfaces(pid: &serde_json::Value) -> bool {
     own.is_none() || other.is_none() || own == other
 }
 
+/// Where neither bus has anybody.
+pub(super) const NOBODY_ON_BOTH: &str = "nobody answers, neither nodes of POWERLINK nor devices of EtherCAT: are they on, connected to this \
+     interface (EtherCAT: by the port IN of the first one), and its link up? ('ip link')";
+
 /// What a scan comes to.
 enum Scanned {
     /// A managing node is at work; nothing was sent.
@@ -106,21 +118,28 @@ enum Scanned {
     Nodes(Vec<Found>, Box<Station>),
 }
 
-/// All nodes on an interface, each with an id of its own.
+impl Scanned {
+    /// Nobody was heard and nobody answered.
+    fn is_empty(&self) -> bool {
+        matches!(self, Scanned::Nodes(found, _) if found.is_empty())
+    }
+}
+
+/// Nodes of a new machine file, of all that answer on an interface, and their bus: POWERLINK, or EtherCAT where nobody does.
 ///
 /// # Errors
-/// The interface; a managing node that is at work there, nobody who answers, or two nodes of one id.
-pub(in crate::cli) fn nodes_on(interface: &str) -> anyhow::Result<Vec<Found>> {
+/// The interface; a master that is at work there, nobody who answers, or two nodes of one id.
+pub(in crate::cli) fn nodes_on(interface: &str) -> anyhow::Result<(Protocol, Vec<Node>)> {
     let args = ScanArgs {
         interface: interface.to_owned(),
-        bus: Protocol::Powerlink,
+        bus: None,
         listen: 1.0,
         answer_us: 2000,
         write: None,
         add: false,
         devices: None,
     };
-    let link = open(interface, args.bus)?;
+    let link = open(interface, Protocol::Powerlink)?;
     let mac = link.mac();
     match ask(
         Box::new(link),
@@ -130,11 +149,22 @@ pub(in crate::cli) fn nodes_on(interface: &str) -> anyhow::Result<Vec<Found>> {
         std::io::stderr().is_terminal(),
     )? {
         Scanned::Foreign(foreign, _) => anyhow::bail!("{foreign}: nothing was asked"),
-        Scanned::Nodes(found, _) => match troubles(&found).first() {
-            Some(trouble) => anyhow::bail!("{trouble}"),
-            None => Ok(found),
-        },
+        Scanned::Nodes(found, station) if !found.is_empty() => {
+            if let Some(trouble) = troubles(&found).first() {
+                anyhow::bail!("{trouble}");
+            }
+            let (modules, left_out) = modules_of(*station, &found, &[], &mut Vec::new(), &[])?;
+            terminal::say(&left_out.iter().map(|told| format!("{told}\n")).collect::<String>());
+            return Ok((Protocol::Powerlink, modules.iter().map(propose::Module::node).collect()));
+        }
+        Scanned::Nodes(..) => {}
     }
+    let mut link = open(interface, Protocol::Ethercat)?;
+    let mac = link.mac();
+    let _sole = SoleSender::claim(interface)?;
+    let nodes = super::ethercat::scan::nodes_on(&mut link, mac, (args.listen * 1e9) as u64)?;
+    anyhow::ensure!(!nodes.is_empty(), NOBODY_ON_BOTH);
+    Ok((Protocol::Ethercat, nodes))
 }
 
 fn ask(
@@ -163,15 +193,9 @@ fn ask(
     Ok(Scanned::Nodes(found, Box::new(station)))
 }
 
-fn scan_on(
-    link: Box<dyn Link>,
-    mac: Mac,
-    interface: Option<&str>,
-    args: &ScanArgs,
-    as_json: bool,
-    out: &mut impl Write,
-) -> anyhow::Result<ExitCode> {
-    let (found, station) = match ask(link, mac, interface, args, std::io::stderr().is_terminal() && !as_json)? {
+/// Prints what a scan has come to, and writes the machine file that is asked for.
+fn tell(scanned: Scanned, args: &ScanArgs, as_json: bool, out: &mut impl Write) -> anyhow::Result<ExitCode> {
+    let (found, station) = match scanned {
         Scanned::Nodes(found, station) => (found, *station),
         Scanned::Foreign(foreign, heard) => {
             tell_foreign(foreign, *heard, args, as_json, out)?;
@@ -199,7 +223,7 @@ fn scan_on(
             writeln!(
                 out,
                 "{:#}",
-                json!({ "interface": args.interface, "nodes": nodes, "trouble": trouble, "written": written })
+                json!({ "interface": args.interface, "bus": "powerlink", "nodes": nodes, "trouble": trouble, "written": written })
             )?;
         }
         false => {
@@ -223,51 +247,57 @@ fn write(path: &Path, args: &ScanArgs, found: &[Found], station: Station) -> any
     let (mut names, mut moved) = (Vec::new(), Vec::new());
     if std::fs::symlink_metadata(path).is_ok() {
         let config = config::read(path).map_err(Refusal::from)?;
-        let known = |id: u8| config.bus.nodes.iter().any(|node| node.id == id);
         let identities: Vec<_> = found.iter().map(|found| (found.id, propose::identity(found))).collect();
-        differences = Modules::new(&config).differences(&identities);
+        let found = Modules::new(&config).differences(&identities);
         if !args.add {
             let text = format!(
                 "{} is there already and was not changed: --add adds the nodes that it does not have, and keeps all else\n",
                 path.display()
             );
-            return Ok((text, differences));
+            return Ok((text, found.into_iter().map(|difference| difference.text).collect()));
         }
         names.extend(config.bus.nodes.iter().map(|node| node.name.clone()));
-        // One that has moved is in the file already, and what is to be done about it is told.
-        let has_moved = |id: u8| {
-            let place = format!("found at node {id}: set its id back");
-            differences.iter().any(|told: &String| told.contains(&place))
-        };
-        moved.extend(identities.iter().map(|(id, _)| *id).filter(|id| has_moved(*id)));
-        // What is added is no longer strange.
-        let strangers: Vec<String> = identities
-            .iter()
-            .filter(|(id, _)| !known(*id))
-            .map(|(id, _)| format!("node {id} is on the network"))
-            .collect();
-        differences.retain(|told| !strangers.iter().any(|stranger| told.starts_with(stranger)));
+        // One that has moved is in the file already, and what is to be done about it is told; what is added is no longer strange.
+        moved.extend(found.iter().filter_map(|difference| difference.moved_to));
+        let stays = found.into_iter().filter(|difference| difference.stranger.is_none());
+        differences.extend(stays.map(|difference| difference.text));
     }
     let devices = match &args.devices {
         Some(folder) => propose::devices(folder, path)?,
         None => Vec::new(),
     };
-    let (mut station, mut modules) = (station, Vec::new());
-    for found in found.iter().filter(|found| !moved.contains(&found.id)) {
-        let (back, module) = propose::ask(station, found, &mut names, &devices)?;
+    let (modules, others) = modules_of(station, found, &moved, &mut names, &devices)?;
+    differences.extend(others);
+    let left_out: String = modules.iter().flat_map(propose::Module::left_out).collect();
+    let written = propose::write(path, args.add, modules, &args.interface)?;
+    Ok((propose::told(path, &written) + &left_out, differences))
+}
+
+/// What nodes have, but for those of `left_out`, and which are neither drives nor inputs and outputs.
+///
+/// # Errors
+/// The link, or a node that stops answering.
+fn modules_of(
+    mut station: Station,
+    found: &[Found],
+    left_out: &[u8],
+    names: &mut Vec<String>,
+    devices: &[(String, DeviceDescription)],
+) -> anyhow::Result<(Vec<propose::Module>, Vec<String>)> {
+    let (mut modules, mut others) = (Vec::new(), Vec::new());
+    for found in found.iter().filter(|found| !left_out.contains(&found.id)) {
+        let (back, module) = propose::ask(station, found, names, devices)?;
         station = back;
         match module {
             Some(module) => modules.push(module),
-            None => differences.push(format!(
+            None => others.push(format!(
                 "node {} is left out of the file: its profile is {}, neither 401 nor 402",
                 found.id,
                 found.ident.device_type & 0xFFFF
             )),
         }
     }
-    let left_out: String = modules.iter().flat_map(propose::Module::left_out).collect();
-    let written = propose::write(path, args.add, modules, &args.interface)?;
-    Ok((propose::told(path, &written) + &left_out, differences))
+    Ok((modules, others))
 }
 
 fn tell_foreign(
@@ -300,7 +330,9 @@ fn tell_foreign(
 fn troubles(found: &[Found]) -> Vec<String> {
     if found.is_empty() {
         return vec![
-            "nobody answers: are the nodes on, connected to this interface, and its link up? ('ip link')".into(),
+            "nobody answers: are the nodes on, connected to this interface, and its link up? ('ip link'); without --bus devices of \
+             EtherCAT are looked for, too"
+                .into(),
         ];
     }
     found

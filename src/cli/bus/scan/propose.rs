@@ -5,8 +5,9 @@
 //!      file is replaced.
 
 use super::super::station::{Found, Parameters, Station};
-use super::super::words;
+use super::super::{Protocol, words};
 use crate::bus;
+use crate::cli::proposal::{Node, Proposal};
 use crate::config::{self, Identity, Mapped};
 use crate::operator::refusal::Refusal;
 use anyhow::{Context, bail, ensure};
@@ -35,6 +36,8 @@ pub(in crate::cli::bus) const DEVICE_FILE_MAX: u64 = 4 * 1024 * 1024;
 pub(super) struct Module {
     pub(super) id: u8,
     pub(super) name: String,
+    /// What it calls itself, where that is a name.
+    own_name: Option<String>,
     is_drive: bool,
     identity: Identity,
     /// How many objects of each of [`OBJECTS`] it has, and how many of them will stand in the file.
@@ -96,7 +99,8 @@ pub(super) fn ask(
     let plain = format!("{}-{}", if is_drive { "drive" } else { "io" }, found.id);
     // Another node may be called that.
     let numbered = (2..).map(|number| format!("{plain}-{number}"));
-    let name = if config::is_name(&own) && !names.contains(&own) {
+    let own_name = Some(own).filter(|own| config::is_name(own));
+    let name = if let Some(own) = own_name.clone().filter(|own| !names.contains(own)) {
         own
     } else {
         let mut free = std::iter::once(plain.clone()).chain(numbered);
@@ -112,6 +116,7 @@ pub(super) fn ask(
     let module = Module {
         id: found.id,
         name,
+        own_name,
         is_drive,
         identity: identity(found),
         has,
@@ -193,11 +198,21 @@ impl Module {
 
     /// Its `[[bus.node]]`.
     fn text(&self) -> String {
-        let profile = if self.is_drive { "cia402" } else { "io" };
-        let mut text = format!(
-            "[[bus.node]]\nid = {}\nname = \"{}\"\nprofile = \"{profile}\"\n",
-            self.id, self.name
-        );
+        self.node().text(&self.name)
+    }
+
+    /// As a node of a new file.
+    pub(super) fn node(&self) -> Node {
+        Node {
+            id: self.id,
+            name: self.own_name.clone(),
+            is_drive: self.is_drive,
+            keys: self.keys(),
+        }
+    }
+
+    fn keys(&self) -> String {
+        let mut text = String::new();
         let hex = |value: Option<u32>| format!("0x{:08X}", value.unwrap_or_default());
         let identity = &self.identity;
         text += &format!(
@@ -214,8 +229,6 @@ impl Module {
             text += &format!("device_file = {}\n", toml::Value::from(file.as_str()));
         }
         if self.is_drive {
-            text +=
-                "# Its joint: [[joint]] with node = this id ('isocnc init --scan' writes joints and axes, too).\n\n";
             return text;
         }
         for (key, output) in [("inputs", false), ("outputs", true)] {
@@ -242,19 +255,27 @@ impl Module {
     }
 }
 
-/// A machine file of these nodes.
-pub(super) fn new_file(modules: &[Module], name: &str, interface: &str) -> String {
-    let mut text = format!(
-        "# Written by `isocnc bus scan`: names of nodes and channels are proposals; `isocnc check` names every mistake.\n\
-         schema = 1\n\n[machine]\nname = {}\nkinematics = \"none\"             # nothing moves; `isocnc init --scan` for a \
-         machine with joints\n\n[bus]\nkind = \"powerlink\"\ninterface = {}\n\n",
-        toml::Value::from(name),
-        toml::Value::from(interface)
-    );
-    text.extend(modules.iter().map(Module::text));
-    text.truncate(text.trim_end().len());
-    text.push('\n');
-    text
+/// A machine file of these nodes, named after its own.
+///
+/// # Errors
+/// None that nodes alone could have.
+pub(in crate::cli::bus) fn new_file(
+    nodes: Vec<Node>,
+    bus: Protocol,
+    path: &Path,
+    interface: &str,
+) -> anyhow::Result<String> {
+    let stem = path.file_stem().and_then(|stem| stem.to_str());
+    let proposal = Proposal {
+        by: "isocnc bus scan",
+        name: stem.filter(|stem| config::is_name(stem)).unwrap_or("machine"),
+        bus,
+        interface,
+        cycle_us: 1000,
+        axes: None,
+        with_nets: false,
+    };
+    proposal.machine_file(nodes)
 }
 
 /// The text of a file with more nodes behind all that is there.
@@ -313,13 +334,11 @@ pub(super) fn write(path: &Path, add: bool, modules: Vec<Module>, interface: &st
         if modules.is_empty() {
             bail!("no drive and no inputs or outputs answered: nothing to write");
         }
-        let stem = path
-            .file_stem()
-            .and_then(|stem| stem.to_str())
-            .filter(|stem| config::is_name(stem));
+        let count = modules.len();
+        let nodes = modules.iter().map(Module::node).collect();
         (
-            new_file(&modules, stem.unwrap_or("machine"), interface),
-            Written::New(modules.len()),
+            new_file(nodes, Protocol::Powerlink, path, interface)?,
+            Written::New(count),
         )
     };
     // Never a file that would be refused.

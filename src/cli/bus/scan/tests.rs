@@ -13,7 +13,7 @@ const FOREIGN: Mac = [0x02, 0, 0, 0, 0, 0xEE];
 
 fn args() -> ScanArgs {
     ScanArgs {
-        bus: Protocol::Powerlink,
+        bus: Some(Protocol::Powerlink),
         interface: "eth7".into(),
         listen: 0.3,
         answer_us: 2000,
@@ -25,7 +25,8 @@ fn args() -> ScanArgs {
 
 fn printed(link: impl Link + 'static, as_json: bool) -> (String, ExitCode) {
     let mut out = Vec::new();
-    let code = scan_on(Box::new(link), MAC, None, &args(), as_json, &mut out).unwrap();
+    let scanned = ask(Box::new(link), MAC, None, &args(), false).unwrap();
+    let code = tell(scanned, &args(), as_json, &mut out).unwrap();
     (String::from_utf8(out).unwrap(), code)
 }
 
@@ -136,7 +137,8 @@ fn scanned(machine: &str, args: &ScanArgs) -> (String, ExitCode) {
     std::thread::scope(|scope| {
         let machine = scope.spawn(|| serve(&mut far, &mut machine, &stop, &mut |_| {}, &mut |_, _| {}));
         let mut out = Vec::new();
-        let code = scan_on(Box::new(near), MAC, None, args, false, &mut out);
+        let scanned = ask(Box::new(near), MAC, None, args, false).unwrap();
+        let code = tell(scanned, args, false, &mut out);
         stop.store(true, Ordering::Relaxed);
         // Our end of the wire is gone, which may end it, too.
         let _ = machine.join().unwrap();
