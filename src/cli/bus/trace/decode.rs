@@ -5,6 +5,7 @@
 
 use super::super::words::{self, counted, node_name, object};
 use ethercat::wire::Addressing;
+use ethercat::wire::register::{self, AlState};
 use powerlink::nmt::{NmtCommand, NmtState};
 use powerlink::sdo::command::{Address, Command, Content as SdoContent, Segmentation, abort_code, split_initiate};
 use powerlink::sdo::sequence::{self, Con, Sequence};
@@ -40,8 +41,10 @@ pub(super) enum Content<'a> {
     Ethercat(ethercat::wire::Frame<'a>),
     /// Another protocol, by its EtherType.
     Other(u16),
-    /// POWERLINK that cannot be read.
+    /// POWERLINK that cannot be read, or too short for any protocol.
     Unreadable(WireError),
+    /// EtherCAT that cannot be read.
+    UnreadableEthercat(ethercat::wire::WireError),
 }
 
 /// Reads any octets.
@@ -49,8 +52,12 @@ pub(super) fn parse(frame: &[u8]) -> Content<'_> {
     if let Some(content) = sdo_in_udp(frame) {
         return content;
     }
-    if let Ok(frame) = ethercat::wire::Frame::parse(frame) {
-        return Content::Ethercat(frame);
+    match ethercat::wire::Frame::parse(frame) {
+        Ok(frame) => return Content::Ethercat(frame),
+        Err(error) if frame.get(12..14) == Some(&ethercat::wire::ETHER_TYPE.to_be_bytes()) => {
+            return Content::UnreadableEthercat(error);
+        }
+        Err(_) => {}
     }
     match (Header::parse(frame), Frame::parse(frame)) {
         (Ok(header), Ok(frame)) => Content::Frame(header, frame),
@@ -121,8 +128,16 @@ fn one_datagram(datagram: &ethercat::wire::Datagram<'_>, has_passed: bool) -> St
         Addressing::Broadcast => format!("all {high:04X}h/{octets}"),
         Addressing::Logical => format!("logical {:08X}h/{octets}", datagram.address),
     };
+    let state = match datagram.data {
+        [state, ..] if high == register::AL_STATUS && datagram.working_counter == 1 => AlState::from(*state),
+        _ => AlState::Unknown(0),
+    };
+    let shows = match state {
+        AlState::Unknown(_) => String::new(),
+        state => format!(": {state}"),
+    };
     match has_passed {
-        true => format!("{command} {whom}, working counter {}", datagram.working_counter),
+        true => format!("{command} {whom}{shows}, working counter {}", datagram.working_counter),
         false => format!("{command} {whom}"),
     }
 }
@@ -174,7 +189,14 @@ impl Decoder {
                 ..marked("UDP", self.sdo(*from, *to, service_data))
             },
             Content::Ethercat(frame) => datagrams(frame),
-            Content::Other(ether_type) => plain("other", format!("not POWERLINK: EtherType 0x{ether_type:04X}")),
+            Content::Other(ether_type) => plain(
+                "other",
+                format!("neither POWERLINK nor EtherCAT: EtherType 0x{ether_type:04X}"),
+            ),
+            Content::UnreadableEthercat(error) => Line {
+                trouble: true,
+                ..plain("bad", format!("EtherCAT that cannot be read: {error}"))
+            },
             Content::Unreadable(error) => Line {
                 trouble: true,
                 ..plain("bad", format!("cannot be read: {error}"))

@@ -1,16 +1,17 @@
 //! `isocnc bus trace`: a capture in words, one line a frame, or as a summary.
 //!
-//! In:  a pcap file.
+//! In:  a pcap or pcapng file.
 //! Out: lines or JSON on standard output. Octets that are no frame are told with their place; they end nothing but
 //! themselves.
 
 mod decode;
+mod devices;
 mod summary;
 #[cfg(test)]
 mod tests;
 
 use super::words;
-use anyhow::{Context, bail, ensure};
+use anyhow::{Context, ensure};
 use clap::Args;
 use decode::{Content, Decoder, Line};
 use powerlink::link::pcap::{PcapError, PcapReader};
@@ -21,13 +22,10 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use summary::Summary;
 
-/// Magic number of the newer capture format that Wireshark writes.
-const MAGIC_PCAPNG: u32 = 0x0A0D_0D0A;
-
 /// Arguments of `bus trace`.
 #[derive(Clone, Debug, Args)]
 pub struct TraceArgs {
-    /// Capture (pcap), as written by --capture, tcpdump or Wireshark
+    /// Capture (pcap or pcapng), as written by --capture, tcpdump or Wireshark
     file: PathBuf,
     /// Only frames from or to this node
     #[arg(long, value_name = "ID", value_parser = clap::value_parser!(u8).range(1..=254))]
@@ -38,7 +36,7 @@ pub struct TraceArgs {
     /// Only frames up to this time, seconds since the first frame
     #[arg(long, value_name = "S", value_parser = seconds, allow_hyphen_values = true)]
     to: Option<f64>,
-    /// No frames, but what they add up to: cycles, lost answers, latency and states per node, errors
+    /// No frames, but what they add up to: cycles, lost answers, working counters, latency and states per node, errors
     #[arg(long)]
     summary: bool,
 }
@@ -69,7 +67,7 @@ pub(super) fn trace(args: &TraceArgs, as_json: bool, out: &mut impl Write) -> an
         eprintln!("isocnc: {file}: {error}; what stands before is shown");
     }
     if ended.unreadable > 0 && !args.summary {
-        let frames = words::counted(ended.unreadable, "POWERLINK frame");
+        let frames = words::counted(ended.unreadable, "frame");
         eprintln!("isocnc: {file}: {frames} cannot be read (type \"bad\")");
     }
     Ok(match ended.trouble {
@@ -86,13 +84,7 @@ struct Ended {
 }
 
 fn decode_all(args: &TraceArgs, octets: &[u8], as_json: bool, out: &mut impl Write) -> anyhow::Result<Ended> {
-    let reader = match PcapReader::new(octets) {
-        Ok(reader) => reader,
-        Err(PcapError::Magic { got: MAGIC_PCAPNG }) => {
-            bail!("is a pcapng file; convert it: editcap -F nsecpcap IN OUT.pcap")
-        }
-        Err(error) => return Err(error.into()),
-    };
+    let reader = PcapReader::new(octets)?;
     let mut decoder = Decoder::default();
     let mut summary = Summary::default();
     let mut ended = Ended {
@@ -127,7 +119,7 @@ fn decode_all(args: &TraceArgs, octets: &[u8], as_json: bool, out: &mut impl Wri
         if outside || !args.summary && args.node.is_some_and(others) {
             continue;
         }
-        if let Content::Unreadable(_) = content {
+        if let Content::Unreadable(_) | Content::UnreadableEthercat(_) = content {
             ended.unreadable += 1;
         }
         let frame = Placed {
@@ -161,7 +153,8 @@ fn about(content: &Content<'_>) -> Option<u8> {
         | Content::SdoUdp { .. }
         | Content::Ethercat(_)
         | Content::Other(_)
-        | Content::Unreadable(_) => None,
+        | Content::Unreadable(_)
+        | Content::UnreadableEthercat(_) => None,
     }
 }
 

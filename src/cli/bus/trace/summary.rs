@@ -5,6 +5,7 @@
 
 use super::super::words::{self, counted};
 use super::decode::{Content, Line};
+use super::devices::{self, Devices};
 use super::{Placed, time};
 use crate::host::terminal::table;
 use powerlink::link::pcap::PcapError;
@@ -37,6 +38,7 @@ pub(super) struct Summary {
     poll: Option<(u8, i64)>,
     /// The invitation without an answer so far.
     invited: Option<u8>,
+    devices: Devices,
     troubles: BTreeMap<Option<u8>, Vec<Trouble>>,
     troubles_left_out: u64,
 }
@@ -51,6 +53,7 @@ pub(super) struct Frames {
     pub(super) soa: u64,
     pub(super) asnd: u64,
     pub(super) sdo_udp: u64,
+    pub(super) ethercat: u64,
     pub(super) other: u64,
     pub(super) unreadable: u64,
 }
@@ -105,11 +108,18 @@ impl Summary {
                 self.frames.sdo_udp += 1;
                 return self.note(line, t_ns);
             }
-            Content::Ethercat(_) | Content::Other(_) => {
+            Content::Ethercat(frame) => {
+                self.frames.ethercat += 1;
+                for what in self.devices.add(t_ns, frame) {
+                    self.trouble(None, what, t_ns);
+                }
+                return;
+            }
+            Content::Other(_) => {
                 self.frames.other += 1;
                 return;
             }
-            Content::Unreadable(_) => {
+            Content::Unreadable(_) | Content::UnreadableEthercat(_) => {
                 self.frames.unreadable += 1;
                 return self.trouble(None, format!("frame {}", line.what), t_ns);
             }
@@ -277,6 +287,7 @@ impl Summary {
                 cycles.period_max_us / 1e3
             ));
         }
+        let ethercat = self.devices.finish(&mut trouble);
         let mut nodes = Vec::new();
         for (id, node) in self.nodes {
             if only.is_some_and(|only| only != id && id != node::MN) {
@@ -300,6 +311,7 @@ impl Summary {
             frames: self.frames,
             cycles,
             nodes,
+            ethercat,
             trouble,
         }
     }
@@ -355,6 +367,8 @@ pub(super) struct Report {
     /// `None`: less than two SoC.
     pub(super) cycles: Option<Cycles>,
     pub(super) nodes: Vec<NodeReport>,
+    /// `None`: no frame of it.
+    pub(super) ethercat: Option<devices::Report>,
     /// What is not as it should be, in sentences.
     pub(super) trouble: Vec<String>,
 }
@@ -433,9 +447,29 @@ impl fmt::Display for Report {
         )?;
         writeln!(
             f,
-            "        {} other, {} that cannot be read",
-            frames.other, frames.unreadable
+            "        {} EtherCAT, {} other, {} that cannot be read",
+            frames.ethercat, frames.other, frames.unreadable
         )?;
+        if let Some(ethercat) = &self.ethercat {
+            write!(f, "{ethercat}")?;
+        }
+        let is_powerlink = frames.total > frames.ethercat + frames.other + frames.unreadable;
+        if is_powerlink || self.ethercat.is_none() {
+            self.powerlink(f)?;
+        }
+        match &self.trouble[..] {
+            [] => writeln!(f, "\nno trouble"),
+            trouble => {
+                writeln!(f, "\ntrouble")?;
+                trouble.iter().try_for_each(|line| writeln!(f, "  {line}"))
+            }
+        }
+    }
+}
+
+impl Report {
+    /// Cycles and nodes.
+    fn powerlink(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match &self.cycles {
             None => writeln!(f, "cycle   none: less than two SoC")?,
             Some(cycles) => writeln!(
@@ -506,12 +540,6 @@ impl fmt::Display for Report {
             };
             writeln!(f, "{:>4}  {}{more}", node.node, shown.join(", "))?;
         }
-        match &self.trouble[..] {
-            [] => writeln!(f, "\nno trouble"),
-            trouble => {
-                writeln!(f, "\ntrouble")?;
-                trouble.iter().try_for_each(|line| writeln!(f, "  {line}"))
-            }
-        }
+        Ok(())
     }
 }

@@ -289,7 +289,7 @@ fn what_is_rare_on_the_wire_has_words_too() {
             "SDO command cut off: it announces more octets than there are",
             "cannot be read: unknown message type 0x42",
             "cannot be read: frame has 13 octets, needs 17",
-            "not POWERLINK: EtherType 0x0806",
+            "neither POWERLINK nor EtherCAT: EtherType 0x0806",
         ]
     );
     assert_eq!(ended.unreadable, 2);
@@ -377,12 +377,15 @@ fn damaged_files_say_where() {
     assert!(ended.trouble);
     for (octets, expected) in [
         (&b""[..], "offset 0: expected 24 octets, 0 are left"),
-        (&[0; 24], "magic number 0x00000000 is not that of a pcap file"),
+        (
+            &[0; 24],
+            "magic number 0x00000000 is neither that of a pcap file nor of a pcapng file",
+        ),
         (
             &[
                 0x0A, 0x0D, 0x0D, 0x0A, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0,
             ],
-            "is a pcapng file; convert it: editcap -F nsecpcap IN OUT.pcap",
+            "offset 0: no block of a pcapng file",
         ),
     ] {
         let Err(error) = trace_octets(&args(), octets, false) else {
@@ -457,5 +460,126 @@ fn a_frame_of_ethercat_is_told_there_and_back() {
     assert_eq!(
         (line.flags.as_slice(), line.what.as_str(), line.trouble),
         (&["back"][..], words, true)
+    );
+}
+
+/// The start of a network of EtherCAT, as it is sent and as it comes back: states, a refused SDO, an EEPROM, a working counter that
+/// falls, a frame that is lost and one that is spoilt.
+#[test]
+fn the_summary_of_a_capture_of_ethercat() {
+    use ethercat::wire::coe::{Message, Object, SdoResponse};
+    use ethercat::wire::{BROADCAST, Command, FrameWriter, MAC_PASSED, register};
+    let mut writer = PcapWriter::new(Vec::new()).unwrap();
+    let mut at_ns = 0;
+    let mut send = |datagrams: &[(Command, u32, &[u8], u16)], comes_back: bool| {
+        let mut buffer = [0; 1514];
+        let mut frame = FrameWriter::new(&mut buffer, BROADCAST, [0x10; 6]).unwrap();
+        for (command, address, data, _) in datagrams {
+            frame.push_data(*command, 1, *address, data).unwrap();
+        }
+        let length = frame.finish();
+        at_ns += 1_000_000;
+        writer.write(at_ns, &buffer[..length]).unwrap();
+        if comes_back {
+            buffer[6] |= MAC_PASSED;
+            let places: Vec<usize> = ethercat::wire::Frame::parse(&buffer[..length])
+                .unwrap()
+                .datagrams()
+                .map(|datagram| datagram.data_at() + datagram.data.len())
+                .collect();
+            for (place, (.., counter)) in places.into_iter().zip(datagrams) {
+                buffer[place..place + 2].copy_from_slice(&counter.to_le_bytes());
+            }
+            writer.write(at_ns + 10_000, &buffer[..length]).unwrap();
+        }
+    };
+    let status = register::station(0x1001, register::AL_STATUS);
+    send(
+        &[(
+            Command::Fpwr,
+            register::station(0x1001, register::EEPROM_CONTROL),
+            &[0, 1, 0, 0, 0, 0],
+            1,
+        )],
+        true,
+    );
+    send(&[(Command::Fprd, status, &[1, 0, 0, 0, 0, 0], 1)], true);
+    // Mirrored by a chip without firmware: no error.
+    send(&[(Command::Fprd, status, &[0x12, 0, 0, 0, 0, 0], 1)], true);
+    let abort = Message::Response(SdoResponse::Abort {
+        object: Object {
+            index: 0x1C12,
+            sub: 0,
+            complete: false,
+        },
+        code: obd::AbortCode::NO_OBJECT,
+    });
+    let mut mailbox = [0; 64];
+    abort.emit(1, &mut mailbox).unwrap();
+    send(&[(Command::Fprd, register::station(0x1001, 0x1080), &mailbox, 1)], true);
+    // An empty mailbox.
+    send(&[(Command::Fprd, register::station(0x1001, 0x1080), &[0; 64], 0)], true);
+    send(&[(Command::Fprd, status, &[0x12, 0, 0, 0, 0x1E, 0], 1)], true);
+    for counter in [1, 3, 3, 2, 3] {
+        send(&[(Command::Lrw, 0x10, &[0; 7], counter)], true);
+    }
+    send(&[(Command::Lrw, 0x10, &[0; 7], 0)], false);
+    let mut file = writer.finish().unwrap();
+    let mut spoilt = PcapWriter::new(Vec::new()).unwrap();
+    let mut octets = [0; 60];
+    octets[12..16].copy_from_slice(&[0x88, 0xA4, 0xFF, 0x17]);
+    spoilt.write(20_000_000, &octets).unwrap();
+    file.extend(&spoilt.finish().unwrap()[24..]);
+
+    let summary = TraceArgs {
+        summary: true,
+        ..args()
+    };
+    let (json, ended) = trace_octets(&summary, &file, true).unwrap();
+    assert!(ended.trouble && ended.unreadable == 1);
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let found = &json["ethercat"];
+    assert_eq!((&found["sent"], &found["back"]), (&json!(12), &json!(11)));
+    let device = &found["devices"][0];
+    let states: Vec<&str> = device["states"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|it| it["al_state"].as_str().unwrap())
+        .collect();
+    assert_eq!((&device["station"], states), (&json!(0x1001), vec!["INIT", "PRE-OP"]));
+    assert_eq!(
+        (&device["mails"], &device["refused"], &device["eeprom_reads"]),
+        (&json!(1), &json!(1), &json!(1))
+    );
+    assert_eq!(found["process_data"][0]["working_counter"], 3);
+    let trouble: Vec<&str> = json["trouble"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|line| line.as_str().unwrap())
+        .collect();
+    assert_eq!(trouble.len(), 5, "{trouble:#?}");
+    assert!(
+        trouble[0].starts_with("device 1001h refused SDO 1C12h:0: "),
+        "{trouble:#?}"
+    );
+    assert!(
+        trouble[1].starts_with("device 1001h is in PRE-OP with an error: 001Eh"),
+        "{trouble:#?}"
+    );
+    assert!(
+        trouble[2].starts_with("frame EtherCAT that cannot be read"),
+        "{trouble:#?}"
+    );
+    assert_eq!(trouble[3], "1 of 12 frames of EtherCAT did not come back");
+    assert!(
+        trouble[4].starts_with("LRW 00000010h/7: working counter below 3 in 1 of 5, 2 at the least"),
+        "{trouble:#?}"
+    );
+    let (text, _) = trace_octets(&summary, &file, false).unwrap();
+    assert!(
+        text.contains("1001h") && text.contains("INIT") && !text.contains("less than two SoC"),
+        "{text}"
     );
 }
