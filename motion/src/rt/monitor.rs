@@ -176,7 +176,7 @@ impl JointMonitor {
     }
 
     /// The shortest way to rest with a part of the limits of stops.
-    fn to_rest(&self, state: State, part: f64) -> Segments {
+    fn rest_way(&self, state: State, part: f64) -> Segments {
         let [_, acceleration, jerk] = self.limits.scaling;
         let limits = StopLimits {
             acceleration: part * acceleration,
@@ -205,7 +205,7 @@ impl JointMonitor {
         }
         let mut next = *self;
         next.take(position);
-        let rest = self.to_rest(next.state(cycle_s), 1.0);
+        let rest = self.rest_way(next.state(cycle_s), 1.0);
         // The state is known but for what the jerk changes in a cycle.
         let slack = TRAVEL_SLACK_MM + self.limits.of_order[2] * cycle_s * cycle_s * (rest.duration_s() + 2.0 * cycle_s);
         let end = rest.end.position;
@@ -289,7 +289,7 @@ impl Monitor {
         let cycle_s = self.cycle_s;
         let mut longest_s = 0.0_f64;
         for joint in &mut self.joints {
-            joint.rest = joint.to_rest(joint.state(cycle_s), 1.0);
+            joint.rest = joint.rest_way(joint.state(cycle_s), 1.0);
             longest_s = longest_s.max(joint.rest.duration_s());
         }
         for (index, joint) in self.joints.iter_mut().enumerate() {
@@ -298,7 +298,7 @@ impl Monitor {
                 continue;
             }
             let part = (duration_s / longest_s).max(PART_MIN);
-            let together = joint.to_rest(joint.state(cycle_s), part);
+            let together = joint.rest_way(joint.state(cycle_s), part);
             let counts = watched.within_travel >> index & 1 == 1;
             if !counts
                 || together

@@ -3,6 +3,7 @@
 use super::*;
 use crate::canon::{AXES, Plane};
 use crate::element::Surface;
+use crate::path::Group;
 use crate::plan::AxisLimits;
 use std::f64::consts::PI;
 
@@ -108,6 +109,73 @@ fn a_feed_counts_degrees_where_rotary_axes_alone_move() {
     assert_eq!(moved(&mut with_feed(), Call::StraightFeed { to }).feed, 7.0);
     to[Axis::V] = 1.0;
     assert_eq!(moved(&mut with_feed(), Call::StraightFeed { to }).feed, 5.0);
+}
+
+#[test]
+fn what_is_no_move_gives_no_feed_and_measures_nothing() {
+    // 10 degrees/s; LinuxCNC counts no linear part below 1e-8 mm.
+    let turn = |x: f64, y: f64| {
+        let mut to = Position::xyz(x, y, 0.0);
+        to[Axis::C] = 90.0;
+        let calls = Call::SetFeedRate {
+            linear: 10.0,
+            angular: 10.0,
+        };
+        let mut program = Program::new(Position::ZERO);
+        program.run(1, &calls, &settings()).unwrap();
+        moved(&mut program, Call::StraightFeed { to })
+    };
+    for x in [0.0, 5e-17, 5e-9, 1e-8] {
+        let part = turn(x, 0.0);
+        assert_eq!(
+            (part.piece.group(), part.piece.length(), part.feed),
+            (Group::Rotary, 90.0, 10.0),
+            "{x}"
+        );
+        assert_eq!(part.piece.position(90.0).0[0], x);
+    }
+    // Its own feed, though C measures it: as long as 2e-5 mm take at 10 mm/s.
+    let part = turn(2e-5, 0.0);
+    assert_eq!((part.piece.group(), part.piece.length()), (Group::Rotary, 90.0));
+    assert!((part.piece.length() / part.feed - 2e-6).abs() < 1e-18);
+    let part = turn(0.02, 0.0);
+    assert_eq!((part.piece.group(), part.feed), (Group::Main, 10.0));
+}
+
+#[test]
+fn what_is_no_move_is_owed_until_the_next_rest_and_adds_up_to_nothing() {
+    let mut program = with_feed();
+    let go = |program: &mut Program, x: f64| {
+        let to = Position::xyz(x, 0.0, 0.0);
+        program.run(1, &Call::StraightFeed { to }, &settings()).unwrap()
+    };
+    assert!(matches!(go(&mut program, 1.0), Some(Entry::Move(_))));
+    assert!(program.take_owed().is_none());
+    for k in 1..=10 {
+        assert!(go(&mut program, 1.0 + 1e-9 * f64::from(k)).is_none(), "{k}");
+    }
+    // Together they are one.
+    let Some(Entry::Move(part)) = go(&mut program, 1.0 + 1.1e-8) else {
+        panic!("a move")
+    };
+    assert_eq!(
+        (part.piece.position(0.0).0[0], part.piece.position(1.0).0[0]),
+        (1.0, 1.0 + 1.1e-8)
+    );
+    assert!(program.take_owed().is_none());
+    // What follows begins where the axes are, and a rest brings them to where the program is.
+    assert!(go(&mut program, 1.0).is_some() && go(&mut program, 1.0 - 1e-13).is_none());
+    let Some(Entry::Move(part)) = go(&mut program, 3.0) else {
+        panic!("a move")
+    };
+    assert_eq!(part.piece.position(0.0).0[0], 1.0);
+    assert!(go(&mut program, 3.0 + 1e-12).is_none());
+    let owed = program.take_owed().expect("a way");
+    assert_eq!(
+        (owed.piece.position(0.0).0[0], owed.piece.position(1.0).0[0]),
+        (3.0, 3.0 + 1e-12)
+    );
+    assert!(program.take_owed().is_none());
 }
 
 #[test]
