@@ -166,10 +166,14 @@ pub struct MotionController<B> {
     tampering: Tampering,
 }
 
-/// What a test does to commands behind the kinematics.
+/// What a test does to the commands of a cycle, mm.
+#[cfg(any(test, feature = "testing"))]
+pub type Tamper = dyn FnMut(&mut [f64]) + Send;
+
+/// The same, behind the kinematics, if there is a test that does.
 #[cfg(any(test, feature = "testing"))]
 #[derive(Default)]
-struct Tampering(Option<Box<dyn FnMut(&mut [f64]) + Send>>);
+struct Tampering(Option<Box<Tamper>>);
 
 #[cfg(any(test, feature = "testing"))]
 impl Tampering {
@@ -353,7 +357,7 @@ impl<B: CyclicBus> MotionController<B> {
     /// From now on `tamper` changes the commands of every cycle, mm, before they are looked at: to prove that what is wrong with them does not
     /// leave.
     #[cfg(any(test, feature = "testing"))]
-    pub fn tamper_with_commands(&mut self, tamper: Box<dyn FnMut(&mut [f64]) + Send>) {
+    pub fn tamper_with_commands(&mut self, tamper: Box<Tamper>) {
         self.tampering = Tampering(Some(tamper));
     }
 
