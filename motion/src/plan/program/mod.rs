@@ -41,6 +41,13 @@ pub(super) struct Move {
     pub(super) naive_cam_mm: f64,
 }
 
+impl Move {
+    /// Whether the spindle leads its feed (G95).
+    pub(super) fn is_led(&self) -> bool {
+        self.enables.spindle_speed && !self.rapid
+    }
+}
+
 /// A feed that is set.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Feed {

@@ -123,9 +123,11 @@ fn halves(blend: &Piece) -> Option<[Piece; 2]> {
 }
 
 /// Whether speed may be carried from one move into the other. The classic planner, whose plan overrides do not change, comes to
-/// rest between a rapid move and one at feed, so that the machine can wait there.
+/// rest between a rapid move and one at feed, so that the machine can wait there. Both do where the spindle begins or ceases to lead the
+/// feed: a share of the speed that holds for one of the moves alone may change at rest only.
 fn joinable(a: &Move, b: &Move, settings: &Settings) -> bool {
     let paced_alike = a.rapid == b.rapid || settings.planner_kind == PlannerKind::Optimal;
+    let paced_alike = paced_alike && a.is_led() == b.is_led();
     paced_alike && a.piece.group() == b.piece.group()
 }
 

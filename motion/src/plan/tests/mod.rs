@@ -9,6 +9,7 @@ use crate::canon::{Call, Event, PathMode, Plane};
 mod corners;
 mod gate;
 mod joint_space;
+mod led;
 mod never_slower;
 mod on_the_way;
 mod override_tests;

@@ -423,7 +423,8 @@ fn cap(part: &Move, limits: &AxisLimits) -> f64 {
 /// About the speed at which a corner between two moves will be passed.
 fn crossing(a: &Move, b: &Move, settings: &Settings) -> f64 {
     let Corner::Round(tolerance) = a.corner else { return 0.0 };
-    if a.rapid != b.rapid || a.piece.group() != Group::Main || b.piece.group() != Group::Main {
+    let paced_alike = a.rapid == b.rapid && a.is_led() == b.is_led();
+    if !paced_alike || a.piece.group() != Group::Main || b.piece.group() != Group::Main {
         return 0.0;
     }
     let Some(limits) = limits([&a.piece, &b.piece].into_iter(), settings) else {
