@@ -34,6 +34,7 @@ mod check;
 mod code;
 mod comment;
 mod degrees;
+mod doubt;
 mod error;
 mod execute;
 mod expression;
@@ -65,6 +66,7 @@ mod text;
 mod tool_table;
 
 pub use check::{check, check_on, check_reader};
+pub use doubt::{Doubt, DoubtKind, doubts};
 pub use error::{ArcError, CallSite, CycleError, Error, ErrorKind, ProbeError, SplineError, ThreadError, TurningError};
 pub use flat::{FlatError, FlatWriter, Unwritable};
 pub use foreign::Language;

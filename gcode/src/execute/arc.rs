@@ -57,6 +57,7 @@ impl State {
             PathLength::Mm(libm::hypot(length_mm, to[normal] - self.at[normal]))
         };
         self.need_feed(block, length, calls)?;
+        self.doubts.cut(self.source);
         calls.push_back(Call::ArcFeed {
             to,
             plane,

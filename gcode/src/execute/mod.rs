@@ -263,12 +263,13 @@ impl State {
         Ok(())
     }
 
-    fn dwell(&self, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
+    fn dwell(&mut self, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
         let Some(coded) = block.codes.non_modal.filter(|coded| coded.value == NonModal::Dwell) else {
             return Ok(());
         };
         let seconds = block.word_value(b'P').ok_or((coded.span, ErrorKind::DwellMissing))?;
         block.check_dwell(b'P')?;
+        self.doubts.dwell(self.source, seconds);
         calls.push_back(Call::Dwell { seconds });
         Ok(())
     }

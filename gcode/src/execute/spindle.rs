@@ -82,6 +82,11 @@ impl State {
             return Ok(());
         };
         for spindle in self.named_spindles(block, false)? {
+            if spindle == 0 && number > 0.0 {
+                let told = &self.modal.spindles[0];
+                let (turns, differs) = (told.turning.is_some(), told.speed != number);
+                self.doubts.speed(self.source, turns, differs);
+            }
             self.use_speed(spindle, number, calls);
         }
         Ok(())
@@ -130,6 +135,7 @@ impl State {
         };
         match code.value {
             SpindleAction::Start(direction) => {
+                self.doubts.turn();
                 for spindle in self.named_spindles(block, false)? {
                     self.modal.spindles[usize::from(spindle)].turning = Some(direction);
                     calls.push_back(Call::StartSpindle {

@@ -19,6 +19,7 @@ impl State {
     pub(super) fn straight_feed(&mut self, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
         let to = self.end_of_straight(block)?;
         self.need_feed(block, || PathLength::straight(self.at, to), calls)?;
+        self.doubts.cut(self.source);
         calls.push_back(Call::StraightFeed { to });
         self.at = to;
         Ok(())

@@ -5,6 +5,7 @@
 mod predefined;
 
 use crate::code::{Distance, FeedUnit, Motion, Retract};
+use crate::doubt::Doubts;
 use crate::execute::cycle::CycleWords;
 use crate::execute::turning::Turning;
 use crate::machine::PinReader;
@@ -263,6 +264,7 @@ pub(crate) struct State {
     pub(crate) sources: VecDeque<Source>,
     /// Subroutine calls under way.
     pub(crate) call_level: u32,
+    pub(crate) doubts: Doubts,
     /// The remapped codes.
     pub(crate) remaps: Vec<remap::Entry>,
     /// Which of them are under way.
@@ -333,6 +335,7 @@ impl State {
             source: Source::default(),
             sources: VecDeque::new(),
             call_level: 0,
+            doubts: Doubts::default(),
             remaps: settings.remaps.iter().map(remap::Entry::new).collect(),
             remapping: Vec::new(),
             settings,

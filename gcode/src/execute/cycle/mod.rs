@@ -85,6 +85,13 @@ impl State {
             calls.push_back(Call::SetPathMode(PathMode::ExactPath));
         }
         let words = self.hole_words(cycle, block, r_word, depth_word)?;
+        if r == bottom {
+            self.doubts.drills_nothing(self.source);
+        }
+        if let Some(seconds) = block.word_value(b'P') {
+            self.doubts.dwell(self.source, seconds);
+        }
+        self.doubts.cut(self.source);
         let mut hole = self.hole(cycle, block, &words, [r, bottom, retract])?;
         self.check_length(cycle, block, repeats, &hole)?;
         for count in 0..repeats {
