@@ -14,7 +14,7 @@ use crate::operator::panel::Panel;
 use crate::operator::refusal::Refusal;
 use crate::operator::session;
 use crate::operator::session::{Program, Session, Task, Wire};
-use crate::program::{Begin, check};
+use crate::program::{Begin, check, doubts};
 use anyhow::Context;
 use std::path::Path;
 use std::process::ExitCode;
@@ -71,6 +71,10 @@ pub fn run_and_report(job: Job<'_>, wire: Wire) -> anyhow::Result<ExitCode> {
     }
     if let Some((line, what)) = overview.real_time.warning() {
         eprintln!("{}:{line}: warning: {what}", program.name);
+    }
+    let (at, cancel) = (begin.at(), job.signal.cancel());
+    for doubt in doubts(config, &lock(&tables), (program.name, program.text), at, cancel) {
+        eprintln!("warning: {doubt}");
     }
     let session = Session {
         config,

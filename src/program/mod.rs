@@ -5,6 +5,7 @@
 
 mod change;
 mod check;
+mod doubts;
 mod dry_run;
 mod exact_stops;
 mod from_line;
@@ -26,6 +27,7 @@ use crate::machine::tables::Tables;
 use crate::rt::shared::RtStatus;
 pub use change::{Change, changed};
 pub use check::{Overview, ProgramErrors, check, check_text};
+pub use doubts::doubts;
 use dry_run::DryRun;
 pub use from_line::{approach, preview};
 use gcode::{CheckLimits, PinReader};

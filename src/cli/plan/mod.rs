@@ -28,11 +28,12 @@ use crate::config::{self, Config};
 use crate::host::terminal::say;
 use crate::machine::tables::Tables;
 use crate::operator::refusal::Refusal;
-use crate::program::FeedError;
 use crate::program::text::{Reader, Text};
+use crate::program::{FeedError, doubts, home};
 use anyhow::{Context, anyhow};
 use clap::{Args, ValueEnum};
 use compare::{Compared, Comparison};
+use motion::cancel::Cancel;
 use motion::plan::PlannerKind;
 use report::Report;
 use run_down::{Wanted, Work};
@@ -151,6 +152,10 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
         }
         if let Some((line, what)) = report.real_time_factor.warning() {
             eprintln!("{program}:{line}: warning: {what}");
+        }
+        let name = program.to_string();
+        for doubt in doubts(&config, &tables, (&name, text), home(&config), &Cancel::default()) {
+            eprintln!("warning: {doubt}");
         }
     }
     let put = |file: &Path, text: String| files::write(file, text).with_context(|| file.display().to_string());

@@ -8,7 +8,7 @@ use crate::host::capabilities;
 use crate::host::capabilities::Work;
 use crate::machine::tables::{Tables, lock};
 use crate::program::text::{Reader, Text};
-use crate::program::{Begin, Overview, approach, check, preview};
+use crate::program::{Begin, Overview, approach, check, doubts, preview};
 use gcode::Modes;
 use motion::cancel::Cancel;
 use motion::canon::Position;
@@ -30,6 +30,8 @@ pub(in crate::operator) struct Part {
     pub(in crate::operator) text: Arc<Text>,
     pub(in crate::operator) begin: Begin,
     pub(in crate::operator) overview: Overview,
+    /// What is doubtful in a program that was just read, a line each.
+    pub(super) doubts: Vec<String>,
     /// What it was checked with.
     tables: Tables,
     /// How often spindle and coolant had been switched off when it was checked.
@@ -101,6 +103,7 @@ pub(super) fn examine(
         Subject::Program(_) | Subject::Mdi { .. } | Subject::Lines { .. } => REVISIONS.fetch_add(1, Ordering::Relaxed),
     };
     let can_be_checked = !matches!(subject, Subject::Lines { .. });
+    let is_new = matches!(subject, Subject::Program(_));
     let (name, text, begin) = match subject {
         Subject::Loaded { part, dry_feed_s: None } if part.tables == tables => return Ok(part),
         Subject::Loaded { part, dry_feed_s } => {
@@ -144,6 +147,10 @@ pub(super) fn examine(
         true => check(config, &tables, &name, &*text, &begin, given_up).map_err(|errors| errors.to_string())?,
         false => Overview::default(),
     };
+    let doubts = match is_new {
+        true => doubts(config, &tables, (&name, Reader::from(&*text)), at, given_up),
+        false => Vec::new(),
+    };
     Ok(Arc::new(Part {
         name,
         revision,
@@ -151,6 +158,7 @@ pub(super) fn examine(
         text,
         begin,
         overview,
+        doubts,
         tables,
         switched_off,
     }))

@@ -866,8 +866,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
 
     /// What is to be known of a program before it runs.
     fn outlook(&self, part: &Part, operator: &mut Operator) -> Value {
-        let warning = (part.overview.real_time.warning()).map(|(line, what)| format!("{}:{line}: {what}", part.name));
-        if let Some(warning) = &warning {
+        for warning in warnings(part) {
             operator.add_entry(format!("warning: {warning}"));
         }
         outlook(part)
@@ -931,9 +930,16 @@ fn not_kept(cause: &std::io::Error) -> RpcError {
     RpcError::new(code::REFUSED, format!("the lines cannot be kept: {cause}"))
 }
 
+/// What whoever starts a program should know of it, a line each.
+fn warnings(part: &Part) -> Vec<String> {
+    let slow = part.overview.real_time.warning();
+    let slow = slow.map(|(line, what)| format!("{}:{line}: {what}", part.name));
+    slow.into_iter().chain(part.doubts.iter().cloned()).collect()
+}
+
 /// What is to be known of a program before it runs.
 fn outlook(part: &Part) -> Value {
-    let warning = (part.overview.real_time.warning()).map(|(line, what)| format!("{}:{line}: {what}", part.name));
+    let warning = Some(warnings(part).join("\n")).filter(|warning| !warning.is_empty());
     json!({
         "program": part.name,
         "lines": part.overview.lines,
