@@ -901,7 +901,7 @@ fn a_mistake_in_a_compensation_file_is_told_with_its_place() {
         ))[0],
         "m.toml:19:23: joint[0].compensation_max_mm = 1.0: is about a compensation_file, and there is none"
     );
-    assert_eq!(rule("\u{feff}0 0 0.01\n10 9.98 9.99\n"), "0.010");
+    assert_eq!(rule("\u{feff}0 0 0.01\n10 9.98 9.99\n"), "0.0100");
     assert_eq!(rule("0 0 0\n10 1o 10\n"), format!("2:4: 1o is not a number; {columns}"));
     assert_eq!(rule("0 0\n"), format!("1:1: 2 numbers; {columns}"));
     assert_eq!(rule("# nothing\n"), format!("1:1: no row; {columns}"));
