@@ -456,19 +456,19 @@ fn the_tool_that_is_in_the_spindle_is_asked_for_by_nobody() {
     let mut config = machine(MILL);
     config.nets.retain(|net| net.name != "tool-change-loop");
     config.tools.table = Some(table.clone());
-    for (changer, tools, first) in [
-        (config::ToolChanger::Fixed, "T1 P1\nT2 P2\n", "M61 Q1\n"),
-        (config::ToolChanger::Random, "T1 P0\nT2 P2\n", ""),
+    for (changer, tools) in [
+        (config::ToolChanger::Fixed, "T1 P1\nT2 P2\n"),
+        (config::ToolChanger::Random, "T1 P0\nT2 P2\n"),
     ] {
         std::fs::write(&table, tools).expect("our folder");
         config.tools.changer = changer;
-        let text = format!("G21 G90\n{first}T1 M6\nG1 X5 F600\nT2 M6\nM2\n");
-        rehearse_part(&config, &text, |run| {
+        let text = "G21 G90\nM61 Q1\nT1 M6\nG1 X5 F600\nT2 M6\nM2\n";
+        rehearse_part(&config, text, |run| {
             let change = bit(run, "iocontrol.0.tool-change");
             let prepare = bit(run, "iocontrol.0.tool-prepare");
             let (mut asked, mut prepared) = (false, false);
             let there = run.run_until(CYCLES_MAX, |run| {
-                asked |= change.get() && run.operator.changing_tool() != Some(2);
+                asked |= change.get() && run.operator.live().waiting != Some(Waiting::ToolChange { tool: 2 });
                 prepared |= prepare.get() && run.operator.live().position[motion::canon::Axis::X] < 1.0;
                 run.operator.live().waiting == Some(Waiting::ToolChange { tool: 2 })
             });

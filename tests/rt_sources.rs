@@ -53,6 +53,7 @@ const REAL_TIME: &[&str] = &[
     "src/bus/ethercat/mod.rs",
     "src/bus/ethercat/publisher.rs",
     "motion/src/rt",
+    "motion/src/rt/joint_compensation",
     "motion/src/rt/interpolator",
     "motion/src/rt/otg",
     "motion/src/rt/dda",
@@ -158,7 +159,7 @@ const START_UP: &[(&str, &str, &str)] = &[
         "an order is looked at by the operator's thread before it becomes one",
     ),
     (
-        "motion/src/rt/pitch_file.rs",
+        "motion/src/rt/joint_compensation/pitch_file.rs",
         "parse",
         "reads a file of the machine at start-up",
     ),
@@ -181,9 +182,9 @@ const START_UP: &[(&str, &str, &str)] = &[
     ("src/host/latency.rs", "on_a_thread", "starts the thread"),
     ("src/bus/powerlink/mod.rs", "new", "makes the bus"),
     (
-        "motion/src/rt/joint_compensation.rs",
+        "motion/src/rt/joint_compensation/pitch_table.rs",
         "new",
-        "makes the table and the rings of the means",
+        "makes the table",
     ),
     ("motion/src/rt/monitor.rs", "new", "makes the monitor"),
     (

@@ -67,6 +67,10 @@ impl Group {
     /// The group that measures a straight move by `delta`: that of the feed, unless another one moves so much farther that its motion
     /// could not be told by the length of that. `None` when nothing moves.
     pub fn from_delta(delta: &[f64; AXES]) -> Option<Group> {
+        // Nearly all moves.
+        if delta[3..].iter().all(|x| *x == 0.0) {
+            return (Group::Main.norm(delta) > 0.0).then_some(Group::Main);
+        }
         let of_feed = Group::of_feed(delta)?;
         let length = of_feed.norm(delta);
         let steeper = |group: &Group| group.norm(delta) > STEEPEST * length;

@@ -39,8 +39,8 @@ enum End<'e> {
     Unknown,
     /// The joints' motion.
     Motion(Motion),
-    /// That of a span.
-    Span(&'e Span),
+    /// That of a span: place, speed and acceleration along its piece.
+    Span(&'e Span, [f64; 3]),
 }
 
 /// Looks at publications, one after the other.
@@ -99,7 +99,7 @@ impl Gate {
             self.next[part] = match end {
                 End::Unknown => None,
                 End::Motion(motion) => Some(motion),
-                End::Span(span) => self.end_of(span),
+                End::Span(span, end) => self.end_of(span, end),
             };
         }
         Ok(())
@@ -119,15 +119,18 @@ impl Gate {
     fn follow<'e>(&self, end: End<'_>, element: &'e Element) -> Option<End<'e>> {
         let begins = match element {
             Element::Span(span) => {
-                let is_number = span.duration_s >= 0.0 && span.place(span.duration_s).is_finite();
-                if let End::Span(before) = end
+                let here = at_end(span);
+                if !(span.duration_s >= 0.0 && here.iter().all(|x| x.is_finite())) {
+                    return None;
+                }
+                if let End::Span(before, at) = end
+                    && goes_on(at, span)
                     && before.piece.is(&span.piece)
-                    && goes_on(before, span)
                 {
-                    return is_number.then_some(End::Span(span));
+                    return Some(End::Span(span, here));
                 }
                 let begins = self.motion(&span.piece, span.s0, span.v0, span.a0)?;
-                (is_number && self.is_within(&begins)).then_some(())?;
+                self.is_within(&begins).then_some(())?;
                 begins
             }
             Element::Synced(synced) => self.motion(&synced.piece, 0.0, 0.0, 0.0)?,
@@ -145,7 +148,7 @@ impl Gate {
             (self.is_within(&before) && self.meet(&before, &begins)).then_some(())?;
         }
         Some(match element {
-            Element::Span(span) => End::Span(span),
+            Element::Span(span) => End::Span(span, at_end(span)),
             Element::Synced(synced) if synced.tap.is_none() => {
                 End::Motion(self.motion(&synced.piece, synced.piece.length(), 0.0, 0.0)?)
             }
@@ -160,12 +163,11 @@ impl Gate {
         Some(match end {
             End::Unknown => None,
             End::Motion(motion) => Some(motion),
-            End::Span(span) => Some(self.end_of(span)?),
+            End::Span(span, end) => Some(self.end_of(span, end)?),
         })
     }
 
-    fn end_of(&self, span: &Span) -> Option<Motion> {
-        let [s, v, a] = at_end(span);
+    fn end_of(&self, span: &Span, [s, v, a]: [f64; 3]) -> Option<Motion> {
         self.motion(&span.piece, s, v, a)
     }
 
@@ -285,8 +287,7 @@ fn at_end(span: &Span) -> [f64; 3] {
 }
 
 /// Whether the motion along one piece goes on in the next span.
-fn goes_on(before: &Span, next: &Span) -> bool {
-    let [s, v, a] = at_end(before);
+fn goes_on([s, v, a]: [f64; 3], next: &Span) -> bool {
     let near = |x: f64, y: f64, rounding: f64| (x - y).abs() <= rounding * (1.0 + x.abs());
     near(s, next.s0, 1e-9) && near(v, next.v0, ROUNDING_OF_SPEED) && near(a, next.a0, ROUNDING_OF_ACCELERATION)
 }

@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 use super::{Corner, Entry, Feed, Move, Program};
 use crate::canon::{PathMode, Plane, Position, ProbeMode};
 use crate::element::{Element, Enables, Probing};
-use crate::path::{Circle, Group, NO_MOVE, Piece, Shape};
+use crate::path::{Circle, Group, NO_MOVE, Piece};
 use crate::plan::{PlanErrorKind, Settings, probing, travel};
 
 /// Ends of an arc that are nearer to each other are equal, mm.
@@ -24,9 +24,10 @@ pub(super) fn is_no_move(from: &Position, to: &Position) -> bool {
 impl Feed {
     /// Along a piece that begins at `start`, in units of its length per second.
     fn along(&self, piece: &Piece, start: &Position) -> f64 {
-        let Shape::Line(_) = piece.shape() else {
+        // What XYZ measure goes by their feed.
+        if piece.group() == Group::Main {
             return self.mm_s;
-        };
+        }
         let end = piece.position(piece.length());
         let delta = std::array::from_fn(|axis| end.0[axis] - start.0[axis]);
         let group = Group::of_feed(&delta).unwrap_or(piece.group());
@@ -121,10 +122,13 @@ impl Program {
     ) -> Result<(), PlanErrorKind> {
         let start = self.start();
         self.owed = match Piece::line(start, end) {
-            Some(piece) => Some(Move {
-                corner: Corner::Stop,
-                ..self.part(piece, &start, line, rapid, settings)?
-            }),
+            Some(piece) => {
+                let (piece, feed) = self.allowed(piece, &start, rapid, settings)?;
+                Some(Move {
+                    corner: Corner::Stop,
+                    ..self.part(piece, feed, line, rapid, settings)
+                })
+            }
             None => None,
         };
         self.position = end;
@@ -149,25 +153,21 @@ impl Program {
         rapid: bool,
         settings: &Settings,
     ) -> Result<Move, PlanErrorKind> {
-        let part = self.part(piece, &self.start(), line, rapid, settings)?;
+        let (piece, feed) = self.allowed(piece, &self.start(), rapid, settings)?;
         self.position = end;
         self.owed = None;
         self.take_outputs();
-        Ok(Move {
-            auxiliary: self.auxiliary,
-            ..part
-        })
+        Ok(self.part(piece, feed, line, rapid, settings))
     }
 
-    /// A piece from `start` on with all that holds for it, if it may be run.
-    fn part(
+    /// A piece that begins at `start` as the axes are meant, if it may be run, and its feed.
+    fn allowed(
         &self,
         piece: Piece,
         start: &Position,
-        line: u32,
         rapid: bool,
         settings: &Settings,
-    ) -> Result<Move, PlanErrorKind> {
+    ) -> Result<(Piece, f64), PlanErrorKind> {
         let piece = piece.in_frame(self.tool_frame);
         travel::check(&piece, settings)?;
         let feed = if rapid {
@@ -178,6 +178,11 @@ impl Program {
             per_s * feed.along(&piece, start)
         };
         check_time(piece.length(), feed)?;
+        Ok((piece, feed))
+    }
+
+    /// A piece with all that holds for it.
+    fn part(&self, piece: Piece, feed: f64, line: u32, rapid: bool, settings: &Settings) -> Move {
         let corner = match self.mode {
             PathMode::ExactPath => Corner::Exact,
             PathMode::ExactStop => Corner::Stop,
@@ -196,7 +201,7 @@ impl Program {
             } => naive_cam_tolerance_mm.unwrap_or(0.0),
             PathMode::ExactPath | PathMode::ExactStop => 0.0,
         };
-        Ok(Move {
+        Move {
             piece,
             feed,
             line,
@@ -208,7 +213,7 @@ impl Program {
             auxiliary: self.auxiliary,
             corner,
             naive_cam_mm,
-        })
+        }
     }
 
     pub(super) fn arc(

@@ -180,7 +180,9 @@ pub(in crate::plan) struct Stream {
     refused: usize,
     gate: Gate,
     /// The stop behind what has been handed over last; empty: it ends at rest at `rest`.
-    stop: Vec<Made>,
+    stop: Vec<Element>,
+    /// Where its elements end.
+    stop_ends: Vec<Place>,
     rest: Place,
     /// From where it is planned anew because the gate has refused what was planned first; and the line, where that was refused, too.
     anew: Option<Place>,
@@ -220,6 +222,7 @@ impl Stream {
             refused: 0,
             gate: Gate::new(settings),
             stop: Vec::new(),
+            stop_ends: Vec::new(),
             rest: begin,
             anew: None,
             closed: None,

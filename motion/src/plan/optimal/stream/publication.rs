@@ -384,7 +384,7 @@ impl Stream {
         };
         let count: usize = self.steps.range(..steps).map(count).sum();
         let mut committed = Vec::with_capacity(count);
-        let mut tail: Vec<Made> = Vec::new();
+        let (mut tail, mut ends) = (Vec::new(), Vec::new());
         let mut lives = Vec::with_capacity(count);
         let begin = sink.next_number();
         let consumed = sink.consumer_at().is_some();
@@ -409,7 +409,8 @@ impl Stream {
                 }
                 if cut.is_some() {
                     left.opens = false;
-                    tail.push(left);
+                    tail.push(left.element);
+                    ends.push(left.end);
                 } else {
                     committed.push(left.element);
                 }
@@ -432,10 +433,10 @@ impl Stream {
                 let made = Made { opens: false, ..*made };
                 let rests = k + 1 == elements.len();
                 lives.push(Live::new(begin + lives.len() as u64, &made, rests.then_some(*rest)));
-                tail.push(made);
+                tail.push(made.element);
+                ends.push(made.end);
             }
         }
-        let stop_elements: Vec<Element> = tail.iter().map(|made| made.element).collect();
         let mut rest = stop.map(|tail| tail.rest);
         let mut end = last.end;
         if let Some((.., left)) = &cut {
@@ -448,14 +449,14 @@ impl Stream {
                 self.spoil = None;
             }
             let anew = self.changes.is_under_way();
-            if let Err(line) = self.gate.check(&committed, &stop_elements, anew) {
+            if let Err(line) = self.gate.check(&committed, &tail, anew) {
                 self.plan_anew(line);
                 return None;
             }
             let result = match &self.changes.under_way {
-                Some(change) => sink.publish_after(change.number, &committed, &stop_elements),
+                Some(change) => sink.publish_after(change.number, &committed, &tail),
                 None if !has_room(sink, lives.len()) => Publish::Full,
-                None => sink.publish(&committed, &stop_elements),
+                None => sink.publish(&committed, &tail),
             };
             self.refused = if result == Publish::Full { lives.len() } else { 0 };
             if result != Publish::Done {
@@ -464,7 +465,7 @@ impl Stream {
             self.gate.handed_over();
             self.published(consumed, lives, tail.len());
         }
-        self.stop = tail;
+        (self.stop, self.stop_ends) = (tail, ends);
         self.rest = rest.unwrap_or(end);
         self.tail = rest;
         self.handed = end.item;
@@ -500,8 +501,14 @@ impl Stream {
         self.asked.clear();
         self.jobs = Ordered::new(&self.workers);
         if !self.stop.is_empty() {
+            let stop = self.stop.iter().zip(&self.stop_ends);
+            let made = |(&element, &end): (&Element, &Place)| Made {
+                element,
+                end,
+                opens: false,
+            };
             self.steps.push_back(Step::Ready(Ready {
-                elements: self.stop.clone(),
+                elements: stop.map(made).collect(),
                 end: self.rest,
                 after: After::Rest,
             }));
