@@ -178,7 +178,7 @@ fn the_day_itself(control: &Control) -> f64 {
     // The same with trouble: away to look at it, and back.
     tool_1(&lengths[1]);
     control.ask(&["program", "start", "--no-wait"]).unwrap();
-    change_tool(control);
+    // Its tool is in the spindle: nobody is asked for it.
     at_line(control, 8);
     control.ask(&["hold"]).unwrap();
     control.ask(&["jog", "Z", "8", "--speed", "60"]).unwrap();
