@@ -154,7 +154,7 @@ fn without_a_parameter_file_the_machine_file_has_the_offsets() {
 #[test]
 fn all_mistakes_of_a_file_are_told_with_their_lines() {
     let machine = machine(
-        &[("m.tbl", "T1 P1\nfoo\nT2\n"), ("m.var", "5221 1\n5220 1\n")],
+        &[("m.tbl", "tool pocket\nT1\nT2\n"), ("m.var", "5221 1\n5220 1\n")],
         ToolChanger::Fixed,
     );
     let here = machine.folder.path().display().to_string();
@@ -172,12 +172,22 @@ fn all_mistakes_of_a_file_are_told_with_their_lines() {
         .unwrap_err()
         .to_string()
         .replace(&here, "HERE");
-    // A line that is no entry is told elsewhere, and the rest counts.
     assert!(
-        !error.contains("HERE/m.tbl:2:1") && error.contains("HERE/m.tbl:3:1"),
+        error.contains("HERE/m.tbl:2:1") && error.contains("HERE/m.tbl:3:1"),
         "{error}"
     );
-    assert!(error.ends_with("HERE/m.tbl: 1 error in this file"), "{error}");
+    assert!(error.ends_with("HERE/m.tbl: 2 errors in this file"), "{error}");
+    // What is no entry is told, and the rest counts.
+    machine.write("m.tbl", "tool pocket\nT1 P1 R5\n");
+    let told = Tables::read(&machine.config)
+        .unwrap()
+        .warnings()
+        .join("\n")
+        .replace(&here, "HERE");
+    assert!(
+        told.starts_with("HERE/m.tbl:1:1: this counts for nothing") && told.contains("\nHERE/m.tbl:2:7: "),
+        "{told}"
+    );
 }
 
 #[test]
