@@ -122,6 +122,7 @@ fn plan_events(workers: &Workers, config: &Config, events: Vec<Event>) -> Planne
     }
     planner.finish();
     while planner.pump() != Pumped::Done {}
+    assert_eq!(planner.planned_anew(), 0, "the gate has refused a plan");
     let path = planner.ideal_path().collect();
     let sink = planner.sink();
     assert!(sink.tail.is_empty(), "everything is final at the end");

@@ -32,11 +32,24 @@ struct Motion {
     a: [f64; JOINTS],
 }
 
+impl Motion {
+    /// The same place at rest.
+    fn at_rest(self) -> Motion {
+        Motion {
+            v: [0.0; JOINTS],
+            a: [0.0; JOINTS],
+            ..self
+        }
+    }
+}
+
 /// What is known of the end of what has been looked at.
 #[derive(Clone, Copy, Debug)]
 enum End<'e> {
-    /// Nothing: the machine may be anywhere, at rest.
+    /// Nothing: what follows takes the place of motion under way.
     Unknown,
+    /// It is at rest, wherever.
+    Rest,
     /// The joints' motion.
     Motion(Motion),
     /// That of a span: place, speed and acceleration along its piece.
@@ -85,8 +98,9 @@ impl Gate {
     /// may not.
     pub(super) fn check(&mut self, committed: &[Element], tail: &[Element], anew: bool) -> Result<(), u32> {
         let mut end = match self.ends[0] {
-            Some(motion) if !anew => End::Motion(motion),
-            Some(_) | None => End::Unknown,
+            _ if anew => End::Unknown,
+            Some(motion) => End::Motion(motion),
+            None => End::Rest,
         };
         self.next = [None; 2];
         for (part, elements) in [committed, tail].into_iter().enumerate() {
@@ -97,7 +111,7 @@ impl Gate {
                 })?;
             }
             self.next[part] = match end {
-                End::Unknown => None,
+                End::Unknown | End::Rest => None,
                 End::Motion(motion) => Some(motion),
                 End::Span(span, end) => self.end_of(span, end),
             };
@@ -136,15 +150,15 @@ impl Gate {
             Element::Synced(synced) => self.motion(&synced.piece, 0.0, 0.0, 0.0)?,
             Element::Probing(probing) => self.motion(&probing.piece, 0.0, 0.0, 0.0)?,
             Element::Dwell { .. } | Element::Action { .. } => match self.motion_of(end)? {
-                Some(rests) => Motion {
-                    v: [0.0; JOINTS],
-                    a: [0.0; JOINTS],
-                    ..rests
-                },
-                None => return Some(End::Unknown),
+                Some(rests) => rests.at_rest(),
+                None => return Some(End::Rest),
             },
         };
-        if let Some(before) = self.motion_of(end)? {
+        let before = match end {
+            End::Rest => Some(begins.at_rest()),
+            End::Unknown | End::Motion(_) | End::Span(..) => self.motion_of(end)?,
+        };
+        if let Some(before) = before {
             (self.is_within(&before) && self.meet(&before, &begins)).then_some(())?;
         }
         Some(match element {
@@ -154,14 +168,14 @@ impl Gate {
             }
             // A tap comes back to where it began; nobody knows where a probe does.
             Element::Synced(_) | Element::Dwell { .. } | Element::Action { .. } => End::Motion(begins),
-            Element::Probing(_) => End::Unknown,
+            Element::Probing(_) => End::Rest,
         })
     }
 
     /// The motion at an end; the inner `None`: it is not known. The outer one: there is none.
     fn motion_of(&self, end: End<'_>) -> Option<Option<Motion>> {
         Some(match end {
-            End::Unknown => None,
+            End::Unknown | End::Rest => None,
             End::Motion(motion) => Some(motion),
             End::Span(span, end) => Some(self.end_of(span, end)?),
         })
@@ -210,9 +224,11 @@ impl Gate {
 
     fn meet(&self, before: &Motion, after: &Motion) -> bool {
         self.limits.iter().enumerate().all(|(k, limits)| {
+            // A step of speed is a jump of acceleration, and one of jerk.
+            let step = (limits.acceleration * self.cycle_s).min(limits.jerk * self.cycle_s * self.cycle_s);
             let jump = |of: fn(&Motion) -> &[f64; JOINTS]| (of(after)[k] - of(before)[k]).abs();
             jump(|motion| &motion.q) <= ROUNDING
-                && jump(|motion| &motion.v) <= KEPT * limits.acceleration * self.cycle_s + ROUNDING_OF_SPEED
+                && jump(|motion| &motion.v) <= KEPT * step + ROUNDING_OF_SPEED
                 && jump(|motion| &motion.a) <= BEND * limits.jerk * self.cycle_s + ROUNDING_OF_ACCELERATION
         })
     }
@@ -359,7 +375,7 @@ mod tests {
     fn seam(next: Piece, motion: [f64; 5]) -> Result<(), u32> {
         let mut gate = Gate::new(&settings());
         let first = span(line([0.0, 0.0], [10.0, 0.0]), [5.0, 50.0, 0.0, 0.0, 0.1], 1);
-        gate.check(&[first, span(next, motion, 2)], &[], false)
+        gate.check(&[first, span(next, motion, 2)], &[], true)
     }
 
     #[test]
@@ -367,10 +383,11 @@ mod tests {
         let on = line([10.0, 0.0], [20.0, 0.0]);
         let steady = [0.0, 50.0, 0.0, 0.0, 0.1];
         assert_eq!(seam(on, steady), Ok(()));
-        // A corner of less than the acceleration of a cycle: 50 mm/s times 0.01 of the direction.
-        assert_eq!(seam(line([10.0, 0.0], [20.0, 0.1]), steady), Ok(()));
+        // A corner of less than the jerk of a cycle: 50 mm/s times 0.0003 of the direction.
+        assert_eq!(seam(line([10.0, 0.0], [20.0, 0.003]), steady), Ok(()));
         for (what, next, motion) in [
             ("a sharp corner", line([10.0, 0.0], [10.0, 10.0]), steady),
+            ("a small corner", line([10.0, 0.0], [20.0, 0.01]), steady),
             ("another place", line([10.000_001, 0.0], [20.0, 0.0]), steady),
             (
                 "another place of another axis",
@@ -394,7 +411,7 @@ mod tests {
         let piece = line([0.0, 0.0], [100.0, 0.0]);
         let check = |second: [f64; 5]| {
             let first = span(piece, [5.0, 50.0, 0.0, 1000.0, 0.1], 1);
-            Gate::new(&settings()).check(&[first, span(piece, second, 2)], &[], false)
+            Gate::new(&settings()).check(&[first, span(piece, second, 2)], &[], true)
         };
         let s = 5.0 + 5.0 + 1.0 / 6.0;
         assert_eq!(check([s, 55.0, 100.0, 0.0, 0.1]), Ok(()));
@@ -441,5 +458,8 @@ mod tests {
         assert_eq!(gate.check(&[REST, again], &[], false), Ok(()));
         assert_eq!(gate.check(&[on(s)], &[], true), Ok(()), "in place of what was to come");
         assert_eq!(gate.refused(), 3);
+        // What nothing is known of is at rest.
+        assert_eq!(Gate::new(&settings()).check(&[on(s)], &[], false), Err(2));
+        assert_eq!(Gate::new(&settings()).check(&[rises], &[], false), Ok(()));
     }
 }
