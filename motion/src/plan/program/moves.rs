@@ -123,7 +123,8 @@ impl Program {
         let start = self.start();
         self.owed = match Piece::line(start, end) {
             Some(piece) => {
-                let (piece, feed) = self.allowed(piece, &start, rapid, settings)?;
+                let piece = piece.in_frame(self.tool_frame);
+                let feed = self.allowed(&piece, &start, rapid, settings)?;
                 Some(Move {
                     corner: Corner::Stop,
                     ..self.part(piece, feed, line, rapid, settings)
@@ -153,32 +154,25 @@ impl Program {
         rapid: bool,
         settings: &Settings,
     ) -> Result<Move, PlanErrorKind> {
-        let (piece, feed) = self.allowed(piece, &self.start(), rapid, settings)?;
+        let piece = piece.in_frame(self.tool_frame);
+        let feed = self.allowed(&piece, &self.start(), rapid, settings)?;
         self.position = end;
         self.owed = None;
         self.take_outputs();
         Ok(self.part(piece, feed, line, rapid, settings))
     }
 
-    /// A piece that begins at `start` as the axes are meant, if it may be run, and its feed.
-    fn allowed(
-        &self,
-        piece: Piece,
-        start: &Position,
-        rapid: bool,
-        settings: &Settings,
-    ) -> Result<(Piece, f64), PlanErrorKind> {
-        let piece = piece.in_frame(self.tool_frame);
-        travel::check(&piece, settings)?;
-        let feed = if rapid {
-            f64::INFINITY
-        } else {
-            let feed = self.feed.ok_or(PlanErrorKind::NoFeedRate)?;
-            let per_s = if self.per_turn { self.turns_s(settings)? } else { 1.0 };
-            per_s * feed.along(&piece, start)
-        };
+    /// The feed along a piece that begins at `start`, if it may be run.
+    fn allowed(&self, piece: &Piece, start: &Position, rapid: bool, settings: &Settings) -> Result<f64, PlanErrorKind> {
+        travel::check(piece, settings)?;
+        if rapid {
+            return Ok(f64::INFINITY);
+        }
+        let feed = self.feed.ok_or(PlanErrorKind::NoFeedRate)?;
+        let per_s = if self.per_turn { self.turns_s(settings)? } else { 1.0 };
+        let feed = per_s * feed.along(piece, start);
         check_time(piece.length(), feed)?;
-        Ok((piece, feed))
+        Ok(feed)
     }
 
     /// A piece with all that holds for it.
