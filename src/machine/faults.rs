@@ -82,10 +82,12 @@ impl fmt::Display for LinkFailure {
 /// Another master of the bus on the wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ForeignMaster {
-    /// Its node id; `None`: its frames do not tell.
+    /// Who was heard: the other master, or a node that answers it; `None`: its frames do not tell.
     pub node: Option<u8>,
-    /// Its MAC.
+    /// MAC of the sender.
     pub mac: [u8; 6],
+    /// The master itself was heard, and not only a node that answers it.
+    pub is_itself: bool,
 }
 
 impl fmt::Display for ForeignMaster {
@@ -93,11 +95,16 @@ impl fmt::Display for ForeignMaster {
         let ForeignMaster {
             node,
             mac: [a, b, c, d, e, g],
+            ..
         } = self;
         let mac = format_args!("{a:02x}:{b:02x}:{c:02x}:{d:02x}:{e:02x}:{g:02x}");
-        match node {
-            None => write!(f, "another main device is on the wire: {mac}"),
-            Some(node) => write!(f, "another managing node is on the wire: {mac}, node id {node}"),
+        match (node, self.is_itself) {
+            (None, _) => write!(f, "another main device is on the wire: {mac}"),
+            (Some(node), true) => write!(f, "another managing node is on the wire: {mac}, node id {node}"),
+            (Some(node), false) => write!(
+                f,
+                "another managing node is on the wire, perhaps on this PC: node {node} ({mac}) answers one"
+            ),
         }
     }
 }

@@ -149,7 +149,18 @@ pub(crate) fn examples() -> Vec<Fault> {
             stops: true,
         },
         Fault::ForeignMaster {
-            sign: ForeignMaster { node: Some(240), mac },
+            sign: ForeignMaster {
+                node: Some(240),
+                mac,
+                is_itself: true,
+            },
+        },
+        Fault::ForeignMaster {
+            sign: ForeignMaster {
+                node: Some(3),
+                mac,
+                is_itself: false,
+            },
         },
         Fault::EmergencyStop {
             cause: EstopCause::Chain,

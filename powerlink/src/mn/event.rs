@@ -10,7 +10,7 @@ use obd::AbortCode;
 use super::config::Stamp;
 use super::threshold::Threshold;
 use crate::nmt::{NmtCommand, NmtState};
-use crate::wire::{ErrorEntry, Mac, WireError};
+use crate::wire::{self, ErrorEntry, Mac, WireError};
 
 /// What stands in the place of the EtherType in a frame with a VLAN tag: IEEE 802.1Q, 802.1ad.
 const VLAN_ETHER_TYPES: [u16; 2] = [0x8100, 0x88A8];
@@ -194,10 +194,46 @@ pub enum MnEvent {
 /// The frame that shows that there is another managing node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ForeignSign {
-    /// Node id of the other managing node: 240; 241 to 250, redundant.
+    /// Node id of its sender: of the other managing node (240; 241 to 250, redundant), or of a node that answers one.
     pub id: u8,
-    /// Its MAC.
+    /// MAC of its sender.
     pub mac: Mac,
+}
+
+/// Answers of nodes that we asked nothing. No node sends anything unless a managing node asks for it, and what another control of
+/// this PC sends on the same interface is not heard, only the answers to it. One answer may have waited in a switch, or be one to
+/// what we asked before we were started again; a node that goes on answering is asked by somebody.
+#[derive(Clone, Copy, Debug)]
+pub struct UnaskedAnswers([u8; 256]);
+
+impl UnaskedAnswers {
+    /// Answers of one node that show that another managing node is at work.
+    const SIGN: u8 = 3;
+
+    /// None was heard yet.
+    pub const fn new() -> Self {
+        UnaskedAnswers([0; 256])
+    }
+
+    /// Takes an answer of `node`; whether it shows that another managing node is at work.
+    pub fn is_sign(&mut self, node: u8) -> bool {
+        let heard = &mut self.0[usize::from(node)];
+        *heard = heard.saturating_add(1);
+        *heard >= Self::SIGN
+    }
+}
+
+impl Default for UnaskedAnswers {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl ForeignSign {
+    /// The managing node itself was heard, and not only a node that answers it.
+    pub fn is_its_own(&self) -> bool {
+        (wire::node::MN..=wire::node::MN_MAX).contains(&self.id)
+    }
 }
 
 impl fmt::Display for ForeignSign {
@@ -207,7 +243,14 @@ impl fmt::Display for ForeignSign {
             mac: [a, b, c, d, e, g],
         } = self;
         let mac = format_args!("{a:02x}:{b:02x}:{c:02x}:{d:02x}:{e:02x}:{g:02x}");
-        write!(f, "another managing node is on the wire: {mac}, node id {id}")
+        if self.is_its_own() {
+            write!(f, "another managing node is on the wire: {mac}, node id {id}")
+        } else {
+            write!(
+                f,
+                "another managing node is on the wire, perhaps on this PC: node {id} ({mac}) answers one"
+            )
+        }
     }
 }
 
@@ -382,7 +425,7 @@ pub struct Counters {
     pub unexpected: u64,
     /// Frames of nodes that are not configured, or for another node.
     pub unknown_node: u64,
-    /// Frames of another managing node.
+    /// Frames of another managing node, or in NOT_ACTIVE of nodes that go on answering one.
     pub foreign_mn_frames: u64,
     /// Our own frames, seen again.
     pub own_frames: u64,

@@ -55,7 +55,9 @@ pub use check::MnConfigError;
 pub use config::{BootTimes, DeviceInfo, Direction, Identity, MnConfig, NodeConfig, Stamp};
 pub use cycle::Step;
 pub use diagnosis::{At, Diagnosis, ForeignMn, NetworkDiagnosis, NetworkReason, Reason, Span};
-pub use event::{Counters, EVENTS_MAX, ForeignSign, IdentityField, Malformed, MnEvent, NodeState, NodeStatistics};
+pub use event::{
+    Counters, EVENTS_MAX, ForeignSign, IdentityField, Malformed, MnEvent, NodeState, NodeStatistics, UnaskedAnswers,
+};
 pub use fault::{Fault, FaultValue};
 pub use image::{CHANNEL_OCTETS_MAX, IMAGE_IN, IMAGE_OCTETS_MAX, IMAGE_OUT};
 pub use obd::Expected;

@@ -6,10 +6,9 @@
 //! |---|---|---|---|
 //! | any that the standard does not know between these nodes | | | counted (`malformed`), nothing else |
 //! | any that carries our own MAC | | | counted (`own_frames`), nothing else |
-//! | SoC, PReq, SoA, ASnd, AInv | 240 | as the standard has it | another managing node |
+//! | SoC, PReq, PRes, SoA, ASnd, AInv | 240 | as the standard has it | another managing node |
 //! | AMNI | 241..=250 | 255 | another managing node |
-//! | PRes | 240 | 255 | counted (`unknown_node`), nothing else |
-//! | PRes, ASnd, in NOT_ACTIVE | any | as the standard has it | counted (`unexpected`), nothing else |
+//! | PRes, ASnd, in NOT_ACTIVE | 1..=239, 253, 254 | as the standard has it | the third of a node: an answer to another managing node (`UnaskedAnswers`); before, counted (`unexpected`) |
 //! | PRes, once we have sent | 1..=239 | 255 | the node's process data, if it was polled |
 //! | ASnd, once we have sent | 1..=239, 253 | 240, 255 | the node's answer; it ends the slot that was the node's |
 //!
@@ -35,14 +34,13 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             self.counters.own_frames += 1;
             return;
         }
-        // A managing node shows itself by what only it begins. An answer does not: it may be one to what we asked before we were
-        // started again, or have waited in a switch. A managing node that polls sends SoC and SoA, too, and one of this PC, which is not
-        // heard here, has claimed the interface.
-        let is_answer = matches!(body, Frame::Pres(_));
-        if header.is_from_managing_node() && !is_answer {
+        if header.is_from_managing_node() {
             return self.foreign_mn(now_ns, &header);
         }
         if self.state == NmtState::NotActive {
+            if self.unasked.is_sign(header.source_node) {
+                return self.foreign_mn(now_ns, &header);
+            }
             self.counters.unexpected += 1;
             return;
         }

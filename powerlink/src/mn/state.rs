@@ -6,7 +6,7 @@
 use super::budget::Budget;
 use super::check::{MnConfigError, check};
 use super::config::MnConfig;
-use super::event::{Counters, Events, ForeignSign};
+use super::event::{Counters, Events, ForeignSign, UnaskedAnswers};
 use super::node::Node;
 use crate::ethernet_queue::EthernetQueue;
 use crate::nmt::{NmtCommand, NmtState, NodeList};
@@ -283,6 +283,8 @@ pub struct Mn<'a, const NODES: usize> {
     pub(super) pending_broadcast: Option<PendingBroadcast>,
     /// When another managing node was heard last, and by what.
     pub(super) foreign: Option<(u64, ForeignSign)>,
+    /// In NOT_ACTIVE: of nodes that we asked nothing.
+    pub(super) unasked: UnaskedAnswers,
     pub(super) cycle_started_ns: Option<u64>,
     pub(super) net_time: NetTime,
     pub(super) relative_time_us: u64,
@@ -349,6 +351,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             gate: Gate::default(),
             pending_broadcast: None,
             foreign: None,
+            unasked: UnaskedAnswers::new(),
             cycle_started_ns: None,
             net_time: NetTime::default(),
             relative_time_us: 0,

@@ -116,6 +116,8 @@ pub struct Watch {
     slot: Slot,
     mn: MnModel,
     mn_state: NmtState,
+    /// Answers heard in NOT_ACTIVE, by node.
+    unasked: [u64; 256],
     nodes: Vec<NodeModel>,
     /// The managing node was shown a frame that should not have been there, and may send too early until then.
     misled_until_ns: u64,
@@ -146,6 +148,7 @@ impl Watch {
             slot: Slot { target: 0, used: true },
             mn: MnModel::default(),
             mn_state: NmtState::NotActive,
+            unasked: [0; 256],
             nodes: vec![NodeModel::default(); ids.len()],
             misled_until_ns: 0,
             excused_until_ns: vec![0; stations],
@@ -343,8 +346,14 @@ impl Watch {
             self.mn.own_frames += 1;
             return;
         }
-        if (240..=250).contains(&header.source_node) || self.mn_state == NmtState::NotActive {
+        if (240..=250).contains(&header.source_node) {
             self.mn.foreign_mn_frames += 1;
+            return;
+        }
+        if self.mn_state == NmtState::NotActive {
+            let answers = &mut self.unasked[usize::from(header.source_node)];
+            *answers += 1;
+            self.mn.foreign_mn_frames += u64::from(*answers > 2);
             return;
         }
         match frame {

@@ -251,6 +251,7 @@ impl<'a, L: Link, const N: usize, const F: usize> Ethercat<'a, L, N, F> {
                 let sign = ForeignMaster {
                     node: None,
                     mac: source,
+                    is_itself: true,
                 };
                 (BusEvent::ForeignMaster(sign), None)
             }

@@ -448,5 +448,6 @@ fn foreign_master(sign: ForeignSign) -> ForeignMaster {
     ForeignMaster {
         node: Some(sign.id),
         mac: sign.mac,
+        is_itself: sign.is_its_own(),
     }
 }

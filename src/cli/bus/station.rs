@@ -7,6 +7,7 @@
 use crate::bus::sender::SoleSender;
 use anyhow::{anyhow, bail};
 use powerlink::link::{Link, LinkError};
+use powerlink::mn::UnaskedAnswers;
 use powerlink::nmt::NmtState;
 use powerlink::sdo::{Client, SERVICE_DATA_MAX, Timing};
 use powerlink::wire::{
@@ -27,20 +28,34 @@ const SDO_GIVE_UP_NS: u64 = 5_000 * MS;
 /// Pause between two invitations to a node that has nothing to send yet.
 const INVITE_PAUSE_NS: u64 = MS;
 
-/// Another managing node is at work: it was heard.
+/// Another managing node is at work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ForeignMaster {
-    /// Its address.
-    pub mac: Mac,
+pub enum ForeignMaster {
+    /// It was heard.
+    Heard {
+        /// Its address.
+        mac: Mac,
+    },
+    /// Only a node that answers it was heard: what this PC itself sends on an interface is not heard on it.
+    Answered {
+        /// Id of that node.
+        node: u8,
+    },
 }
 
 impl std::fmt::Display for ForeignMaster {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(
-            f,
-            "a managing node is at work on this wire ({}): nothing was sent",
-            super::words::mac(self.mac)
-        )
+        match self {
+            ForeignMaster::Heard { mac } => write!(
+                f,
+                "a managing node is at work on this wire ({}): nothing was sent",
+                super::words::mac(*mac)
+            ),
+            ForeignMaster::Answered { node } => write!(
+                f,
+                "node {node} answers a managing node, perhaps on this very interface: nothing was sent"
+            ),
+        }
     }
 }
 
@@ -64,24 +79,35 @@ pub fn listen(
     hear: &mut dyn FnMut(u64, &[u8]),
 ) -> Result<Option<ForeignMaster>, LinkError> {
     let mut buffer = [0; FRAME_LEN_MAX];
-    let mut foreign = None;
+    let (mut foreign, mut unasked) = (None, UnaskedAnswers::new());
     let end_ns = link.now_ns() + span_ns;
     while link.now_ns() < end_ns {
         if let Some(received) = link.receive(&mut buffer, end_ns)? {
             let frame = &buffer[..received.length.min(FRAME_LEN_MAX)];
             let now_ns = link.now_ns();
             hear(received.stamp_ns.unwrap_or(now_ns), frame);
-            foreign = foreign.or_else(|| master(frame).map(|mac| ForeignMaster { mac }));
+            foreign = match (foreign, master(frame)) {
+                // Who is heard says more than who answers.
+                (None | Some(ForeignMaster::Answered { .. }), Some(mac)) => Some(ForeignMaster::Heard { mac }),
+                (None, None) => node_of(frame)
+                    .filter(|node| unasked.is_sign(*node))
+                    .map(|node| ForeignMaster::Answered { node }),
+                (known @ Some(_), _) => known,
+            };
         }
     }
     Ok(foreign)
 }
 
-/// The managing node that sent a frame. An answer is no sign of one: it may have waited in a switch, or be one to us, before.
+/// The managing node that sent a frame.
 fn master(frame: &[u8]) -> Option<Mac> {
-    let (header, body) = wire::accept(frame).ok()?;
-    let is_sign = header.is_from_managing_node() && !matches!(body, Frame::Pres(_));
-    is_sign.then_some(header.source)
+    let (header, _) = wire::accept(frame).ok()?;
+    header.is_from_managing_node().then_some(header.source)
+}
+
+/// The node that sent a frame.
+fn node_of(frame: &[u8]) -> Option<u8> {
+    wire::accept(frame).ok().map(|(header, _)| header.source_node)
 }
 
 /// The station.

@@ -34,7 +34,8 @@ fn counted(mn: &Mn<'_, NODES>) -> Counted {
 }
 
 /// The table of what a managing node accepts from whom. `other`: it is told apart by what is being waited for.
-fn expected(kind: u8, from: u8, to: u8) -> Counted {
+/// `answers`: how many `from` gave before in NOT_ACTIVE.
+fn expected(state: NmtState, kind: u8, from: u8, to: u8, answers: &mut [u8; 256]) -> Counted {
     let mut counted = Counted::default();
     let (from_any, to_any): (&[core::ops::RangeInclusive<u8>], &[core::ops::RangeInclusive<u8>]) = match kind {
         1 | 5 => (&[240..=240], &[255..=255]),
@@ -52,8 +53,16 @@ fn expected(kind: u8, from: u8, to: u8) -> Counted {
         &mut counted.source
     } else if !to_any.iter().any(|range| range.contains(&to)) {
         &mut counted.destination
-    } else if (240..=250).contains(&from) && kind != 4 {
+    } else if (240..=250).contains(&from) {
         &mut counted.foreign
+    } else if state == NmtState::NotActive {
+        let heard = &mut answers[usize::from(from)];
+        *heard = heard.saturating_add(1);
+        if *heard < 3 {
+            &mut counted.other
+        } else {
+            &mut counted.foreign
+        }
     } else {
         &mut counted.other
     };
@@ -100,6 +109,7 @@ fn every_frame_from_every_sender_to_every_receiver_in_every_state() {
     let nodes = [1, 2].map(|id| node_config(id, &configuration));
     for state in STATES {
         let mut net = net_in(state, &nodes);
+        let mut answers = [0; 256];
         let (states, input) = ([0, 1].map(|at| net.mn.node_state(at)), net.mn.input(0).data.to_vec());
         for message_type in [0, 1, 2, 3, 4, 5, 6, 7, 8, 13, 0x7F] {
             for from in 0..=u8::MAX {
@@ -116,7 +126,7 @@ fn every_frame_from_every_sender_to_every_receiver_in_every_state() {
                         foreign: after.foreign - before.foreign,
                         other: after.other - before.other,
                     };
-                    let expected = expected(message_type, from, to);
+                    let expected = expected(state, message_type, from, to, &mut answers);
                     assert_eq!(got, expected, "{state:?}: {message_type} from {from} to {to}");
                     // Silence between two, so that each is told.
                     net.now_ns += 2_000 * MS;
@@ -173,4 +183,8 @@ fn what_is_told_names_who_was_heard() {
     let told = |id| MnEvent::ForeignMn(ForeignSign { id, mac: FOREIGN_MAC }).to_string();
     let own = |id| format!("another managing node is on the wire: 02:00:00:00:00:ee, node id {id}");
     assert_eq!((told(240), told(250)), (own(240), own(250)));
+    assert_eq!(
+        told(3),
+        "another managing node is on the wire, perhaps on this PC: node 3 (02:00:00:00:00:ee) answers one"
+    );
 }
