@@ -4,8 +4,10 @@
 //! Out: the content of a file, never that of a pipe, device or folder; a new file in the place of an old one.
 //!
 //! [`read`](mod@read) asks what a path names and how long that is before it reads. [`write`](mod@write) follows no link that
-//! another user has put there, and gives a file its new content as a whole or not at all.
+//! another user has put there, and gives a file its new content as a whole or not at all. [`arrivals`] keeps files that arrive slowly from
+//! keeping others out.
 
+pub mod arrivals;
 mod place;
 pub mod read;
 pub mod write;

@@ -18,6 +18,7 @@ use axum::http::header::{
 };
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode};
 use axum::response::{IntoResponse, Response};
+use files::arrivals::makes_room;
 use files::is_name;
 use files::read::PROGRAM_MAX;
 use futures_util::{StreamExt, stream};
@@ -34,13 +35,14 @@ use std::io::{self, Write};
 use std::os::fd::AsFd;
 use std::os::unix::fs::{FileExt, MetadataExt};
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+use tokio::sync::Notify;
 use tokio::task::spawn_blocking;
 use tokio::time::timeout;
 
-/// Files that arrive at the same time.
+/// Files that arrive at the same time; one that is slow makes room for another.
 const ARRIVING_MAX: usize = 4;
 /// A client that sends nothing is waited for so long.
 const CHUNK_WAIT: Duration = Duration::from_secs(30);
@@ -58,12 +60,22 @@ const ARRIVING: &str = ".arriving-";
 /// What is known of a file as it was: its number, size, and time of its last change.
 type Version = (u64, u64, i64, i64);
 
+/// A file on its way.
+#[derive(Debug)]
+struct Arrival {
+    number: u64,
+    begun: Instant,
+    octets: u64,
+    /// Told where it has to make room for another one.
+    makes_room: Arc<Notify>,
+}
+
 /// The folder.
 #[derive(Debug)]
 pub(crate) struct Programs {
     path: PathBuf,
     folder: File,
-    arriving: AtomicUsize,
+    arriving: Mutex<Vec<Arrival>>,
     number: AtomicU64,
     digests: Mutex<HashMap<String, (Version, String)>>,
 }
@@ -86,10 +98,14 @@ impl Programs {
         Ok(Programs {
             path,
             folder,
-            arriving: AtomicUsize::new(0),
+            arriving: Mutex::default(),
             number: AtomicU64::new(0),
             digests: Mutex::default(),
         })
+    }
+
+    fn arriving(&self) -> MutexGuard<'_, Vec<Arrival>> {
+        self.arriving.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn open_file(&self, name: &str) -> Result<File, Errno> {
@@ -369,30 +385,52 @@ async fn give(programs: Arc<Programs>, name: String, headers: &HeaderMap) -> Res
 /// meanwhile leaves nothing behind.
 struct Arriving {
     programs: Arc<Programs>,
+    number: u64,
     name: String,
+    makes_room: Arc<Notify>,
 }
 
 impl Arriving {
+    /// Takes a place; where there is none, one that is slow makes room.
     fn begin(programs: &Arc<Programs>) -> Result<Arriving, Refusal> {
-        let before = programs.arriving.fetch_add(1, Relaxed);
+        let mut all = programs.arriving();
+        if all.len() >= ARRIVING_MAX {
+            let slow = makes_room(all.iter().map(|arrival| (arrival.begun.elapsed(), arrival.octets)));
+            let Some(slow) = slow else {
+                return Err(Refusal(
+                    StatusCode::TOO_MANY_REQUESTS,
+                    format!("{ARRIVING_MAX} programs arrive already: try again in a few seconds"),
+                ));
+            };
+            all.remove(slow).makes_room.notify_one();
+        }
         let number = programs.number.fetch_add(1, Relaxed);
-        let arriving = Arriving {
+        let makes_room = Arc::<Notify>::default();
+        all.push(Arrival {
+            number,
+            begun: Instant::now(),
+            octets: 0,
+            makes_room: Arc::clone(&makes_room),
+        });
+        Ok(Arriving {
             programs: Arc::clone(programs),
+            number,
             name: format!("{ARRIVING}{}-{number}", std::process::id()),
-        };
-        match before < ARRIVING_MAX {
-            true => Ok(arriving),
-            false => Err(Refusal(
-                StatusCode::TOO_MANY_REQUESTS,
-                format!("{ARRIVING_MAX} programs arrive already"),
-            )),
+            makes_room,
+        })
+    }
+
+    /// So many octets have come in all.
+    fn has(&self, octets: u64) {
+        if let Some(arrival) = (self.programs.arriving().iter_mut()).find(|arrival| arrival.number == self.number) {
+            arrival.octets = octets;
         }
     }
 }
 
 impl Drop for Arriving {
     fn drop(&mut self) {
-        self.programs.arriving.fetch_sub(1, Relaxed);
+        self.programs.arriving().retain(|arrival| arrival.number != self.number);
         // Gone already where it has taken its name.
         let _ = unlinkat(
             self.programs.folder.as_fd(),
@@ -449,7 +487,14 @@ async fn receive(
     let (mut hash, mut octets) = (Sha256::new(), 0);
     let mut body = request.into_body().into_data_stream();
     loop {
-        let chunk = match timeout(CHUNK_WAIT, body.next()).await {
+        let next = tokio::select! {
+            next = timeout(CHUNK_WAIT, body.next()) => next,
+            () = arriving.makes_room.notified() => {
+                let why = "it came slowly, and another program needed the place: send it again";
+                return refused(StatusCode::REQUEST_TIMEOUT, why.into());
+            }
+        };
+        let chunk = match next {
             Err(_) => {
                 return refused(
                     StatusCode::REQUEST_TIMEOUT,
@@ -463,6 +508,7 @@ async fn receive(
             Ok(Some(Ok(chunk))) => chunk,
         };
         octets += chunk.len() as u64;
+        arriving.has(octets);
         if octets > PROGRAM_MAX {
             return refused(StatusCode::PAYLOAD_TOO_LARGE, too_long());
         }

@@ -8,6 +8,7 @@
 use super::rpc::{RpcError, code};
 use super::server::ClientId;
 use crate::program::text::{Text, temporary_file};
+use files::arrivals::makes_room;
 use files::read::PROGRAM_MAX;
 use nix::errno::Errno;
 use nix::fcntl::{FallocateFlags, fallocate};
@@ -15,6 +16,7 @@ use sha2::{Digest, Sha256};
 use std::fs::File;
 use std::os::unix::fs::FileExt;
 use std::sync::Arc;
+use std::time::Duration;
 
 /// Octets of one part.
 pub const PART_MAX: usize = 24 * 1024;
@@ -51,6 +53,7 @@ struct Upload {
     name: String,
     octets: u64,
     content: Content,
+    begun_ns: u64,
     heard_ns: u64,
 }
 
@@ -86,9 +89,9 @@ impl Uploads {
         if octets > PROGRAM_MAX {
             return limit(format!("{octets} octets: a program has {PROGRAM_MAX} at the most"));
         }
-        if self.all.len() >= COUNT_MAX {
+        if self.all.len() >= COUNT_MAX && !self.make_room(now_ns) {
             return limit(format!(
-                "{COUNT_MAX} programs are being uploaded already; one that stays away is given up after {IDLE_S} s"
+                "{COUNT_MAX} programs are being uploaded already: try again in a few seconds"
             ));
         }
         let held: u64 = self.all.iter().map(|upload| upload.octets).sum();
@@ -116,6 +119,7 @@ impl Uploads {
                 received: 0,
                 sum: Sha256::new(),
             },
+            begun_ns: now_ns,
             heard_ns: now_ns,
         });
         Ok(self.last)
@@ -203,6 +207,27 @@ impl Uploads {
         }
     }
 
+    /// A slow one goes; whether there is one.
+    fn make_room(&mut self, now_ns: u64) -> bool {
+        let arriving = self.all.iter().map(|upload| {
+            let octets = match &upload.content {
+                Content::Coming { received, .. } => *received,
+                Content::Whole(_) => upload.octets,
+            };
+            (Duration::from_nanos(now_ns.saturating_sub(upload.begun_ns)), octets)
+        });
+        let slow = makes_room(arriving);
+        if let Some(at) = slow {
+            let gone = self.all.remove(at);
+            tracing::warn!(
+                client = gone.client,
+                name = gone.name,
+                "an upload is slow and makes room for another"
+            );
+        }
+        slow.is_some()
+    }
+
     /// A client has gone.
     pub fn left(&mut self, client: ClientId) {
         self.all.retain(|upload| upload.client != client);
@@ -218,7 +243,7 @@ impl Uploads {
         let found = (self.all.iter_mut()).find(|upload| upload.number == number && upload.client == client);
         found.ok_or_else(|| {
             invalid(format!(
-                "no upload {number} of this client; one that stays away is given up after {IDLE_S} s"
+                "no upload {number} of this client; one that stays away for {IDLE_S} s, or is slow while others wait, is given up: begin it again"
             ))
         })
     }
@@ -299,5 +324,23 @@ mod tests {
         uploads.all[0].octets = PROGRAM_MAX;
         uploads.all[1].octets = PROGRAM_MAX - 9;
         assert!(refused(uploads.begin(1, "part", 10, 60_000_000_002)).contains("more than"));
+    }
+
+    #[test]
+    fn slow_ones_keep_nobody_out() {
+        let mut uploads = Uploads::default();
+        let slow: Vec<u64> = (1..=COUNT_MAX as u64)
+            .map(|client| uploads.begin(client, "slow", 1000, 0).unwrap())
+            .collect();
+        for (client, number) in (1..).zip(&slow) {
+            uploads
+                .append(client, *number, 0, &vec![b'x'; client as usize], 9_000_000_000)
+                .unwrap();
+        }
+        let number = uploads.begin(9, "part", 3, 10_000_000_000).unwrap();
+        assert_eq!(uploads.append(9, number, 0, b"abc", 10_000_000_000), Ok(3));
+        let told = uploads.append(1, slow[0], 1, b"x", 10_000_000_000).unwrap_err().message;
+        assert!(told.contains("begin it again"), "{told}");
+        assert_eq!(uploads.append(2, slow[1], 2, b"x", 10_000_000_000), Ok(3));
     }
 }
