@@ -204,6 +204,12 @@ impl Runtime {
     ///
     /// RT: no allocation, no locks, bounded by [`Logic::steps_max`].
     pub fn scan(&mut self, now_ns: i64) -> u64 {
+        self.scan_within(now_ns, self.logic.steps_max)
+    }
+
+    /// The same, which ends behind so many steps, wherever it is then: to see what steps take. What it has left half done makes this
+    /// no program to control anything with.
+    pub fn scan_within(&mut self, now_ns: i64, steps_max: u64) -> u64 {
         let Runtime {
             logic,
             memory,
@@ -219,7 +225,7 @@ impl Runtime {
             // Never more than were counted when it was compiled: the count bounds the scan whatever the code is.
             steps += op.steps();
             let here = at;
-            if steps > logic.steps_max {
+            if steps > steps_max {
                 flags.wrong = Some(Wrong::Steps);
             }
             at += 1;
