@@ -4,7 +4,7 @@ mod common;
 
 use common::{Control, PATIENCE};
 use isocnc::api::client::{Client, ClientError};
-use isocnc::api::methods::table::METHODS;
+use isocnc::api::methods::table::{Kind, METHODS, Param};
 use isocnc::api::openrpc;
 use isocnc::api::rpc::code;
 use serde_json::{Value, json};
@@ -185,6 +185,86 @@ fn nobody_outside_keeps_a_stop_out() {
     let mut rest = Vec::new();
     idle[0].read_to_end(&mut rest).unwrap();
     assert!(String::from_utf8_lossy(&rest).contains("silent for the longest time"));
+}
+
+/// A parameter of this kind: as much as there may be, or what is none.
+fn value_of(param: &Param, is_legal: bool) -> Value {
+    if !is_legal {
+        return json!("\u{7f}".repeat(1_000));
+    }
+    match param.kind {
+        Kind::Whole(_, most) => json!(most.min(u64::from(u32::MAX))),
+        Kind::Wholes(_, most) => json!((0..=most).collect::<Vec<_>>()),
+        Kind::Texts(_) => json!(["motion.feed-hold"]),
+        Kind::Number => json!(1e-6),
+        Kind::Percent(low, _) => json!(low),
+        Kind::Flag => json!(true),
+        Kind::Text => json!(format!("(\"{}\")\n", "x".repeat(100)).repeat(400)),
+        Kind::Octets(most) => json!("00".repeat(most.min(20_000))),
+        Kind::Axis => json!("X"),
+        Kind::WorkSystem => json!("G54"),
+        Kind::SimFault => json!("none"),
+    }
+}
+
+/// How long it takes is printed: with --nocapture.
+#[test]
+fn an_emergency_stop_acts_beside_every_method() {
+    // Loops whose longest scan would take hours, and a file of the greatest length whose every line is wrong.
+    let endless = "PROGRAM plc\nVAR a, b : DINT; END_VAR\nFOR a := 1 TO 40000 DO FOR b := 1 TO 40000 DO ; END_FOR; END_FOR;\nEND_PROGRAM\n";
+    let wrong = format!(
+        "PROGRAM plc\n{}END_PROGRAM\n",
+        "nobody := knows * this;\n".repeat(2_000)
+    );
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("plc.st"), "PROGRAM plc\nEND_PROGRAM\n").unwrap();
+    let control = Control::start_in(folder, "beside", Stdio::null(), |text| {
+        format!("{text}\n[[logic]]\nfile = \"plc.st\"\nname = \"plc\"\nperiod_ms = 10\n")
+    });
+    control.wait_for("the network", |status| {
+        status["power"] == "off" && status["step"] == "standing by"
+    });
+    let mut hand = client(&control);
+    let mut took = Vec::new();
+    let mut beside = |method: &str, params: Value| {
+        let mut busy = BufReader::new(raw(&control));
+        let request = json!({ "jsonrpc": "2.0", "id": 1, "method": method, "params": params });
+        busy.get_mut().write_all(format!("{request}\n").as_bytes()).unwrap();
+        let begun = Instant::now();
+        hand.call("estop", json!({})).unwrap();
+        while hand.call("status", json!({})).unwrap()["power"] != "estop" {
+            assert!(begun.elapsed() < PATIENCE, "never beside {method}");
+        }
+        took.push((begun.elapsed(), method.to_owned()));
+        // It is answered all the same, some only once what it waits for is over.
+        drop(busy);
+        hand.call("control.take", json!({ "name": "hand", "force": true }))
+            .unwrap();
+        hand.call("estop.reset", json!({})).unwrap();
+        while hand.call("status", json!({})).unwrap()["power"] == "estop" {
+            assert!(begun.elapsed() < PATIENCE, "never reset beside {method}");
+        }
+    };
+    for method in METHODS.iter().filter(|method| method.name != "estop") {
+        for is_legal in [true, false] {
+            let given = method.params.iter().filter(|param| param.required || is_legal);
+            let params = given.map(|param| (param.name.to_owned(), value_of(param, is_legal)));
+            beside(method.name, Value::Object(params.collect()));
+        }
+    }
+    for source in [endless, &wrong] {
+        std::fs::write(control.folder.path().join("plc.st"), source).unwrap();
+        beside("logic.reload", json!({}));
+    }
+    let text = "G21 F1\n".to_owned() + &"G1 X1\nG1 X2\n".repeat(3_000);
+    for method in ["program.check", "program.load", "program.run", "mdi.stream"] {
+        beside(method, json!({ "name": "long", "text": text }));
+    }
+    took.sort();
+    for (took, method) in took.iter().rev().take(10) {
+        println!("{:8.2} ms  {method}", took.as_secs_f64() * 1e3);
+    }
+    println!("{:8.2} ms  median", took[took.len() / 2].0.as_secs_f64() * 1e3);
 }
 
 #[test]

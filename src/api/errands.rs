@@ -16,6 +16,9 @@ const COUNT_MAX: usize = 4;
 
 type Answer = Result<Value, RpcError>;
 
+/// What is to be done; `None`: it has set something going that answers in its place.
+pub type Errand = Box<dyn FnOnce() -> Option<Answer> + Send>;
+
 /// Errands that are under way.
 #[derive(Debug)]
 pub struct Errands {
@@ -41,7 +44,7 @@ impl Errands {
     ///
     /// # Errors
     /// There are too many, or the system has no thread.
-    pub fn begin(&self, ticket: Ticket, work: impl FnOnce() -> Answer + Send + 'static) -> Result<(), RpcError> {
+    pub fn begin(&self, ticket: Ticket, work: Errand) -> Result<(), RpcError> {
         let refused = |what: String| RpcError::new(code::REFUSED, what);
         if self.under_way.load(Relaxed) >= COUNT_MAX {
             return Err(refused(format!(
@@ -54,8 +57,10 @@ impl Errands {
             capabilities::give_up_or_warn(Work::Ordinary);
             let done = work();
             under_way.fetch_sub(1, Relaxed);
-            // Nobody reads it any more where the service has ended.
-            let _ = answer.send((ticket, done));
+            if let Some(done) = done {
+                // Nobody reads it any more where the service has ended.
+                let _ = answer.send((ticket, done));
+            }
             if let Some(wake) = wake {
                 // It can fail only where it is full, and then it wakes, too.
                 let _ = wake.write(1);
@@ -88,11 +93,11 @@ mod tests {
             let gate = Arc::clone(&gate);
             let work = move || {
                 gate.wait();
-                Ok(json!(ticket))
+                Some(Ok(json!(ticket)))
             };
-            errands.begin(ticket, work).unwrap();
+            errands.begin(ticket, Box::new(work)).unwrap();
         }
-        assert!(errands.begin(99, || Ok(json!(99))).is_err());
+        assert!(errands.begin(99, Box::new(|| Some(Ok(json!(99))))).is_err());
         assert_eq!(errands.later(), None);
         gate.wait();
         let mut all: Vec<_> = (0..COUNT_MAX)
@@ -103,6 +108,6 @@ mod tests {
             .map(|ticket| (ticket, Ok(json!(ticket))))
             .collect();
         assert_eq!(all, wanted);
-        errands.begin(5, || Ok(json!(5))).unwrap();
+        errands.begin(5, Box::new(|| Some(Ok(json!(5))))).unwrap();
     }
 }

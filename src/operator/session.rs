@@ -6,7 +6,6 @@
 use crate::api::methods::Methods;
 use crate::api::network_view::NetworkView;
 use crate::api::orders::order_channel;
-use crate::api::server::door::door;
 use crate::api::server::{self, Serve};
 use crate::api::socket::{BindError, Socket, path_beside};
 use crate::bus::sender::SoleSender;
@@ -252,7 +251,7 @@ fn run_on(
     let methods = methods.with_programs(programs);
     let methods = methods.with_logic(desk.clone());
     let socket = control_socket(hal.path(), &config.name)?;
-    let (door, guests) = door(methods.wake());
+    let (door, intake, arrivals) = server::entrance(methods.wake());
     match Sampler::new(&hal, grid.period_ns) {
         Ok(scope) => control.set_scope(scope),
         // The machine runs as well without.
@@ -358,13 +357,21 @@ fn run_on(
         }
         if socket.is_some() || session.panel.is_some() || cell.is_some() {
             let (socket, stop) = (socket.as_ref(), &stop);
+            let at_once = methods.at_once();
+            std::thread::Builder::new()
+                .name("socket".into())
+                .stack_size(STACK_SIZE)
+                .spawn_scoped(scope, move || {
+                    capabilities::give_up_or_warn(Work::Ordinary);
+                    intake.run(socket, &at_once, stop);
+                })?;
             std::thread::Builder::new()
                 .name("service".into())
                 .stack_size(STACK_SIZE)
                 .spawn_scoped(scope, move || {
-                    let (mut methods, guests) = (methods, guests);
+                    let (mut methods, arrivals) = (methods, arrivals);
                     capabilities::give_up_or_warn(Work::Ordinary);
-                    server::serve(socket, &guests, &mut methods, stop);
+                    server::serve(&arrivals, &mut methods, stop);
                 })?;
         }
         if let Some(cell) = cell {

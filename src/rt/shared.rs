@@ -85,6 +85,8 @@ pub enum Notice {
     State(State),
     /// The stop pin was pressed.
     StopPressed,
+    /// A stop was taken before its order came from the operator, and something moved.
+    StopTaken,
     /// A program or homing was ordered in a state in which neither begins.
     NotBegun,
     /// Something happened on the bus.
@@ -228,6 +230,17 @@ impl JointTrace {
     };
 }
 
+/// What brings the machine to rest, and waits for no other thread.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AtOnce {
+    /// As [`Command::Hold`].
+    Hold,
+    /// As [`Command::Stop`].
+    Stop,
+    /// As [`Command::Estop`].
+    Estop,
+}
+
 /// Latest values, readable by any thread at any time; each value is whole, the values are not of one instant.
 #[derive(Debug)]
 pub struct RtStatus {
@@ -237,8 +250,8 @@ pub struct RtStatus {
     pub desk: Desk,
     /// Shown in place of every state of the cycle thread, which may be unable to show one.
     silenced: AtomicBool,
-    /// An emergency stop was ordered, and not taken yet.
-    estop: AtomicBool,
+    /// What was ordered and acts at once, and is not taken yet: bit [`AtOnce`].
+    at_once: AtomicU8,
     state: AtomicU8,
     enables: AtomicU8,
     orders_taken: AtomicU64,
@@ -313,7 +326,7 @@ impl RtStatus {
             overrides,
             desk: Desk::default(),
             silenced: AtomicBool::new(false),
-            estop: AtomicBool::new(false),
+            at_once: AtomicU8::new(0),
             enables: AtomicU8::new(0),
             state: AtomicU8::new(State::Booting as u8),
             orders_taken: AtomicU64::new(0),
@@ -423,14 +436,18 @@ impl RtStatus {
         self.traced_joint.load(Relaxed) as usize
     }
 
-    /// Orders an emergency stop, from any thread.
-    pub fn order_estop(&self) {
-        self.estop.store(true, Relaxed);
+    /// Orders what brings the machine to rest, from any thread: the next cycle takes it, whatever other threads do.
+    pub fn order(&self, what: AtOnce) {
+        self.at_once.fetch_or(1 << what as u8, Relaxed);
     }
 
-    /// Whether an emergency stop was ordered since the last call. RT.
-    pub fn take_estop(&self) -> bool {
-        self.estop.load(Relaxed) && self.estop.swap(false, Relaxed)
+    /// What was so ordered since the last call: whether it was, by [`AtOnce`]. RT.
+    pub fn take_at_once(&self) -> [bool; 3] {
+        let bits = match self.at_once.load(Relaxed) {
+            0 => 0,
+            _ => self.at_once.swap(0, Relaxed),
+        };
+        [AtOnce::Hold, AtOnce::Stop, AtOnce::Estop].map(|what| bits >> what as u8 & 1 == 1)
     }
 
     /// The spindle holds this tool from now on. RT.

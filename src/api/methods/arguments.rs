@@ -126,6 +126,12 @@ pub(super) fn jogged(params: &Params) -> Result<Option<Jogged>, RpcError> {
     }
 }
 
+/// What concerns jogs under way: of one axis or joint, or all.
+pub(super) fn jogging(params: &Params, motion: JogMotion) -> Result<Order, RpcError> {
+    let what = jogged(params)?;
+    Ok(Order::Jog(Jog { what, motion }))
+}
+
 /// The program of "program.run".
 pub(super) fn source(params: &Params) -> Result<Source, RpcError> {
     let invalid = |what: &str| Err(RpcError::new(code::INVALID_PARAMS, what));

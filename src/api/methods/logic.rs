@@ -1,11 +1,13 @@
 //! Methods about programs in Structured Text.
 
-use super::{Answer, Call, Methods, arguments};
+use super::{Call, Methods, arguments};
+use crate::api::errands::Errand;
 use crate::api::orders::Order;
 use crate::api::rpc::{RpcError, code};
 use crate::api::server::Ticket;
 use crate::rt::logic::Replaced;
 use serde_json::{Value, json};
+use std::sync::Arc;
 
 /// Variables in an answer.
 const VARIABLES_PER_PAGE: usize = 500;
@@ -90,20 +92,22 @@ impl Methods {
         Ok(json!({ "released": released }))
     }
 
-    pub(super) fn logic_reload(&mut self, call: &Call<'_>) -> Answer {
-        let begun = self.logic_task(call).and_then(|task| {
-            let refused = |what| RpcError::new(code::REFUSED, what);
-            let state = self.live.snapshot().state;
-            if !state.may_replace_logic() {
-                let what = format!(
-                    "the machine is {}: a program is only replaced while it rests",
-                    state.name()
-                );
-                return Err(refused(what));
-            }
-            self.logic.replace(task, call.ticket).map_err(refused)
-        });
-        begun.err().map(Err)
+    pub(super) fn logic_reload(&mut self, call: &Call<'_>) -> Result<Errand, RpcError> {
+        let task = self.logic_task(call)?;
+        let refused = |what| RpcError::new(code::REFUSED, what);
+        let state = self.live.snapshot().state;
+        if !state.may_replace_logic() {
+            let what = format!(
+                "the machine is {}: a program is only replaced while it rests",
+                state.name()
+            );
+            return Err(refused(what));
+        }
+        let (desk, ticket) = (Arc::clone(&self.logic), call.ticket);
+        // A program that was handed over is answered for by [`Methods::logic_replaced`].
+        Ok(Box::new(move || {
+            desk.replace(task, ticket).err().map(|what| Err(refused(what)))
+        }))
     }
 
     /// What has come of a change: an answer to whoever has ordered it.

@@ -3,7 +3,8 @@
 //! In:  texts of whoever may change what the machine is. Out: what is wrong with them, each with its place; a file that takes effect
 //! at the next start, with the one before beside it.
 
-use super::{Answer, Call, Methods};
+use super::{Call, Methods};
+use crate::api::errands::Errand;
 use crate::api::rpc::{RpcError, code, to_hex};
 use crate::bus;
 use crate::config;
@@ -134,29 +135,23 @@ impl Methods {
     }
 
     /// The text of the machine file, and what is wrong with it.
-    pub(super) fn read_machine_file(&self, call: &Call<'_>) -> Answer {
-        self.errand(call, |path| {
+    pub(super) fn read_machine_file(&self) -> Result<Errand, RpcError> {
+        self.errand(|path| {
             let text = read(&path)?;
             Ok(json!({ "file": path.display().to_string(), "sha256": sum(&text), "errors": check(&text, &path), "text": text }))
         })
     }
 
     /// What is wrong with a text.
-    pub(super) fn check_machine_file(&self, call: &Call<'_>) -> Answer {
-        let text = match text(call) {
-            Ok(text) => text,
-            Err(error) => return Some(Err(error)),
-        };
-        self.errand(call, move |path| Ok(json!({ "errors": check(&text, &path) })))
+    pub(super) fn check_machine_file(&self, call: &Call<'_>) -> Result<Errand, RpcError> {
+        let text = text(call)?;
+        self.errand(move |path| Ok(json!({ "errors": check(&text, &path) })))
     }
 
     /// Puts a text in its place, for the next start.
-    pub(super) fn write_machine_file(&self, call: &Call<'_>) -> Answer {
-        let sum = call.params.octets("sha256", 32).map(|octets| to_hex(&octets));
-        let (text, sum) = match text(call).and_then(|text| Ok((text, sum?))) {
-            Ok(given) => given,
-            Err(error) => return Some(Err(error)),
-        };
+    pub(super) fn write_machine_file(&self, call: &Call<'_>) -> Result<Errand, RpcError> {
+        let text = text(call)?;
+        let sum = to_hex(&call.params.octets("sha256", 32)?);
         let state = self.live.snapshot().state;
         let shown = self.operator.shown();
         // What has been ordered and not begun shows there; a control that runs one program shows nothing.
@@ -166,24 +161,22 @@ impl Methods {
                 "the machine is {}: it must rest, and nothing be under way",
                 state.name()
             );
-            return Some(Err(refused(what)));
+            return Err(refused(what));
         }
-        self.errand(call, move |path| write(&path, &text, &sum))
+        self.errand(move |path| write(&path, &text, &sum))
     }
 
-    pub(super) fn doctor(&self, call: &Call<'_>) -> Answer {
-        self.errand(call, |path| doctor(&path))
+    pub(super) fn doctor(&self) -> Result<Errand, RpcError> {
+        self.errand(|path| doctor(&path))
     }
 
+    /// Something that is done with the machine file.
     fn errand(
         &self,
-        call: &Call<'_>,
         work: impl FnOnce(PathBuf) -> Result<Value, RpcError> + Send + 'static,
-    ) -> Answer {
-        let begun = self
-            .machine_file()
-            .and_then(|path| self.errands.begin(call.ticket, move || work(path)));
-        begun.err().map(Err)
+    ) -> Result<Errand, RpcError> {
+        let path = self.machine_file()?;
+        Ok(Box::new(move || Some(work(path))))
     }
 
     /// How long the parts of cycles have taken since the start.

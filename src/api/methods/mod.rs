@@ -38,7 +38,7 @@ use crate::program::outline::Left;
 use crate::rt::joint_jog::JogMotion;
 use crate::rt::logic::Desk as LogicDesk;
 use crate::rt::overrides::Overridden;
-use crate::rt::shared::RtStatus;
+use crate::rt::shared::{AtOnce, RtStatus};
 use crate::sim::FAULT;
 use files::read::PROGRAM_MAX;
 use motion::canon::LengthUnit;
@@ -48,7 +48,7 @@ use obd::AbortCode;
 use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use table::METHODS;
+use table::{METHODS, Method, Runs};
 
 /// Values of pins, by name.
 type Pins = dyn Fn(&str) -> Option<f64> + Send;
@@ -74,8 +74,8 @@ struct Progress {
 }
 
 /// Carried out.
-fn done() -> Answer {
-    Some(Ok(json!({})))
+fn done() -> Result<Value, RpcError> {
+    Ok(json!({}))
 }
 
 /// Numbers of the joints of a set.
@@ -468,10 +468,10 @@ impl Methods {
         Ok(json!({}))
     }
 
-    fn begin_path(&mut self, call: &Call<'_>) -> Answer {
-        let begun = arguments::tolerance_mm(call.params)
-            .and_then(|tolerance_mm| self.paths.begin(call.caller.client, tolerance_mm, (self.now_ns)()));
-        self.order_of(call, begun.map(Order::Path))
+    fn begin_path(&mut self, call: &Call<'_>) -> Result<Order, RpcError> {
+        let tolerance_mm = arguments::tolerance_mm(call.params)?;
+        let begun = self.paths.begin(call.caller.client, tolerance_mm, (self.now_ns)());
+        begun.map(Order::Path)
     }
 
     fn next_of_path(&mut self, call: &Call<'_>) -> Answer {
@@ -564,24 +564,41 @@ impl Methods {
         self.control.permit(caller.client, || who(caller), needs, now_ns)
     }
 
-    fn order_of(&mut self, call: &Call<'_>, order: Result<Order, RpcError>) -> Answer {
-        match order {
-            Ok(order) => self.order(call, order),
-            Err(error) => Some(Err(error)),
-        }
+    /// Runs a method where its kind runs.
+    fn run(&mut self, method: &Method, call: &mut Call<'_>) -> Answer {
+        let begun = match method.runs {
+            Runs::Quick(quick) => return Some(quick(self, call)),
+            Runs::Later(later) => return later(self, call),
+            Runs::AtOnce(what) => self.order(
+                call,
+                match what {
+                    AtOnce::Hold => Order::Hold,
+                    AtOnce::Stop => Order::Stop,
+                    AtOnce::Estop => Order::Estop,
+                },
+            ),
+            Runs::Order(order) => order(self, call).and_then(|order| self.order(call, order)),
+            Runs::Errand(errand) => errand(self, call).and_then(|errand| self.errands.begin(call.ticket, errand)),
+        };
+        begun.err().map(Err)
     }
 
-    fn order(&mut self, call: &Call<'_>, order: Order) -> Answer {
-        match self.operator.put(call.ticket, order) {
-            Ok(()) => None,
-            Err(what) => Some(Err(RpcError::new(code::REFUSED, what))),
-        }
+    fn order(&mut self, call: &Call<'_>, order: Order) -> Result<(), RpcError> {
+        let put = self.operator.put(call.ticket, order);
+        put.map_err(|what| RpcError::new(code::REFUSED, what))
     }
 
-    /// What concerns jogs under way: of one axis or joint, or all.
-    fn jogging(&mut self, call: &Call<'_>, motion: JogMotion) -> Answer {
-        let what = arguments::jogged(call.params);
-        self.order_of(call, what.map(|what| Order::Jog(Jog { what, motion })))
+    /// What is done with a request where it is read.
+    pub fn at_once(&self) -> impl Fn(&Request) + Send + use<> {
+        let live = Arc::clone(&self.live);
+        move |request| {
+            let method = METHODS.iter().find(|method| method.name == request.method);
+            if let Some((method, what)) = method.and_then(|method| Some((method, method.at_once()?)))
+                && request.params.only(&method.names().collect::<Vec<_>>()).is_ok()
+            {
+                live.order(what);
+            }
+        }
     }
 
     fn network(&mut self) -> Result<Value, RpcError> {
@@ -751,7 +768,7 @@ impl Serve for Methods {
             ticket,
         };
         let answer = match permitted {
-            Ok(()) => (method.call)(self, &mut call),
+            Ok(()) => self.run(method, &mut call),
             Err(error) => Some(Err(error)),
         };
         if let Some(answer) = &answer {

@@ -1,6 +1,6 @@
 //! Pins by name: what they are, and values for those that nothing drives.
 
-use super::{Answer, Call, Methods, done, pin_json};
+use super::{Call, Methods, done, pin_json};
 use crate::api::orders::Order;
 use crate::api::rpc::{RpcError, code};
 use hal_pins::AnyValue;
@@ -24,7 +24,7 @@ impl Methods {
     }
 
     /// Sets an input that no net reaches; the journal tells it.
-    pub(super) fn set_pin(&self, call: &Call<'_>) -> Answer {
+    pub(super) fn set_pin(&self, call: &Call<'_>) -> Result<Value, RpcError> {
         let given = |name: &str| {
             let text = call.params.text(name)?;
             text.ok_or_else(|| {
@@ -32,20 +32,14 @@ impl Methods {
                 RpcError::new(code::INVALID_PARAMS, what)
             })
         };
-        let set = || {
-            let (name, text) = (given("pin")?, given("value")?);
-            let pins = self.scopes.pins()?;
-            let kind = pins.get(name).map_err(refused)?.value_type();
-            let value = AnyValue::parse(kind, text)
-                .map_err(|error| RpcError::new(code::INVALID_PARAMS, format!("{name}: {error}")))?;
-            pins.set(name, value).map_err(refused)?;
-            // Nobody waits for its answer.
-            let _ = self.operator.put(0, Order::Note(format!("pin {name} set to {text}")));
-            Ok(())
-        };
-        match set() {
-            Ok(()) => done(),
-            Err(error) => Some(Err(error)),
-        }
+        let (name, text) = (given("pin")?, given("value")?);
+        let pins = self.scopes.pins()?;
+        let kind = pins.get(name).map_err(refused)?.value_type();
+        let value = AnyValue::parse(kind, text)
+            .map_err(|error| RpcError::new(code::INVALID_PARAMS, format!("{name}: {error}")))?;
+        pins.set(name, value).map_err(refused)?;
+        // Nobody waits for its answer.
+        let _ = self.operator.put(0, Order::Note(format!("pin {name} set to {text}")));
+        done()
     }
 }

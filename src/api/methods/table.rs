@@ -5,9 +5,11 @@
 use super::pin_values::VALUES_MAX;
 use super::{Answer, Call, Methods, arguments, done};
 use crate::api::control::Needs;
+use crate::api::errands::Errand;
 use crate::api::orders::Order;
 use crate::api::repeats::REQUEST_ID;
 use crate::api::roles::Role;
+use crate::api::rpc::RpcError;
 use crate::api::scopes;
 use crate::api::server::subscription::RATE_MAX_HZ;
 use crate::api::text_lines::LINES_MAX;
@@ -15,9 +17,11 @@ use crate::api::uploads::PART_MAX;
 use crate::bus::SDO_VALUE_MAX;
 use crate::config::JOINTS_MAX;
 use crate::rt::joint_jog::JogMotion;
+use crate::rt::shared::AtOnce;
 use cia402::profile::AXES_MAX;
 use files::read::PROGRAM_MAX;
 use hal_pins::scope::CHANNELS_MAX;
+use serde_json::Value;
 
 /// Version of what is served here: the first number changes when something is gone or means something else, the second when
 /// something is new.
@@ -37,10 +41,36 @@ pub struct Method {
     pub role: Role,
     /// Looks and changes nothing: answered also where the network is silenced.
     pub(super) looks: bool,
-    pub(super) call: fn(&mut Methods, &mut Call<'_>) -> Answer,
+    /// Where, and how.
+    pub(super) runs: Runs,
+}
+
+/// Where a method runs, which is its kind: what it may cost follows from that.
+#[derive(Clone, Copy)]
+pub(super) enum Runs {
+    /// Brings the machine to rest: the cycle takes it as soon as it is read from the socket, whatever other threads do; then the
+    /// operator as an order.
+    AtOnce(AtOnce),
+    /// On the service thread, which serves nobody else meanwhile: looks at what lies in memory or puts something there. Reads no
+    /// file, compiles nothing, waits for nobody.
+    Quick(fn(&mut Methods, &mut Call<'_>) -> Result<Value, RpcError>),
+    /// The same, for something that others do: its answer comes once they have.
+    Later(fn(&mut Methods, &mut Call<'_>) -> Answer),
+    /// By the operator, in his turn.
+    Order(fn(&mut Methods, &mut Call<'_>) -> Result<Order, RpcError>),
+    /// In a thread of its own: may take as long as it likes.
+    Errand(fn(&mut Methods, &mut Call<'_>) -> Result<Errand, RpcError>),
 }
 
 impl Method {
+    /// What it orders of the cycle at once, if that is its kind.
+    pub fn at_once(&self) -> Option<AtOnce> {
+        match self.runs {
+            Runs::AtOnce(what) => Some(what),
+            Runs::Quick(_) | Runs::Later(_) | Runs::Order(_) | Runs::Errand(_) => None,
+        }
+    }
+
     /// Whether it changes nothing.
     pub fn only_looks(&self) -> bool {
         self.looks
@@ -179,7 +209,7 @@ const LOOK: Method = Method {
     needs: Needs::Nothing,
     role: Role::Watch,
     looks: true,
-    call: |_, _| None,
+    runs: Runs::Quick(|_, _| done()),
 };
 
 /// An order of whoever has control.
@@ -195,14 +225,14 @@ pub const METHODS: &[Method] = &[
         name: "methods",
         does: "this table",
         gives: Gives::Methods,
-        call: |_, _| Some(Ok(super::table())),
+        runs: Runs::Quick(|_, _| Ok(super::table())),
         ..LOOK
     },
     Method {
         name: "rpc.discover",
         does: "the same with types, as an OpenRPC document",
         gives: Gives::OpenRpc,
-        call: |_, _| Some(Ok(crate::api::openrpc::document())),
+        runs: Runs::Quick(|_, _| Ok(crate::api::openrpc::document())),
         ..LOOK
     },
     Method {
@@ -217,14 +247,14 @@ pub const METHODS: &[Method] = &[
                \"operate\", \"set-up\") and its number. A \"token\" is for the panel, which takes it in the first message; here it is not \
                looked at",
         gives: Gives::Identified,
-        call: |methods, call| Some(methods.identify(call)),
+        runs: Runs::Quick(|methods, call| methods.identify(call)),
         ..LOOK
     },
     Method {
         name: "status",
         does: "machine, process, state, cycles, position, program, alarm",
         gives: Gives::Status,
-        call: |methods, _| Some(Ok(methods.status())),
+        runs: Runs::Quick(|methods, _| Ok(methods.status())),
         ..LOOK
     },
     Method {
@@ -234,16 +264,16 @@ pub const METHODS: &[Method] = &[
                \"changed\": positions and the like at most so often (20 times a second without it), all else at once. Another \
                one takes the place of the first",
         gives: Gives::Subscribed,
-        call: |methods, call| Some(methods.subscribe(call)),
+        runs: Runs::Quick(|methods, call| methods.subscribe(call)),
         ..LOOK
     },
     Method {
         name: "unsubscribe",
         does: "no more notifications",
-        call: |_, call| {
+        runs: Runs::Quick(|_, call| {
             call.caller.subscription = None;
-            super::done()
-        },
+            done()
+        }),
         ..LOOK
     },
     Method {
@@ -255,44 +285,44 @@ pub const METHODS: &[Method] = &[
         gives: Gives::Control,
         role: Role::Operate,
         looks: false,
-        call: |methods, call| Some(methods.take_control(call)),
+        runs: Runs::Quick(|methods, call| methods.take_control(call)),
         ..LOOK
     },
     Method {
         name: "control.release",
         does: "lets control go",
-        call: |methods, call| {
+        runs: Runs::Quick(|methods, call| {
             let now_ns = (methods.now_ns)();
             methods.control.release(call.caller.client, now_ns);
-            super::done()
-        },
+            done()
+        }),
         ..LOOK
     },
     Method {
         name: "ping",
         does: "nothing: its answer shows that the control lives",
-        call: |_, _| done(),
+        runs: Runs::Quick(|_, _| done()),
         ..LOOK
     },
     Method {
         name: "machine.describe",
         does: "what does not change: axes with their travel and joints, limits, spindle, cycle, whether programs can be sent",
         gives: Gives::Described,
-        call: |methods, _| Some(Ok(methods.described.clone())),
+        runs: Runs::Quick(|methods, _| Ok(methods.described.clone())),
         ..LOOK
     },
     Method {
         name: "metrics",
         does: "figures for Prometheus, as the \"text\" of its exposition format",
         gives: Gives::Metrics,
-        call: |methods, _| Some(Ok(methods.metrics())),
+        runs: Runs::Quick(|methods, _| Ok(methods.metrics())),
         ..LOOK
     },
     Method {
         name: "bus.network",
         does: "the network and its nodes: what they are, how they are, why they are not operational",
         gives: Gives::Network,
-        call: |methods, _| Some(methods.network()),
+        runs: Runs::Quick(|methods, _| methods.network()),
         ..LOOK
     },
     Method {
@@ -302,7 +332,7 @@ pub const METHODS: &[Method] = &[
         gives: Gives::Octets,
         role: Role::Operate,
         looks: false,
-        call: |methods, call| methods.sdo(call, false),
+        runs: Runs::Later(|methods, call| methods.sdo(call, false)),
         ..LOOK
     },
     Method {
@@ -315,7 +345,7 @@ pub const METHODS: &[Method] = &[
         ],
         does: "writes an object of a node; \"value\" holds its octets as hexadecimal digits",
         role: Role::SetUp,
-        call: |methods, call| methods.sdo(call, true),
+        runs: Runs::Later(|methods, call| methods.sdo(call, true)),
         ..ORDER
     },
     Method {
@@ -330,19 +360,19 @@ pub const METHODS: &[Method] = &[
                the machine file, for so many seconds, or until \"none\" mends all; \"overcurrent\" without a time can be acknowledged at \
                once, \"power-off\" without one stays. A drive that is no simulated one refuses",
         role: Role::SetUp,
-        call: |methods, call| methods.sim_fault(call),
+        runs: Runs::Later(|methods, call| methods.sim_fault(call)),
         ..ORDER
     },
     Method {
         name: "on",
         does: "switches drives on; moves nothing, and homes nothing",
-        call: |methods, call| methods.order(call, Order::On),
+        runs: Runs::Order(|_, _| Ok(Order::On)),
         ..ORDER
     },
     Method {
         name: "off",
         does: "brings the machine to rest and switches drives off",
-        call: |methods, call| methods.order(call, Order::Off),
+        runs: Runs::Order(|_, _| Ok(Order::Off)),
         ..ORDER
     },
     Method {
@@ -350,13 +380,13 @@ pub const METHODS: &[Method] = &[
         does: "emergency stop: quick stop of all drives, spindle and coolant off, until \"estop.reset\". Not a safety function",
         needs: Needs::Nothing,
         role: Role::Watch,
-        call: |methods, call| methods.order(call, Order::Estop),
+        runs: Runs::AtOnce(AtOnce::Estop),
         ..ORDER
     },
     Method {
         name: "estop.reset",
         does: "the emergency stop is over, once its chain is closed; switches nothing on",
-        call: |methods, call| methods.order(call, Order::EstopReset),
+        runs: Runs::Order(|_, _| Ok(Order::EstopReset)),
         ..ORDER
     },
     Method {
@@ -364,11 +394,10 @@ pub const METHODS: &[Method] = &[
         params: &[optional("joints", Kind::Wholes(0, JOINTS_MAX as u64 - 1))],
         does: "homes the \"joints\" of a list of numbers, all without it, in the order of their \"sequence\"; switches drives on if \
                they are off, and leaves them on",
-        call: |methods, call| {
+        runs: Runs::Order(|_, call| {
             let joints = call.params.numbers("joints", 0, JOINTS_MAX as u64 - 1);
-            let order = joints.map(|joints| Order::Home(joints.into_iter().map(|joint| joint as usize).collect()));
-            methods.order_of(call, order)
-        },
+            joints.map(|joints| Order::Home(joints.into_iter().map(|joint| joint as usize).collect()))
+        }),
         ..ORDER
     },
     Method {
@@ -381,7 +410,7 @@ pub const METHODS: &[Method] = &[
                or is silent about it for a minute. At most four at a time",
         gives: Gives::UploadBegun,
         needs: Needs::Nothing,
-        call: |methods, call| Some(methods.begin_upload(call)),
+        runs: Runs::Quick(|methods, call| methods.begin_upload(call)),
         ..ORDER
     },
     Method {
@@ -394,7 +423,7 @@ pub const METHODS: &[Method] = &[
         does: "takes the octets that follow those that have come, which \"at\" counts",
         gives: Gives::UploadGrown,
         needs: Needs::Nothing,
-        call: |methods, call| Some(methods.append_upload(call)),
+        runs: Runs::Quick(|methods, call| methods.append_upload(call)),
         ..ORDER
     },
     Method {
@@ -402,7 +431,7 @@ pub const METHODS: &[Method] = &[
         params: &[needed("upload", NUMBER_32), needed("sha256", Kind::Octets(32))],
         does: "all has come, and this is its SHA-256: another one gives it up",
         needs: Needs::Nothing,
-        call: |methods, call| Some(methods.commit_upload(call)),
+        runs: Runs::Quick(|methods, call| methods.commit_upload(call)),
         ..ORDER
     },
     Method {
@@ -411,10 +440,7 @@ pub const METHODS: &[Method] = &[
         does: "checks a program and keeps it for \"program.start\". A \"file\" of the folder of programs, one that the control may \
                read (\"path\", absolute), an \"upload\", or \"text\" and its \"name\"",
         gives: Gives::Outlook,
-        call: |methods, call| {
-            let source = methods.source(call);
-            methods.order_of(call, source.map(Order::Load))
-        },
+        runs: Runs::Order(|methods, call| methods.source(call).map(Order::Load)),
         ..ORDER
     },
     Method {
@@ -430,10 +456,7 @@ pub const METHODS: &[Method] = &[
                one before. \"dry_run_feed_mm_min\": dry, all moves at feed at this one (degrees/min where only rotary axes move), \
                spindles and coolant off, no part counted",
         gives: Gives::Outlook,
-        call: |methods, call| {
-            let start = arguments::start(call.params);
-            methods.order_of(call, start)
-        },
+        runs: Runs::Order(|_, call| arguments::start(call.params)),
         ..ORDER
     },
     Method {
@@ -443,10 +466,7 @@ pub const METHODS: &[Method] = &[
                \"program.load\"",
         gives: Gives::Outlook,
         needs: Needs::Nothing,
-        call: |methods, call| {
-            let source = methods.source(call);
-            methods.order_of(call, source.map(Order::Inspect))
-        },
+        runs: Runs::Order(|methods, call| methods.source(call).map(Order::Inspect)),
         ..ORDER
     },
     Method {
@@ -455,10 +475,7 @@ pub const METHODS: &[Method] = &[
         does: "checks a program, switches drives on if they are off, homes joints that are not, runs it; drives stay on. \
                Parameters as of \"program.load\"",
         gives: Gives::Outlook,
-        call: |methods, call| {
-            let source = methods.source(call);
-            methods.order_of(call, source.map(Order::Run))
-        },
+        runs: Runs::Order(|methods, call| methods.source(call).map(Order::Run)),
         ..ORDER
     },
     Method {
@@ -467,13 +484,13 @@ pub const METHODS: &[Method] = &[
         does: "the report of a program that was run, by its \"number\" (the journal has it), without it the last one; the last 50 are \
                kept",
         gives: Gives::Report,
-        call: |methods, call| {
-            let number = match call.params.has("number") {
+        runs: Runs::Order(|_, call| {
+            match call.params.has("number") {
                 true => call.params.number("number", 0, u64::MAX).map(Some),
                 false => Ok(None),
-            };
-            methods.order_of(call, number.map(Order::Report))
-        },
+            }
+            .map(Order::Report)
+        }),
         ..LOOK
     },
     Method {
@@ -485,7 +502,7 @@ pub const METHODS: &[Method] = &[
         does: "\"lines\" of the program that \"status\" shows, so many (50 without it) from line \"from_line\" on (1 without it), each cut at 256 \
                octets; \"more\": there are others behind them. \"revision\" as in \"status\": another one is another text",
         gives: Gives::Text,
-        call: |methods, call| Some(methods.program_text(call)),
+        runs: Runs::Quick(|methods, call| methods.program_text(call)),
         ..LOOK
     },
     Method {
@@ -495,7 +512,7 @@ pub const METHODS: &[Method] = &[
                \"tolerance_mm\" off (0.01 without it, degrees count as mm); its parts are fetched with \"program.path.next\". Another \
                one takes the place of the first; given up when its client goes or asks for nothing for a minute",
         gives: Gives::PathBegun,
-        call: |methods, call| methods.begin_path(call),
+        runs: Runs::Order(|methods, call| methods.begin_path(call)),
         ..LOOK
     },
     Method {
@@ -504,16 +521,16 @@ pub const METHODS: &[Method] = &[
         does: "the next records of a way, answered once they are there; with \"end\" it is over, by an \"error\" of the program if \
                there is one",
         gives: Gives::PathPart,
-        call: |methods, call| methods.next_of_path(call),
+        runs: Runs::Later(|methods, call| methods.next_of_path(call)),
         ..LOOK
     },
     Method {
         name: "program.path.end",
         does: "nobody wants more of the way that this client fetches",
-        call: |methods, call| {
+        runs: Runs::Quick(|methods, call| {
             methods.paths.left(call.caller.client);
             done()
-        },
+        }),
         ..LOOK
     },
     Method {
@@ -522,7 +539,7 @@ pub const METHODS: &[Method] = &[
         does: "pins and nets with their values, those that a \"pattern\" with * and ? fits, up to 500, from number \"from\" of them on; \
                \"more\": there are others behind them",
         gives: Gives::Pins,
-        call: |methods, call| Some(methods.list_pins(call)),
+        runs: Runs::Quick(|methods, call| methods.list_pins(call)),
         ..LOOK
     },
     Method {
@@ -543,7 +560,7 @@ pub const METHODS: &[Method] = &[
                as \"scope.next\" would answer, while their client reads; else they are fetched with \"scope.next\". Given up when its \
                client goes, or takes nothing for a minute. Two of a client, three of all",
         gives: Gives::ScopeBegun,
-        call: |methods, call| Some(methods.begin_scope(call)),
+        runs: Runs::Quick(|methods, call| methods.begin_scope(call)),
         ..LOOK
     },
     Method {
@@ -552,23 +569,21 @@ pub const METHODS: &[Method] = &[
         does: "the rows that have come since the last call, at once, of one record, 24 KiB at the most; \"more\": others are there \
                already. \"lost\": cycles since the beginning that nobody fetched in time",
         gives: Gives::ScopePart,
-        call: |methods, call| {
-            let scope = call.params.number("scope", 0, u64::from(u32::MAX));
-            Some(scope.and_then(|scope| methods.scopes.next(call.caller.client, scope, (methods.now_ns)())))
-        },
+        runs: Runs::Quick(|methods, call| {
+            let scope = call.params.number("scope", 0, u64::from(u32::MAX))?;
+            methods.scopes.next(call.caller.client, scope, (methods.now_ns)())
+        }),
         ..LOOK
     },
     Method {
         name: "scope.end",
         params: &[needed("scope", NUMBER_32)],
         does: "nobody wants more of it",
-        call: |methods, call| {
-            let scope = call.params.number("scope", 0, u64::from(u32::MAX));
-            Some(scope.map(|scope| {
-                methods.scopes.end(call.caller.client, scope);
-                serde_json::json!({})
-            }))
-        },
+        runs: Runs::Quick(|methods, call| {
+            let scope = call.params.number("scope", 0, u64::from(u32::MAX))?;
+            methods.scopes.end(call.caller.client, scope);
+            done()
+        }),
         ..LOOK
     },
     Method {
@@ -576,27 +591,21 @@ pub const METHODS: &[Method] = &[
         params: &[needed("line", Kind::Text)],
         does: "runs a \"line\" of G-code in the modes that the one before has left, behind those that wait; answered when it begins",
         gives: Gives::Outlook,
-        call: |methods, call| {
-            let line = arguments::line(call.params);
-            methods.order_of(call, line.map(Order::Mdi))
-        },
+        runs: Runs::Order(|_, call| arguments::line(call.params).map(Order::Mdi)),
         ..ORDER
     },
     Method {
         name: "mdi.stream",
         params: &[needed("text", Kind::Text), optional("wait", Kind::Flag)],
         does: "runs the lines of a \"text\" as \"mdi\" does, but those that come in time as one program: nothing stops between them. Answered when there is room for more; with \"wait\" once all of them and those before have been executed, also without any; the program ends behind lines that are waited for. They are not checked before: what is wrong is an alarm at its line",
-        call: |methods, call| {
-            let lines = arguments::lines(call.params);
-            methods.order_of(call, lines)
-        },
+        runs: Runs::Order(|_, call| arguments::lines(call.params)),
         ..ORDER
     },
     Method {
         name: "mdi.history",
         does: "the \"lines\" of MDI that were typed last, up to 100, the latest last",
         gives: Gives::Lines,
-        call: |methods, call| methods.order(call, Order::MdiHistory),
+        runs: Runs::Order(|_, _| Ok(Order::MdiHistory)),
         ..LOOK
     },
     Method {
@@ -610,17 +619,14 @@ pub const METHODS: &[Method] = &[
         does: "the \"axis\" reads \"value\" (unit of the machine) where it stands: in a work \"system\" (G54 to G59.3, else the one in \
                force), or once the length of a \"tool\" is in force",
         gives: Gives::Kept,
-        call: |methods, call| {
-            let change = arguments::touch_off(call.params);
-            methods.order_of(call, change.map(Order::Change))
-        },
+        runs: Runs::Order(|_, call| arguments::touch_off(call.params).map(Order::Change)),
         ..ORDER
     },
     Method {
         name: "offset.list",
         does: "origins and rotations of G54 to G59.3, and G92",
         gives: Gives::Offsets,
-        call: |methods, call| methods.order(call, Order::Offsets),
+        runs: Runs::Order(|_, _| Ok(Order::Offsets)),
         ..LOOK
     },
     Method {
@@ -634,17 +640,14 @@ pub const METHODS: &[Method] = &[
         does: "puts the origin of a work \"system\" (else the one in force) on an \"axis\" to this \"value\", machine coordinates; or \
                turns it about Z of its origin, counter-clockwise from above (G10 L2 R)",
         gives: Gives::Kept,
-        call: |methods, call| {
-            let change = arguments::offset(call.params);
-            methods.order_of(call, change.map(Order::Change))
-        },
+        runs: Runs::Order(|_, call| arguments::offset(call.params).map(Order::Change)),
         ..ORDER
     },
     Method {
         name: "tool.list",
         does: "the tool table, and the tool in the spindle",
         gives: Gives::Tools,
-        call: |methods, call| methods.order(call, Order::Tools),
+        runs: Runs::Order(|_, _| Ok(Order::Tools)),
         ..LOOK
     },
     Method {
@@ -656,16 +659,13 @@ pub const METHODS: &[Method] = &[
         ],
         does: "\"length\" or \"diameter\" of a \"tool\", or both, in the unit of the machine; one that the table lacks is added",
         gives: Gives::Kept,
-        call: |methods, call| {
-            let change = arguments::tool(call.params);
-            methods.order_of(call, change.map(Order::Change))
-        },
+        runs: Runs::Order(|_, call| arguments::tool(call.params).map(Order::Change)),
         ..ORDER
     },
     Method {
         name: "tool.changed",
         does: "the tool that the program waits for is in the spindle",
-        call: |methods, call| methods.order(call, Order::ToolChanged),
+        runs: Runs::Order(|_, _| Ok(Order::ToolChanged)),
         ..ORDER
     },
     Method {
@@ -680,10 +680,7 @@ pub const METHODS: &[Method] = &[
                as the soft limit; or by \"distance_mm\", which adds up. Holds for 0.2 s: renew it with \"jog.keep\"",
         gives: Gives::Jog,
         needs: Needs::ControlForJog,
-        call: |methods, call| {
-            let jog = arguments::jog(call.params);
-            methods.order_of(call, jog.map(Order::Jog))
-        },
+        runs: Runs::Order(|_, call| arguments::jog(call.params).map(Order::Jog)),
         ..ORDER
     },
     Method {
@@ -692,7 +689,7 @@ pub const METHODS: &[Method] = &[
         does: "the hand is still on the key: what is being jogged goes on for another 0.2 s; begins nothing",
         gives: Gives::Jog,
         needs: Needs::ControlForJog,
-        call: |methods, call| methods.jogging(call, JogMotion::Keep),
+        runs: Runs::Order(|_, call| arguments::jogging(call.params, JogMotion::Keep)),
         ..ORDER
     },
     Method {
@@ -702,7 +699,7 @@ pub const METHODS: &[Method] = &[
         gives: Gives::Jog,
         needs: Needs::Nothing,
         role: Role::Watch,
-        call: |methods, call| methods.jogging(call, JogMotion::Release),
+        runs: Runs::Order(|_, call| arguments::jogging(call.params, JogMotion::Release)),
         ..ORDER
     },
     Method {
@@ -710,7 +707,7 @@ pub const METHODS: &[Method] = &[
         does: "brings the program to rest on its path and keeps it: it may be jogged away then; a jog or a way back is over",
         needs: Needs::Nothing,
         role: Role::Watch,
-        call: |methods, call| methods.order(call, Order::Hold),
+        runs: Runs::AtOnce(AtOnce::Hold),
         ..ORDER
     },
     Method {
@@ -718,7 +715,7 @@ pub const METHODS: &[Method] = &[
         does: "goes on after a hold, and forward after \"reverse\"; in single block, runs the next block. Of a machine that was jogged \
                away: returns to where the program is held, Z up first (\"returns\": the legs), and waits there for the next one",
         gives: Gives::Resumed,
-        call: |methods, call| methods.order(call, Order::Resume),
+        runs: Runs::Order(|_, _| Ok(Order::Resume)),
         ..ORDER
     },
     Method {
@@ -726,7 +723,7 @@ pub const METHODS: &[Method] = &[
         does: "gives up the block that the program waits in without moving (a dwell, M66 as if its time had run out, M0, M1) and goes \
                on with the next one; refused in any other, as what follows would begin elsewhere than it was programmed",
         gives: Gives::Skipped,
-        call: |methods, call| methods.order(call, Order::Skip),
+        runs: Runs::Order(|_, _| Ok(Order::Skip)),
         ..ORDER
     },
     Method {
@@ -735,10 +732,7 @@ pub const METHODS: &[Method] = &[
         does: "runs the program that runs or is held back along the path it has run, at \"percent\" (above 0 to 100, usually 100) \
                of its speed, as far as the last block that moves nothing or turns with the spindle; \"hold\" rests, \"resume\" \
                goes forward again",
-        call: |methods, call| {
-            let share = arguments::reverse_share(call.params);
-            methods.order_of(call, share.map(Order::Reverse))
-        },
+        runs: Runs::Order(|_, call| arguments::reverse_share(call.params).map(Order::Reverse)),
         ..ORDER
     },
     Method {
@@ -746,20 +740,14 @@ pub const METHODS: &[Method] = &[
         params: &[needed("on", Kind::Flag)],
         does: "\"on\" (true or false): the program rests at the end of each block, \"resume\" runs the next one; what is planned \
                from now on stops at the end of each block exactly",
-        call: |methods, call| {
-            let on = call.params.flag("on");
-            methods.order_of(call, on.map(Order::SingleBlock))
-        },
+        runs: Runs::Order(|_, call| call.params.flag("on").map(Order::SingleBlock)),
         ..ORDER
     },
     Method {
         name: "optional_stop",
         params: &[needed("on", Kind::Flag)],
         does: "\"on\" (true or false): the program stops at M1 and waits for \"resume\"; counts as an M1 is reached",
-        call: |methods, call| {
-            let on = call.params.flag("on");
-            methods.order_of(call, on.map(Order::OptionalStop))
-        },
+        runs: Runs::Order(|_, call| call.params.flag("on").map(Order::OptionalStop)),
         ..ORDER
     },
     Method {
@@ -767,10 +755,7 @@ pub const METHODS: &[Method] = &[
         params: &[needed("on", Kind::Flag)],
         does: "\"on\" (true or false): lines that begin with / are left out of programs and lines of MDI; refused while one runs, as \
                it was checked with the lines that it has",
-        call: |methods, call| {
-            let on = call.params.flag("on");
-            methods.order_of(call, on.map(Order::BlockDelete))
-        },
+        runs: Runs::Order(|_, call| call.params.flag("on").map(Order::BlockDelete)),
         ..ORDER
     },
     Method {
@@ -778,7 +763,7 @@ pub const METHODS: &[Method] = &[
         does: "brings the machine to rest, a program on its path, and gives it up; spindle and coolant go off, drives stay on",
         needs: Needs::Nothing,
         role: Role::Watch,
-        call: |methods, call| methods.order(call, Order::Stop),
+        runs: Runs::AtOnce(AtOnce::Stop),
         ..ORDER
     },
     Method {
@@ -795,7 +780,7 @@ pub const METHODS: &[Method] = &[
         // It looks itself: slower is for everyone.
         needs: Needs::Nothing,
         role: Role::Watch,
-        call: |methods, call| Some(methods.set_overrides(call)),
+        runs: Runs::Quick(|methods, call| methods.set_overrides(call)),
         ..ORDER
     },
     Method {
@@ -805,13 +790,13 @@ pub const METHODS: &[Method] = &[
                others behind them; \"last\": the number of the last one of all, \"on_disk\": of the last one that outlasts this \
                control, or that a full disk does not take",
         gives: Gives::Journal,
-        call: |methods, call| {
-            let since = match call.params.has("seq") {
+        runs: Runs::Order(|_, call| {
+            match call.params.has("seq") {
                 true => call.params.number("seq", 0, u64::MAX),
                 false => Ok(0),
-            };
-            methods.order_of(call, since.map(Order::Journal))
-        },
+            }
+            .map(Order::Journal)
+        }),
         ..LOOK
     },
     Method {
@@ -820,23 +805,20 @@ pub const METHODS: &[Method] = &[
         does: "sets the counter of parts to \"count\", how many are wanted to \"target\" (0: nobody says), or both; a program that \
                comes to its end (M2, M30) adds one",
         gives: Gives::Kept,
-        call: |methods, call| {
-            let parts = arguments::parts(call.params);
-            methods.order_of(call, parts)
-        },
+        runs: Runs::Order(|_, call| arguments::parts(call.params)),
         ..ORDER
     },
     Method {
         name: "alarm.acknowledge",
         does: "allows motion again after a fault whose cause is gone; moves nothing and switches nothing on",
-        call: |methods, call| methods.order(call, Order::Acknowledge),
+        runs: Runs::Order(|_, _| Ok(Order::Acknowledge)),
         ..ORDER
     },
     Method {
         name: "logic.list",
         does: "programs in Structured Text: periods, scans, how many were left out as the one before was not over, what a scan takes",
         gives: Gives::LogicTasks,
-        call: |methods, _| Some(Ok(methods.logic_tasks())),
+        runs: Runs::Quick(|methods, _| Ok(methods.logic_tasks())),
         ..LOOK
     },
     Method {
@@ -851,7 +833,7 @@ pub const METHODS: &[Method] = &[
                \"variable\", which may be a structure, an array or a block; of these, those that have all words of \"search\" in their \
                name or pin; up to 500, from number \"from\" of them on; \"more\": there are others behind them",
         gives: Gives::LogicVariables,
-        call: |methods, call| Some(methods.logic_look(call)),
+        runs: Runs::Quick(|methods, call| methods.logic_look(call)),
         ..LOOK
     },
     Method {
@@ -861,7 +843,7 @@ pub const METHODS: &[Method] = &[
                the program is changed or the control ends; the journal tells it",
         gives: Gives::LogicForced,
         role: Role::SetUp,
-        call: |methods, call| Some(methods.logic_force(call)),
+        runs: Runs::Quick(|methods, call| methods.logic_force(call)),
         ..ORDER
     },
     Method {
@@ -870,7 +852,7 @@ pub const METHODS: &[Method] = &[
         does: "a \"variable\" that was forced, or without it all of them, are again what pins and the program make of them",
         gives: Gives::LogicReleased,
         role: Role::SetUp,
-        call: |methods, call| Some(methods.logic_release(call)),
+        runs: Runs::Quick(|methods, call| methods.logic_release(call)),
         ..ORDER
     },
     Method {
@@ -880,7 +862,7 @@ pub const METHODS: &[Method] = &[
                all variables that have the same name and type; only while the machine rests and no program of parts is under way",
         gives: Gives::LogicReloaded,
         role: Role::SetUp,
-        call: |methods, call| methods.logic_reload(call),
+        runs: Runs::Errand(|methods, call| methods.logic_reload(call)),
         ..ORDER
     },
     Method {
@@ -888,7 +870,7 @@ pub const METHODS: &[Method] = &[
         does: "the \"text\" of the machine file, its \"sha256\", and its \"errors\", each with its place; up to 48 KiB",
         gives: Gives::MachineFile,
         role: Role::Operate,
-        call: |methods, call| methods.read_machine_file(call),
+        runs: Runs::Errand(|methods, _| methods.read_machine_file()),
         ..LOOK
     },
     Method {
@@ -897,7 +879,7 @@ pub const METHODS: &[Method] = &[
         does: "what is wrong with a \"text\" as the machine file: \"errors\", each with its place; none if it is right",
         gives: Gives::Errors,
         role: Role::SetUp,
-        call: |methods, call| methods.check_machine_file(call),
+        runs: Runs::Errand(|methods, call| methods.check_machine_file(call)),
         ..LOOK
     },
     Method {
@@ -908,14 +890,14 @@ pub const METHODS: &[Method] = &[
                the next start",
         gives: Gives::FileWritten,
         role: Role::SetUp,
-        call: |methods, call| methods.write_machine_file(call),
+        runs: Runs::Errand(|methods, call| methods.write_machine_file(call)),
         ..ORDER
     },
     Method {
         name: "machine.doctor",
         does: "what on this PC stands in the way of real time, as isocnc doctor --no-tests --json says",
         gives: Gives::Doctor,
-        call: |methods, call| methods.doctor(call),
+        runs: Runs::Errand(|methods, _| methods.doctor()),
         ..LOOK
     },
     Method {
@@ -923,7 +905,7 @@ pub const METHODS: &[Method] = &[
         params: &[needed("pins", Kind::Texts(VALUES_MAX))],
         does: "\"pins\" of a list, as \"hal.list\" tells them",
         gives: Gives::Pins,
-        call: |methods, call| Some(methods.pin_values(call)),
+        runs: Runs::Quick(|methods, call| methods.pin_values(call)),
         ..LOOK
     },
     Method {
@@ -931,7 +913,7 @@ pub const METHODS: &[Method] = &[
         params: &[needed("pin", Kind::Text), needed("value", Kind::Text)],
         does: "gives a \"pin\" that no net reaches a \"value\": a number, 0, 1, false or true; the journal tells it",
         role: Role::SetUp,
-        call: |methods, call| methods.set_pin(call),
+        runs: Runs::Quick(|methods, call| methods.set_pin(call)),
         ..ORDER
     },
     Method {
@@ -940,7 +922,7 @@ pub const METHODS: &[Method] = &[
                distance of two SoCs differs from the cycle), \"lateness\" of the SoC, \"exchange\", \"compute\"; how many \"orders\" the cycle \
                has taken, and when the last of them",
         gives: Gives::Times,
-        call: |methods, _| Some(Ok(methods.cycle_times())),
+        runs: Runs::Quick(|methods, _| Ok(methods.cycle_times())),
         ..LOOK
     },
 ];

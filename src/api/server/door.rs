@@ -26,16 +26,16 @@ pub(super) struct Guest {
 #[derive(Clone, Debug)]
 pub struct Door {
     guests: SyncSender<Guest>,
-    /// Ends a wait of the service; `None`: it looks now and then.
+    /// Ends a wait of whoever takes guests in; `None`: it looks now and then.
     wake: Option<Arc<EventFd>>,
 }
 
-/// Where the service takes them in.
+/// Where they are taken in.
 #[derive(Debug)]
-pub struct Guests(pub(super) Receiver<Guest>);
+pub(super) struct Guests(pub(super) Receiver<Guest>);
 
-/// A door, and its inner side; `wake`: as of [`Serve::wake`](super::Serve::wake).
-pub fn door(wake: Option<Arc<EventFd>>) -> (Door, Guests) {
+/// A door, and its inner side; `wake`: ends a wait of whoever takes guests in.
+pub(super) fn door(wake: Option<Arc<EventFd>>) -> (Door, Guests) {
     let (guests, inside) = sync_channel(WAITING_MAX);
     (Door { guests, wake }, Guests(inside))
 }

@@ -1,26 +1,29 @@
 //! The service thread: clients, their lines, their answers.
 //!
-//! In:  connections, lines of any octets.
+//! In:  connections and lines of any octets, which the socket thread (`intake`) has taken in.
 //! Out: one answer for each request, in any order. Everything a client can make grow has a limit: a client that does not
 //! read is not read any more either, and the others do not notice. Subscribers are told of changes as fast as they read.
 
 pub mod door;
+mod intake;
 pub mod subscription;
+
+pub use intake::{Arrivals, Intake, entrance};
 
 use super::roles::Role;
 use super::rpc::{self, Request, RpcError, code};
-use super::socket::{Socket, check_peer, peer};
+use super::socket::peer;
 use crate::host::wait::to_next;
-use door::{GUESTS_MAX, Guests};
+use door::GUESTS_MAX;
+use intake::{Arrival, Connection};
 use nix::poll::{PollFd, PollFlags, ppoll};
 use nix::sys::eventfd::EventFd;
 use nix::sys::socket::setsockopt;
 use nix::sys::socket::sockopt::SndBuf;
 use nix::sys::time::TimeSpec;
 use serde_json::Value;
-use std::io::{ErrorKind, Read, Write};
+use std::io::{ErrorKind, Write};
 use std::os::fd::AsFd;
-use std::os::unix::net::UnixStream;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -39,8 +42,6 @@ const OUTPUT_HIGH: usize = 256 * 1024;
 /// Requests of one client that wait for a node or for the operator: more than lines of MDI may wait for each other, so that a stop
 /// behind them is read.
 pub const PENDING_MAX: usize = 96;
-/// Octets read at once.
-const CHUNK: usize = 4096;
 /// Longest time between two looks at what real time has to say.
 const PERIOD: Duration = Duration::from_millis(20);
 /// The same while somebody wants to be told of changes.
@@ -96,8 +97,8 @@ pub trait Serve {
     fn wake(&self) -> Option<Arc<EventFd>>;
 }
 
-/// Serves until `stop`; without a socket only whoever comes through the door.
-pub fn serve(socket: Option<&Socket>, guests: &Guests, service: &mut impl Serve, stop: &AtomicBool) {
+/// Serves until `stop` whoever arrives.
+pub fn serve(arrivals: &Arrivals, service: &mut impl Serve, stop: &AtomicBool) {
     let mut clients: Vec<Client> = Vec::new();
     let mut next_ticket = 0;
     let wake = service.wake();
@@ -125,38 +126,21 @@ pub fn serve(socket: Option<&Socket>, guests: &Guests, service: &mut impl Serve,
             }
             stays
         });
-        wait(socket, wake.as_deref(), &mut clients);
-        accept(socket, &mut clients, service, &mut next_ticket);
-        let_in(guests, &mut clients, &mut next_ticket);
+        wait(wake.as_deref(), &clients);
+        let_in(arrivals, &mut clients, service, &mut next_ticket);
     }
     // What is ready should still arrive.
     clients.iter_mut().for_each(Client::write);
 }
 
-/// Waits for clients; those that have something to say are read.
-fn wait(socket: Option<&Socket>, wake: Option<&EventFd>, clients: &mut [Client]) {
-    for at in ready(socket, wake, clients) {
-        clients[at].read();
-    }
-}
-
-/// Waits; the positions of the clients for which something can be done.
-fn ready(socket: Option<&Socket>, wake: Option<&EventFd>, clients: &[Client]) -> Vec<usize> {
-    let (watched, watched_fds): (Vec<usize>, Vec<PollFd<'_>>) = clients
-        .iter()
-        .enumerate()
-        .filter(|(_, client)| client.is_watched())
-        .map(|(at, client)| {
-            let mut wanted = PollFlags::empty();
-            wanted.set(PollFlags::POLLIN, client.wants_to_read());
-            wanted.set(PollFlags::POLLOUT, !client.output.is_empty());
-            (at, PollFd::new(client.stream.as_fd(), wanted))
-        })
-        .unzip();
+/// Waits until something has come, an answer is ready, or a client can be written to.
+fn wait(wake: Option<&EventFd>, clients: &[Client]) {
+    let writing = clients.iter().filter(|client| !client.output.is_empty());
+    let mut fds: Vec<PollFd<'_>> = writing
+        .map(|client| PollFd::new(client.connection.stream.as_fd(), PollFlags::POLLOUT))
+        .collect();
     let clients_told = clients.iter().any(|client| client.caller.subscription.is_some());
     let period = if clients_told { PERIOD_TOLD } else { PERIOD };
-    let mut fds = watched_fds;
-    fds.extend(socket.map(|socket| PollFd::new(socket.listener().as_fd(), PollFlags::POLLIN)));
     fds.extend(wake.map(|wake| PollFd::new(wake.as_fd(), PollFlags::POLLIN)));
     // An interrupted or failed wait is a short one.
     let _ = ppoll(&mut fds, Some(TimeSpec::from_duration(to_next(period))), None);
@@ -164,171 +148,137 @@ fn ready(socket: Option<&Socket>, wake: Option<&EventFd>, clients: &[Client]) ->
         // Empty where nothing has woken it.
         let _ = wake.read();
     }
-    let pairs = watched.into_iter().zip(&fds);
-    pairs
-        .filter(|(_, fd)| fd.any().unwrap_or(false))
-        .map(|(at, _)| at)
-        .collect()
 }
 
-/// Whoever waits at the door comes in while there is room.
-fn let_in(guests: &Guests, clients: &mut Vec<Client>, next_ticket: &mut Ticket) {
-    while let Ok(guest) = guests.0.try_recv() {
-        if clients.iter().filter(|client| client.is_guest).count() >= GUESTS_MAX {
-            tracing::warn!(name = guest.name, "refused: {GUESTS_MAX} guests are there");
-            continue;
+/// Takes over those that have arrived.
+fn let_in(arrivals: &Arrivals, clients: &mut Vec<Client>, service: &mut impl Serve, next_ticket: &mut Ticket) {
+    for _ in 0..TAKEN_PER_TURN {
+        let Ok(Arrival { connection, guest }) = arrivals.0.try_recv() else {
+            return;
+        };
+        match &guest {
+            Some((_, name)) if clients.iter().filter(|client| client.is_guest).count() >= GUESTS_MAX => {
+                tracing::warn!(name, "refused: {GUESTS_MAX} guests are there");
+                connection.close();
+                continue;
+            }
+            Some(_) => {}
+            None => make_room(clients, service),
         }
         *next_ticket += 1;
-        tracing::debug!(client = *next_ticket, name = guest.name, "connected");
-        let mut client = Client::new(guest.stream, *next_ticket);
-        client.is_guest = true;
-        client.caller.role = guest.role;
-        client.caller.name = Some(guest.name);
+        tracing::debug!(client = *next_ticket, "connected");
+        let mut client = Client::new(connection, *next_ticket);
+        if let Some((role, name)) = guest {
+            client.is_guest = true;
+            client.caller.role = role;
+            client.caller.name = Some(name);
+        }
         clients.push(client);
     }
 }
 
-fn accept(socket: Option<&Socket>, clients: &mut Vec<Client>, service: &mut impl Serve, next_ticket: &mut Ticket) {
-    let Some(socket) = socket else { return };
-    for _ in 0..TAKEN_PER_TURN {
-        let Ok((stream, _)) = socket.listener().accept() else {
-            return;
-        };
-        if let Err(cause) = stream.set_nonblocking(true).and_then(|()| check_peer(&stream)) {
-            tracing::warn!(%cause, "connection refused");
-            continue;
-        }
-        let of_socket = |at: &usize| !clients[*at].is_guest;
-        if (0..clients.len()).filter(of_socket).count() >= CLIENTS_MAX {
-            // One that waits for an answer goes only where all do.
-            let silent = (0..clients.len()).filter(of_socket).min_by_key(|at| {
-                let client = &clients[*at];
-                let is_here = client.waits() || client.is_listening() || service.keeps(client.caller.client);
-                (is_here, client.heard)
-            });
-            if let Some(mut client) = silent.map(|at| clients.swap_remove(at)) {
-                let what = format!("{CLIENTS_MAX} others are connected, and this one was silent for the longest time");
-                tracing::warn!(client = client.caller.client, "disconnected: {what}");
-                client.answer(&Value::Null, Err(RpcError::new(code::REFUSED, what)));
-                client.write();
-                client.pending.iter().for_each(|(ticket, _)| _ = service.gone(*ticket));
-                service.left(client.caller.client);
-            }
-        }
-        *next_ticket += 1;
-        tracing::debug!(client = *next_ticket, "connected");
-        clients.push(Client::new(stream, *next_ticket));
+/// One of the socket's clients goes where there are as many as may be.
+fn make_room(clients: &mut Vec<Client>, service: &mut impl Serve) {
+    let of_socket = |at: &usize| !clients[*at].is_guest;
+    if (0..clients.len()).filter(of_socket).count() < CLIENTS_MAX {
+        return;
+    }
+    // One that waits for an answer goes only where all do.
+    let silent = (0..clients.len()).filter(of_socket).min_by_key(|at| {
+        let client = &clients[*at];
+        let is_here = client.waits() || client.is_listening() || service.keeps(client.caller.client);
+        (is_here, client.heard)
+    });
+    if let Some(mut client) = silent.map(|at| clients.swap_remove(at)) {
+        let what = format!("{CLIENTS_MAX} others are connected, and this one was silent for the longest time");
+        tracing::warn!(client = client.caller.client, "disconnected: {what}");
+        client.answer(&Value::Null, Err(RpcError::new(code::REFUSED, what)));
+        client.write();
+        client.pending.iter().for_each(|(ticket, _)| _ = service.gone(*ticket));
+        service.left(client.caller.client);
     }
 }
 
 struct Client {
     /// Named by the ticket of its connection.
     caller: Caller,
-    stream: UnixStream,
+    connection: Arc<Connection>,
     /// It came through the door.
     is_guest: bool,
     /// When something of it was heard last: the ticket of that, or of its connection.
     heard: Ticket,
-    /// What has come and is not served yet: at most a line and a chunk.
-    input: Vec<u8>,
     /// A line that is too long has been refused; its rest is passed over.
     skipping: bool,
     output: Vec<u8>,
     /// Requests that wait for their answer: ticket and id.
     pending: Vec<(Ticket, Option<Value>)>,
-    /// Nothing more will come.
-    ended: bool,
     broken: bool,
 }
 
+impl Drop for Client {
+    fn drop(&mut self) {
+        self.connection.close();
+    }
+}
+
 impl Client {
-    fn new(stream: UnixStream, heard: Ticket) -> Client {
+    fn new(connection: Arc<Connection>, heard: Ticket) -> Client {
         Client {
             caller: Caller {
                 client: heard,
-                process: peer(&stream).map_or(0, |peer| peer.pid()),
+                process: peer(&connection.stream).map_or(0, |peer| peer.pid()),
                 role: Role::SetUp,
                 name: None,
                 subscription: None,
             },
-            stream,
+            connection,
             is_guest: false,
             heard,
-            input: Vec::new(),
             skipping: false,
             output: Vec::new(),
             pending: Vec::new(),
-            ended: false,
             broken: false,
         }
     }
 
     fn is_over(&self) -> bool {
-        let served = self.ended && self.pending.is_empty() && self.output.is_empty() && !self.has_line();
-        self.broken && self.pending.iter().all(|(_, id)| id.is_none()) || served
+        let is_broken = self.is_broken();
+        let heard = self.connection.heard();
+        let served = heard.ended && self.pending.is_empty() && self.output.is_empty() && heard.octets.is_empty();
+        is_broken && self.pending.iter().all(|(_, id)| id.is_none()) || served
+    }
+
+    fn is_broken(&self) -> bool {
+        self.broken || self.connection.heard().broken
     }
 
     /// Whether it has asked for something that it has no answer to.
     fn waits(&self) -> bool {
-        !self.pending.is_empty() || !self.input.is_empty()
+        !self.pending.is_empty() || !self.connection.heard().octets.is_empty()
     }
 
     /// Whether it wants to be told of changes and has read the last ones.
     fn is_listening(&self) -> bool {
-        self.caller.subscription.is_some() && self.output.is_empty() && !self.broken
-    }
-
-    fn has_line(&self) -> bool {
-        self.input.contains(&b'\n')
-    }
-
-    fn wants_to_read(&self) -> bool {
-        !self.ended && self.may_be_served() && !self.has_line()
-    }
-
-    /// Whether a wait is for this client, too. The system tells of one that has gone although nothing is asked: while its
-    /// request waits for a node, it would end every wait at once.
-    fn is_watched(&self) -> bool {
-        self.wants_to_read() || !self.output.is_empty()
+        self.caller.subscription.is_some() && self.output.is_empty() && !self.is_broken()
     }
 
     fn may_be_served(&self) -> bool {
         self.output.len() < OUTPUT_HIGH && self.pending.len() < PENDING_MAX
     }
 
-    fn read(&mut self) {
-        if !self.wants_to_read() {
-            return;
-        }
-        let mut chunk = [0; CHUNK];
-        match self.stream.read(&mut chunk) {
-            Ok(0) => {
-                self.ended = true;
-                // The last line may lack its end.
-                if !self.input.is_empty() || self.skipping {
-                    self.input.push(b'\n');
-                }
-            }
-            Ok(length) => self.input.extend_from_slice(&chunk[..length]),
-            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) => {}
-            Err(_) => self.broken = true,
-        }
-    }
-
     /// Serves whole lines while the client takes the answers.
     fn serve_lines(&mut self, service: &mut impl Serve, next_ticket: &mut Ticket) {
         while self.may_be_served() {
-            let Some(end) = self.input.iter().position(|octet| *octet == b'\n') else {
-                if self.input.len() > LINE_MAX {
-                    self.input.clear();
+            let line = match self.connection.next_line() {
+                Ok(Some(line)) => line,
+                Ok(None) => return,
+                Err(()) => {
                     if !std::mem::replace(&mut self.skipping, true) {
                         self.refuse_long_line();
                     }
+                    return;
                 }
-                return;
             };
-            let line: Vec<u8> = self.input.drain(..=end).collect();
-            let line = line[..end].strip_suffix(b"\r").unwrap_or(&line[..end]);
             if std::mem::take(&mut self.skipping) {
                 continue;
             }
@@ -337,7 +287,7 @@ impl Client {
             } else if !line.iter().all(u8::is_ascii_whitespace) {
                 *next_ticket += 1;
                 self.heard = *next_ticket;
-                self.serve_line(line, service, *next_ticket);
+                self.serve_line(&line, service, *next_ticket);
             }
         }
     }
@@ -356,7 +306,7 @@ impl Client {
                 if !subscribed && self.caller.subscription.is_some() {
                     // What it does not read is soon full: it is to find there how everything is, not how it was. Without, that
                     // is more.
-                    let _ = setsockopt(&self.stream, SndBuf, &UNREAD_MAX);
+                    let _ = setsockopt(&self.connection.stream, SndBuf, &UNREAD_MAX);
                 }
             }
         }
@@ -376,7 +326,7 @@ impl Client {
     fn tell_news(&mut self, service: &mut impl Serve) {
         // Bounded: what is new grows with the time that passes.
         while self.output.is_empty()
-            && !self.broken
+            && !self.is_broken()
             && let Some(line) = service.news(self.caller.client)
         {
             self.output.extend_from_slice(line.as_bytes());
@@ -386,14 +336,14 @@ impl Client {
 
     /// Tells that nobody waits for the answers any more. One that says no more may still wait; notifications never did.
     fn tell_gone(&mut self, service: &mut impl Serve) {
-        if !self.pending.is_empty() && (self.broken || self.ended && self.has_hung_up()) {
+        if !self.pending.is_empty() && (self.is_broken() || self.connection.heard().ended && self.has_hung_up()) {
             self.pending
                 .retain(|(ticket, id)| id.is_none() || !service.gone(*ticket));
         }
     }
 
     fn has_hung_up(&self) -> bool {
-        let mut fd = [PollFd::new(self.stream.as_fd(), PollFlags::empty())];
+        let mut fd = [PollFd::new(self.connection.stream.as_fd(), PollFlags::empty())];
         // A look and no wait.
         let looked = ppoll(&mut fd, Some(TimeSpec::from_duration(Duration::ZERO)), None).is_ok();
         looked
@@ -422,7 +372,7 @@ impl Client {
 
     fn write(&mut self) {
         while !self.output.is_empty() {
-            match self.stream.write(&self.output) {
+            match (&self.connection.stream).write(&self.output) {
                 Ok(0) => self.broken = true,
                 Ok(length) => drop(self.output.drain(..length)),
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}

@@ -1,12 +1,21 @@
+use super::intake::Talker;
 use super::*;
+use crate::api::socket::Socket;
+use nix::sys::eventfd::EfdFlags;
 use serde_json::json;
 use std::io::{BufRead, BufReader};
+use std::os::unix::net::UnixStream;
 use std::path::PathBuf;
+use std::sync::Mutex;
+use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Duration;
 
-/// Echoes parameters; "later" answers when as many requests wait as its parameter says, the last one first.
+/// Echoes parameters; "later" answers when as many requests wait as its parameter says, the last one first; "block" says that it has
+/// begun and waits until the other end of the channel has gone.
 #[derive(Default)]
 struct Echo {
+    blocks: Option<(Sender<()>, Receiver<()>)>,
+    wake: Option<Arc<EventFd>>,
     waiting: Vec<(Ticket, Value)>,
     wanted: usize,
     forsaken: Vec<Ticket>,
@@ -27,6 +36,13 @@ impl Serve for Echo {
             }
             "keep" => {
                 self.kept = Some(caller.client);
+                Some(Ok(params))
+            }
+            "block" => {
+                if let Some((begun, end)) = &self.blocks {
+                    begun.send(()).unwrap();
+                    let _ = end.recv();
+                }
                 Some(Ok(params))
             }
             "later" => {
@@ -74,18 +90,31 @@ impl Serve for Echo {
     }
 
     fn wake(&self) -> Option<Arc<EventFd>> {
-        None
+        self.wake.clone()
     }
 }
 
 /// Runs a server beside `clients`.
 fn beside<R>(clients: impl FnOnce(&PathBuf) -> R) -> R {
+    beside_with(Echo::default(), &|_| {}, clients)
+}
+
+/// The same; `at_once`: as of [`Intake::run`].
+fn beside_with<R>(echo: Echo, at_once: &(dyn Fn(&Request) + Sync), clients: impl FnOnce(&PathBuf) -> R) -> R {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("isocnc-control.test");
     let socket = Socket::bind(&path).unwrap();
     let stop = AtomicBool::new(false);
     std::thread::scope(|scope| {
-        scope.spawn(|| serve(Some(&socket), &door::door(None).1, &mut Echo::default(), &stop));
+        let wake = EventFd::from_flags(EfdFlags::EFD_NONBLOCK).map(Arc::new).unwrap();
+        let mut echo = Echo {
+            wake: Some(wake),
+            ..echo
+        };
+        let (_door, intake, arrivals) = entrance(echo.wake());
+        let (socket, stop) = (&socket, &stop);
+        scope.spawn(move || intake.run(Some(socket), at_once, stop));
+        scope.spawn(move || serve(&arrivals, &mut echo, stop));
         // The server must end also where a client's assertion fails.
         let result = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| clients(&path)));
         stop.store(true, Ordering::Release);
@@ -163,15 +192,15 @@ fn a_client_that_has_gone_is_told_of_and_one_that_only_says_no_more_is_not() {
     let pair = || {
         let (near, far) = UnixStream::pair().unwrap();
         near.set_nonblocking(true).unwrap();
-        let mut client = Client::new(near, 0);
+        let mut client = Client::new(Arc::new(Connection::new(near, None)), 0);
         client.pending = vec![(7, Some(json!(1))), (8, None)];
         (client, far)
     };
     let mut echo = Echo::default();
     let (mut client, far) = pair();
     far.shutdown(std::net::Shutdown::Write).unwrap();
-    client.read();
-    assert!(client.ended);
+    Talker::new(Arc::clone(&client.connection)).read();
+    assert!(client.connection.heard().ended);
     client.tell_gone(&mut echo);
     assert!(echo.forsaken.is_empty(), "it may still read");
     drop(far);
@@ -188,6 +217,62 @@ fn a_client_that_has_gone_is_told_of_and_one_that_only_says_no_more_is_not() {
     client.tell_gone(&mut echo);
     assert_eq!((echo.forsaken.len(), client.pending.len()), (2, 2), "it is there");
     drop(far);
+}
+
+/// A method that takes long, of the same client or of another one, or clients that come while it does.
+#[test]
+fn what_brings_the_machine_to_rest_waits_for_no_method() {
+    let (begun, begins) = channel();
+    let (goes_on, end) = channel::<()>();
+    let echo = Echo {
+        blocks: Some((begun, end)),
+        ..Echo::default()
+    };
+    let (acted, acts) = channel();
+    let acted = Mutex::new(acted);
+    let at_once = |request: &Request| {
+        let id = request.params.0.get("request_id").cloned();
+        acted.lock().unwrap().send((request.method.clone(), id)).unwrap();
+    };
+    beside_with(echo, &at_once, |path| {
+        let mut there = Peer::connect(path);
+        there.ask(1, "echo", json!({}));
+        assert_eq!(there.line()["id"], 1);
+        let mut blocking = Peer::connect(path);
+        blocking.ask(1, "block", json!({}));
+        begins.recv_timeout(Duration::from_secs(20)).unwrap();
+        let next = || acts.recv_timeout(Duration::from_secs(20)).unwrap();
+        let told = |method: &str, id: Option<&str>| (method.to_owned(), id.map(|id| json!(id)));
+        // Behind what is not served yet, in parts, without an end of its line, and of a client that nobody serves yet.
+        blocking.ask(2, "stop", json!({}));
+        assert_eq!(next(), told("stop", None));
+        there.send("{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"echo\"}\n".repeat(100));
+        there.ask(3, "hold", json!({ "request_id": "a" }));
+        assert_eq!(next(), told("hold", Some("a")));
+        let mut late = Peer::connect(path);
+        late.send("{\"jsonrpc\":\"2.0\",\"method\":\"est");
+        there.ask(4, "hold", json!({ "request_id": "a" }));
+        there.ask(5, "jog.stop", json!({ "request_id": "b" }));
+        assert_eq!(
+            next(),
+            told("jog.stop", Some("b")),
+            "the second of an id is passed over"
+        );
+        late.send("op\"}");
+        late.0.get_mut().shutdown(std::net::Shutdown::Write).unwrap();
+        assert_eq!(next(), told("estop", None));
+        // None of them is served meanwhile, and all of them are in the end.
+        drop(goes_on);
+        assert_eq!(
+            (blocking.line()["id"].clone(), blocking.line()["id"].clone()),
+            (json!(1), json!(2))
+        );
+        let mut ids = (0..103).map(|_| there.line()["id"].clone());
+        assert!(ids.by_ref().take(100).all(|id| id == 1));
+        assert_eq!(ids.collect::<Vec<_>>(), [json!(3), json!(4), json!(5)]);
+        assert!(late.ends());
+    });
+    assert!(acts.try_recv().is_err());
 }
 
 #[test]
@@ -282,22 +367,27 @@ fn idle_clients_keep_nobody_out_and_the_longest_silent_one_is_told_why_it_goes()
 
 #[test]
 fn where_all_wait_for_an_answer_the_longest_silent_one_goes_and_is_forsaken() {
-    let directory = tempfile::tempdir().unwrap();
-    let path = directory.path().join("isocnc-control.test");
-    let socket = Socket::bind(&path).unwrap();
     let mut echo = Echo::default();
     let mut ticket = 100;
     let mut clients = Vec::new();
     let far: Vec<UnixStream> = (0..CLIENTS_MAX as u64)
         .map(|heard| {
             let (near, far) = UnixStream::pair().unwrap();
-            clients.push(Client::new(near, heard));
+            clients.push(Client::new(Arc::new(Connection::new(near, None)), heard));
             clients.last_mut().unwrap().pending.push((heard, Some(json!(1))));
             far
         })
         .collect();
-    let _stream = UnixStream::connect(&path).unwrap();
-    accept(Some(&socket), &mut clients, &mut echo, &mut ticket);
+    let (near, _far) = UnixStream::pair().unwrap();
+    let (arrive, inside) = channel();
+    let connection = Arc::new(Connection::new(near, None));
+    arrive
+        .send(Arrival {
+            connection,
+            guest: None,
+        })
+        .unwrap();
+    let_in(&Arrivals(inside), &mut clients, &mut echo, &mut ticket);
     assert_eq!((clients.len(), echo.forsaken.as_slice()), (CLIENTS_MAX, &[0][..]));
     assert_eq!(clients.iter().filter(|client| client.heard == 101).count(), 1);
     drop(far);
@@ -305,21 +395,17 @@ fn where_all_wait_for_an_answer_the_longest_silent_one_goes_and_is_forsaken() {
 
 #[test]
 fn a_client_that_has_gone_while_its_request_waits_ends_no_wait() {
-    let directory = tempfile::tempdir().unwrap();
-    let socket = Socket::bind(&directory.path().join("isocnc-control.test")).unwrap();
+    let (_door, intake, _arrivals) = entrance(None);
     let (here, there) = UnixStream::pair().unwrap();
     here.set_nonblocking(true).unwrap();
-    let mut client = Client::new(here, 0);
+    let mut client = Client::new(Arc::new(Connection::new(here, None)), 0);
+    let mut talkers = [Talker::new(Arc::clone(&client.connection))];
     drop(there);
-    assert_eq!(
-        ready(Some(&socket), None, std::slice::from_ref(&client)),
-        [0],
-        "that it has gone"
-    );
-    client.read();
+    assert_eq!(intake.ready(None, &talkers), [0], "that it has gone");
+    talkers[0].read();
     client.pending.push((1, None));
-    assert!(client.ended && !client.is_over());
-    assert_eq!(ready(Some(&socket), None, std::slice::from_ref(&client)), [0_usize; 0]);
+    assert!(client.connection.heard().ended && !client.is_over());
+    assert_eq!(intake.ready(None, &talkers), [0_usize; 0]);
     client.answer_later(1, &Ok(Value::Null));
     assert!(client.is_over());
 }
@@ -329,11 +415,9 @@ fn a_client_that_has_gone_while_its_request_waits_ends_no_wait() {
 fn a_subscriber_that_does_not_read_costs_a_bounded_memory_and_hears_the_latest() {
     let (here, there) = UnixStream::pair().unwrap();
     here.set_nonblocking(true).unwrap();
-    let mut client = Client::new(here, 1);
+    let mut client = Client::new(Arc::new(Connection::new(here, None)), 1);
     let mut echo = Echo::default();
-    client
-        .input
-        .extend_from_slice(b"{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"subscribe\"}\n");
+    (client.connection.heard().octets).extend_from_slice(b"{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"subscribe\"}\n");
     client.serve_lines(&mut echo, &mut 1);
     client.write();
     let mut told = 0;

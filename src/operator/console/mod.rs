@@ -17,7 +17,7 @@ use crate::machine::modules::Modules;
 use crate::machine::sequence::{Job, Outcome, Sequence, Step};
 use crate::machine::state::State;
 use crate::rt::overrides::Overridden;
-use crate::rt::shared::{Command, Notice, OperatorEndpoints, RtStatus, Snapshot, TimedNotice};
+use crate::rt::shared::{AtOnce, Command, Notice, OperatorEndpoints, RtStatus, Snapshot, TimedNotice};
 use crate::rt::timeout;
 use motion::canon::Position;
 use motion::element::Action;
@@ -604,7 +604,7 @@ impl Operator {
     /// Orders an emergency stop, for which there is always room.
     pub fn estop(&mut self) {
         if !self.is_given(Command::Estop) {
-            self.endpoints.live.order_estop();
+            self.endpoints.live.order(AtOnce::Estop);
         }
     }
 

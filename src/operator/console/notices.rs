@@ -112,6 +112,13 @@ impl Operator {
                 self.note(time_s, format!("external component {name}: {text}"));
             }
             Notice::StopPressed => self.stop_pressed = true,
+            // What the order itself has begun to stop is not stopped twice: what was ordered behind it may begin.
+            Notice::StopTaken => {
+                self.stop_pressed |= matches!(
+                    self.sequence.step(),
+                    Step::Network | Step::Enable | Step::Home | Step::Program
+                );
+            }
             Notice::NotBegun => self.not_begun = true,
             Notice::ProgramEnded => {
                 self.program_ended = true;

@@ -7,7 +7,7 @@
 use super::clients::Clients;
 use crate::api::orders::{Jog, Jogged, Order, OrderClient, Source, order_channel};
 use crate::config::{self, Config};
-use crate::machine::sequence::Step;
+use crate::machine::sequence::{Outcome, Step};
 use crate::machine::state::State;
 use crate::machine::state_file::Remembered;
 use crate::machine::tables::{Tables, lock};
@@ -18,6 +18,7 @@ use crate::operator::table_writer::Keeper;
 use crate::program::text::Reader;
 use crate::rt::joint_jog::JogMotion;
 use crate::rt::overrides::Overridden;
+use crate::rt::shared::AtOnce;
 use crate::sim::{Disturbance, NetConfig};
 use motion::canon::{AXES, Axis, Position};
 use std::collections::BTreeMap;
@@ -125,8 +126,28 @@ impl Day<'_, '_, '_, '_> {
         if order != Order::Withdraw {
             self.open.insert(self.tickets, word);
         }
-        self.client.put(self.tickets, order).expect("room for it");
-        self.tickets
+        let at_once = match order {
+            Order::Hold => Some(AtOnce::Hold),
+            Order::Stop => Some(AtOnce::Stop),
+            Order::Estop => Some(AtOnce::Estop),
+            _ => None,
+        };
+        let ticket = self.tickets;
+        if let Some(what) = at_once {
+            self.at_once(what);
+        }
+        self.client.put(ticket, order).expect("room for it");
+        ticket
+    }
+
+    /// What the socket thread does; the service may take long to put the order behind it.
+    fn at_once(&mut self, what: AtOnce) {
+        self.note(format!("at once: {what:?}"));
+        self.run.operator.shared().order(what);
+        if self.random.once_in(3) {
+            let held_up = self.random.below(300);
+            self.rest(held_up);
+        }
     }
 
     /// One turn of the operator's loop: the machine stands still while a text is checked, so that each run is the same.
@@ -152,7 +173,7 @@ impl Day<'_, '_, '_, '_> {
             self.run.set_program(text, lock(self.tables).clone(), begin, mdi);
         }
         if let Some((left, modes)) = self.run.take_left() {
-            let completed = self.run.operator.program_outcome() == Some(crate::machine::sequence::Outcome::Completed);
+            let completed = self.run.operator.program_outcome() == Some(Outcome::Completed);
             self.clients.adopt_modes(Some(modes).filter(|_| completed));
             lock(self.tables).adopt(left);
         }
@@ -493,7 +514,7 @@ impl Day<'_, '_, '_, '_> {
         self.path.dedup();
         // The end of the rapid move is off by the rounding of its way.
         self.path.remove(0);
-        if self.run.operator.program_outcome() != Some(crate::machine::sequence::Outcome::Completed) {
+        if self.run.operator.program_outcome() != Some(Outcome::Completed) {
             self.fails("the part does not come to its end");
         }
     }
@@ -517,14 +538,13 @@ fn machine() -> Config {
     config
 }
 
-/// Lives a day; gives the part that comes out at its end, and what was seen.
-fn live(config: &Config, seed: u64, disturbed: bool) -> (Path3, BTreeMap<String, usize>) {
+/// A control that stands by, not up yet.
+fn stand_by(config: &Config, seed: u64, act: impl FnOnce(&mut Day<'_, '_, '_, '_>)) {
     let tables = Mutex::new(Tables::read(config).expect("tables"));
     let (client, inbox) = order_channel();
-    let mut lived = None;
     rehearse_with(config, b"", NetConfig::clean(seed), Operator::standing_by, |run| {
         std::thread::scope(|scope| {
-            let mut day = Day {
+            act(&mut Day {
                 run,
                 clients: Clients::new(scope, config, &tables, true, inbox),
                 keeper: Keeper::new(scope, &tables, Memory::new(config, Remembered::default())),
@@ -540,44 +560,102 @@ fn live(config: &Config, seed: u64, disturbed: bool) -> (Path3, BTreeMap<String,
                 since: 0,
                 seen: BTreeMap::new(),
                 path: Vec::new(),
-            };
-            if disturbed {
-                if !day.random.once_in(4) {
-                    // A day as it should begin.
-                    day.rest(1_500);
-                    day.must(Order::Home(Vec::new()));
-                    let until = day.random.below(6_000);
-                    day.rest(until);
-                }
-                let end = day.run.operator.live().cycles + CYCLES;
-                while day.run.operator.live().cycles < end {
-                    match day.random.below(24) {
-                        0 => day.disturb(),
-                        1 => {
-                            let cycles = day.random.below(1_500);
-                            day.rest(cycles);
-                        }
-                        _ => day.act(),
-                    }
-                    let pause = day.random.below(120);
-                    day.rest(pause);
-                }
-            }
-            day.recover();
-            for (joint, peaks) in day.run.control.peaks().iter().enumerate() {
-                if peaks.over != [0; 3] {
-                    day.fails(&format!("joint {joint} beyond its limits: {peaks:?}"));
-                }
-            }
-            if !day.open.is_empty() {
-                day.fails(&format!("no answer to {:?}", day.open));
-            }
-            lived = Some((std::mem::take(&mut day.path), std::mem::take(&mut day.seen)));
+            });
         });
         Ok(())
     })
     .expect("a rehearsal");
+}
+
+/// Lives a day; gives the part that comes out at its end, and what was seen.
+fn live(config: &Config, seed: u64, disturbed: bool) -> (Path3, BTreeMap<String, usize>) {
+    let mut lived = None;
+    stand_by(config, seed, |day| {
+        if disturbed {
+            if !day.random.once_in(4) {
+                // A day as it should begin.
+                day.rest(1_500);
+                day.must(Order::Home(Vec::new()));
+                let until = day.random.below(6_000);
+                day.rest(until);
+            }
+            let end = day.run.operator.live().cycles + CYCLES;
+            while day.run.operator.live().cycles < end {
+                match day.random.below(24) {
+                    0 => day.disturb(),
+                    1 => {
+                        let cycles = day.random.below(1_500);
+                        day.rest(cycles);
+                    }
+                    _ => day.act(),
+                }
+                let pause = day.random.below(120);
+                day.rest(pause);
+            }
+        }
+        day.recover();
+        for (joint, peaks) in day.run.control.peaks().iter().enumerate() {
+            if peaks.over != [0; 3] {
+                day.fails(&format!("joint {joint} beyond its limits: {peaks:?}"));
+            }
+        }
+        if !day.open.is_empty() {
+            day.fails(&format!("no answer to {:?}", day.open));
+        }
+        lived = Some((std::mem::take(&mut day.path), std::mem::take(&mut day.seen)));
+    });
     lived.expect("a day")
+}
+
+/// The service is held up behind the socket: the order itself comes a second later.
+#[test]
+fn a_stop_that_comes_before_its_order_ends_what_is_under_way_and_what_waits() {
+    let config = machine();
+    let home = |day: &mut Day<'_, '_, '_, '_>| {
+        day.rest(1_500);
+        day.must(Order::Home(Vec::new()));
+        day.until("homed", |day| {
+            day.run.operator.not_homed() == 0 && day.state == State::Ready
+        });
+    };
+    stand_by(&config, 7, |day| {
+        home(day);
+        day.must(Order::Mdi("G1 X200 F1000".into()));
+        let waiting = day.put(Order::Mdi("G1 Y100".into()));
+        day.until("under way", |day| day.state == State::Running && day.place.0[0] > 2.0);
+        let y = day.place.0[1];
+        day.run.operator.shared().order(AtOnce::Stop);
+        day.cycle(0);
+        day.cycle(0);
+        assert_ne!(day.state, State::Running);
+        day.rest(1_000);
+        assert_eq!((day.state, day.run.operator.step()), (State::Ready, Step::StandBy));
+        assert!((day.place.0[1] - y).abs() < ROUNDING_MM && !day.open.contains_key(&waiting));
+        // What is given behind the order is not taken for what was under way.
+        day.put(Order::Stop);
+        day.must(Order::Mdi("G1 Y5".into()));
+        day.until("there", |day| day.state == State::Ready && day.place.0[1] == 5.0);
+    });
+    // A program that is to be run twice is neither counted nor begun again.
+    stand_by(&config, 8, |day| {
+        home(day);
+        day.must(Order::Load(part()));
+        let programs = day.run.operator.programs();
+        day.must(Order::Start {
+            from_line: None,
+            yes: false,
+            runs: 2,
+            dry_feed_min: None,
+        });
+        day.until("under way", |day| day.state == State::Running);
+        // Held, it is at its end at once.
+        day.run.operator.shared().order(AtOnce::Hold);
+        day.until("held", |day| day.state == State::Held);
+        day.run.operator.shared().order(AtOnce::Stop);
+        day.rest(1_000);
+        assert_eq!(day.run.operator.program_outcome(), Some(Outcome::Stopped));
+        assert_eq!((day.state, day.run.operator.programs()), (State::Ready, programs + 1));
+    });
 }
 
 #[test]

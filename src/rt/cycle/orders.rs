@@ -8,6 +8,14 @@ use crate::host::wait::monotonic_ns;
 
 impl<B: CyclicBus> MotionController<B> {
     pub(super) fn take_orders(&mut self) {
+        // Before the orders in the ring: what follows a stop there was given behind it.
+        let [hold, stop, estop_at_once] = self.outlets.live.take_at_once();
+        if hold {
+            self.obey(Command::Hold);
+        }
+        if stop {
+            self.stop_at_once();
+        }
         let taken_before = self.orders_taken;
         for _ in 0..COMMANDS_PER_CYCLE {
             let Ok(command) = self.outlets.commands.pop() else {
@@ -21,7 +29,7 @@ impl<B: CyclicBus> MotionController<B> {
             self.outlets.live.show_order(monotonic_ns());
         }
         let [pressed, reset] = self.parts.pins.take_estop();
-        let estop = pressed || self.outlets.live.take_estop();
+        let estop = pressed || estop_at_once;
         if estop {
             self.obey(Command::Estop);
         }
@@ -47,6 +55,19 @@ impl<B: CyclicBus> MotionController<B> {
             for order in wanted.into_iter().flatten() {
                 self.obey(Command::Jog(order));
             }
+        }
+    }
+
+    /// A stop that has overtaken its order, which comes to the operator in its turn.
+    fn stop_at_once(&mut self) {
+        let moves = matches!(
+            self.state,
+            State::Homing | State::Jogging | State::Running | State::Held | State::Away | State::Returning
+        );
+        self.obey(Command::Stop);
+        if moves {
+            // Else he would take the end of a program for its own end, and begin what waits behind it.
+            self.notice(Notice::StopTaken);
         }
     }
 
