@@ -1,5 +1,6 @@
 //! The running control as its operator sees it: a session from start to end, programs, manual mode, stand-by, reports.
 
+mod bursts;
 #[cfg(feature = "cell")]
 mod cell;
 #[cfg(not(feature = "cell"))]

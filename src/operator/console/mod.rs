@@ -16,6 +16,7 @@ use crate::machine::journal::{Acknowledged, AlarmRecord, Entry, Kind, ProgramRec
 use crate::machine::modules::Modules;
 use crate::machine::sequence::{Job, Outcome, Sequence, Step};
 use crate::machine::state::State;
+use crate::operator::bursts::Bursts;
 use crate::rt::overrides::Overridden;
 use crate::rt::shared::{AtOnce, Command, Notice, OperatorEndpoints, RtStatus, Snapshot, TimedNotice};
 use crate::rt::timeout;
@@ -112,6 +113,7 @@ pub struct Operator {
     programs: u64,
     program_ended: bool,
     stop_pressed: bool,
+    bursts: Bursts,
     not_begun: bool,
     cycle_s: f64,
     node_names: Vec<String>,
@@ -176,6 +178,7 @@ impl Operator {
             orders_given: 0,
             program_ended: false,
             stop_pressed: false,
+            bursts: Bursts::default(),
             not_begun: false,
             cycle_s: f64::from(config.cycle_us) * 1e-6,
             modules: Modules::new(config),
@@ -430,6 +433,7 @@ impl Operator {
             self.add_entry(format!("warning: {what}"));
         }
         self.note_overrides();
+        self.note_bursts(self.now_s());
         let live = self.live();
         // The state counts only once it is that of the last order; a thread that hangs takes none.
         if std::mem::take(&mut self.not_begun) && self.sequence.not_begun(now_ns) {
@@ -734,6 +738,7 @@ impl Operator {
 
     /// Nothing more is kept.
     pub fn close_journal(&mut self) {
+        self.note_bursts(f64::INFINITY);
         self.keeper = None;
     }
 
@@ -765,7 +770,17 @@ impl Operator {
     }
 
     fn note(&mut self, time_s: f64, text: String) {
-        self.note_more(time_s, text, More::default());
+        if self.bursts.tells(time_s, &text) {
+            self.note_more(time_s, text, More::default());
+        }
+    }
+
+    /// Tells what was not told one by one, of windows that are over at this time.
+    fn note_bursts(&mut self, time_s: f64) {
+        let now_s = self.now_s();
+        for text in self.bursts.counted(time_s) {
+            self.note_more(now_s, text, More::default());
+        }
     }
 
     fn note_more(&mut self, time_s: f64, text: String, more: More) {
