@@ -8,6 +8,7 @@ pub mod latency;
 pub mod logging;
 pub mod netns;
 pub mod network_locks;
+pub mod other_controls;
 pub mod setup;
 pub mod signals;
 pub mod spin;

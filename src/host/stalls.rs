@@ -6,6 +6,7 @@
 //!
 //! The kernel counts stolen time in ticks, and only where the host tells it.
 
+use super::other_controls::CYCLE_THREAD;
 use std::fmt;
 use std::fs::read_to_string;
 use std::path::PathBuf;
@@ -58,7 +59,7 @@ impl Stalls {
     /// Looks, where it is time to.
     pub fn update(&mut self, now_ns: u64) {
         if now_ns.saturating_sub(self.last.at_ns) >= LOOK_EVERY_NS {
-            self.thread = self.thread.take().or_else(|| thread("rt-cycle"));
+            self.thread = self.thread.take().or_else(|| thread(CYCLE_THREAD));
             self.last = self.read_counts(now_ns);
         }
     }

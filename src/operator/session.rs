@@ -15,6 +15,7 @@ use crate::config::{Config, KeepAwake};
 use crate::host::calibrate::{Calibration, calibrate};
 use crate::host::capabilities;
 use crate::host::capabilities::Work;
+use crate::host::other_controls::CYCLE_THREAD;
 use crate::host::setup;
 use crate::host::setup::{Finding, Role, STACK_SIZE, by_cure, enter_thread};
 use crate::host::signals::{StopOnDrop, StopSignal};
@@ -315,7 +316,7 @@ fn run_on(
             Some(_) => None,
         };
         let cycle = std::thread::Builder::new()
-            .name("rt-cycle".into())
+            .name(CYCLE_THREAD.into())
             .stack_size(STACK_SIZE)
             .spawn_scoped(scope, || match &paced {
                 None => {

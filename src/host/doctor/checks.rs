@@ -35,6 +35,7 @@ pub static LINES: &[Line] = &[
     line(Machine, Should, "TSC", "constant_tsc, nonstop_tsc", kernel::tsc),
 
     line(Core, Must, "core", "online, not the only one", core::core),
+    line(Core, Should, "other control", "none on the core", core::other_control),
     line(Core, Should, "isolated", "the core", core::isolated),
     line(Core, Info, "nohz_full", "the core", core::nohz_full),
     line(Core, Should, "rcu_nocbs", "the core", core::rcu_nocbs),

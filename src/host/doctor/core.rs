@@ -3,6 +3,7 @@
 use super::pc::{ISOLATED, ONLINE};
 use super::{Cpus, Look, Pc, Unread};
 use crate::host::doctor::fixes;
+use crate::host::other_controls;
 use std::collections::BTreeMap;
 
 const CPU: &str = "/sys/devices/system/cpu";
@@ -29,6 +30,27 @@ pub(super) fn core(pc: &Pc<'_>) -> Option<Look> {
             ""
         };
         Look::ok(format!("core {cpu} of {online}{boot}"))
+    })
+}
+
+/// Whether the core is that of another control as well.
+pub(super) fn other_control(pc: &Pc<'_>) -> Option<Look> {
+    if let Err(why) = pc.processes() {
+        return Some(Look::unknown(why.to_string()));
+    }
+    let others = other_controls::find(&pc.at("/proc"), std::process::id());
+    // A control that asks for this look is no other one.
+    let asks = nix::unistd::getppid().as_raw();
+    let mut others = others
+        .iter()
+        .filter(|other| i64::from(other.process) != i64::from(asks));
+    let here = others.find(|other| other.cpu == pc.cpu());
+    Some(match here {
+        None => Look::ok("none"),
+        Some(other) => {
+            let fix = "set rt.cpu in one of the machine files to another core, if both are to run at the same time";
+            Look::missing(format!("process {}", other.process), fix)
+        }
     })
 }
 

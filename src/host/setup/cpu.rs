@@ -1,6 +1,7 @@
 //! The core of the real-time threads: which one, and a thread's way onto it.
 
 use super::findings::{Finding, Item};
+use crate::host::other_controls::OtherControl;
 use core_affinity::CoreId;
 use nix::sched::{CpuSet, sched_getaffinity, sched_setaffinity};
 use nix::unistd::Pid;
@@ -27,19 +28,33 @@ pub(super) fn list(list: &str) -> Vec<usize> {
 }
 
 /// The wanted core; left out, the last isolated one, else the last one: interrupts and the kernel's own work prefer the
-/// first.
+/// first. One that another control has only where there is no other, and not core 0 instead.
 pub(super) fn choose(
     wanted: Option<usize>,
     online: &[usize],
     isolated: &[usize],
+    others: &[OtherControl],
     findings: &mut Vec<Finding>,
 ) -> usize {
     let last = online.last().copied().unwrap_or(0);
-    let best = isolated
-        .iter()
-        .rfind(|cpu| online.contains(cpu))
-        .copied()
-        .unwrap_or(last);
+    let is_free = |cpu: &usize| others.iter().all(|other| other.cpu != *cpu);
+    let isolated = || isolated.iter().rev().filter(|cpu| online.contains(cpu)).copied();
+    let rest = || online.iter().rev().filter(|cpu| **cpu != 0).copied();
+    let free = isolated().find(is_free).or_else(|| rest().find(is_free));
+    let best = match wanted {
+        None => free,
+        Some(_) => None,
+    };
+    let best = best.or_else(|| isolated().next()).unwrap_or(last);
+    let cpu = wanted.filter(|cpu| online.contains(cpu)).unwrap_or(best);
+    if let Some(OtherControl { process, .. }) = others.iter().find(|other| other.cpu == cpu) {
+        let what = format!("core {cpu} is also that of another control, process {process}: each disturbs the other");
+        let fix = match free {
+            Some(free) => format!("set rt.cpu of one of them to another core: {free} is free"),
+            None => "end one of them, or use a PC with more cores".to_owned(),
+        };
+        findings.push(Finding::new(Item::Core, what, fix));
+    }
     match wanted {
         Some(cpu) if !online.contains(&cpu) => {
             let what = format!("core {cpu} is not online, core {best} is taken");

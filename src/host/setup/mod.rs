@@ -30,12 +30,14 @@ pub use memory::keep_one_heap;
 use crate::config::{KeepAwake, Require, Rt};
 use crate::host::capabilities;
 use crate::host::capabilities::Work;
+use crate::host::other_controls::{self, OtherControl};
 pub(crate) use awake::usual as usual_keep_awake;
 
 use awake::Awake;
 use nix::errno::Errno;
 use nix::sys::signal::{SigSet, Signal};
 use std::fs::read_to_string;
+use std::path::Path;
 
 /// Stack of a real-time thread, octets; all of it is real memory when memory is locked.
 pub const STACK_SIZE: usize = 512 * 1024;
@@ -76,7 +78,7 @@ pub fn prepare_process(rt: &Rt) -> Result<Process, Refusal> {
     let mut findings = Vec::new();
     findings.extend(findings::kernel(read_to_string("/sys/kernel/realtime").ok().as_deref()));
     findings.extend(findings::timers());
-    let cpu = cpu::choose(rt.cpu, &cpu::online(), &cpu::isolated(), &mut findings);
+    let cpu = cpu::choose(rt.cpu, &cpu::online(), &cpu::isolated(), &other_controls(), &mut findings);
     cpu::keep_off(cpu);
     if rt.lock_memory {
         findings.extend(memory::lock());
@@ -147,9 +149,13 @@ pub fn enter_thread(role: Role, process: &Process) -> Vec<Finding> {
     findings
 }
 
-/// The core of a machine file that names none: the last isolated one, else the last one online.
+/// The core of a machine file that names none: the last isolated one, else the last one online, that no other control has.
 pub fn usual_core() -> usize {
-    cpu::choose(None, &cpu::online(), &cpu::isolated(), &mut Vec::new())
+    cpu::choose(None, &cpu::online(), &cpu::isolated(), &other_controls(), &mut Vec::new())
+}
+
+fn other_controls() -> Vec<OtherControl> {
+    other_controls::find(Path::new("/proc"), std::process::id())
 }
 
 /// As [`enter_thread`], for a thread that has no part in a control: a probe. `priority` is that of SCHED_FIFO, 1 to 99.

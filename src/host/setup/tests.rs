@@ -31,14 +31,14 @@ fn lists_of_cores() {
 fn the_core_is_the_wanted_or_the_last_isolated_or_the_last_one() {
     let mut findings = Vec::new();
     let mut choose =
-        |wanted, online: &[usize], isolated: &[usize]| cpu::choose(wanted, online, isolated, &mut findings);
+        |wanted, online: &[usize], isolated: &[usize]| cpu::choose(wanted, online, isolated, &[], &mut findings);
     assert_eq!(choose(None, &[0, 1, 3], &[]), 3);
     assert_eq!(choose(None, &[0, 1, 2, 3], &[1, 2]), 2);
     assert_eq!(choose(None, &[0, 1], &[1, 7]), 1, "an isolated core may be off line");
     assert_eq!(choose(Some(0), &[0, 1, 3], &[1]), 0);
     assert_eq!(findings, []);
     let mut choose =
-        |wanted, online: &[usize], isolated: &[usize]| cpu::choose(wanted, online, isolated, &mut findings);
+        |wanted, online: &[usize], isolated: &[usize]| cpu::choose(wanted, online, isolated, &[], &mut findings);
     assert_eq!(choose(Some(2), &[0, 1, 3], &[1]), 1);
     assert_eq!(choose(None, &[0], &[]), 0);
     let lines: Vec<String> = findings.iter().map(Finding::to_string).collect();
@@ -48,6 +48,29 @@ fn the_core_is_the_wanted_or_the_last_isolated_or_the_last_one() {
             "real time, core: core 2 is not online, core 1 is taken; set rt.cpu to a core that is, or leave it out",
             "real time, core: there is only one core, shared with everything else; use a PC with two or more cores",
         ]
+    );
+}
+
+#[test]
+fn a_core_that_another_control_has_is_taken_only_where_there_is_no_other_and_told() {
+    let on = |cpu| OtherControl { cpu, process: 77 };
+    let choose = |wanted, isolated: &[usize], others: &[OtherControl]| {
+        let mut findings = Vec::new();
+        let cpu = cpu::choose(wanted, &[0, 1, 2, 3], isolated, others, &mut findings);
+        (cpu, findings.iter().map(Finding::to_string).collect::<Vec<_>>())
+    };
+    assert_eq!(choose(None, &[], &[on(3)]), (2, vec![]));
+    assert_eq!(choose(None, &[1, 2], &[on(2), on(3)]), (1, vec![]));
+    assert_eq!(choose(None, &[3], &[on(3)]), (2, vec![]), "better alone than isolated");
+    let shared = "real time, core: core 3 is also that of another control, process 77: each disturbs the other; ";
+    let (cpu, told) = choose(None, &[], &[on(1), on(2), on(3)]);
+    assert_eq!(cpu, 3, "core 0 is left to all others");
+    assert_eq!(told, [format!("{shared}end one of them, or use a PC with more cores")]);
+    let (cpu, told) = choose(Some(3), &[], &[on(3)]);
+    assert_eq!(cpu, 3);
+    assert_eq!(
+        told,
+        [format!("{shared}set rt.cpu of one of them to another core: 2 is free")]
     );
 }
 

@@ -165,6 +165,12 @@ pub(super) const CASES: &[Case] = &[
     ok("core", "core 0 of 0-3, which keeps the time").when(|_, target| target.cpu = 0),
     unknown("core", "not a list of cores").with(&[("/sys/devices/system/cpu/online", "all")]),
 
+    missing("other control", "process 50", "set rt.cpu in one of the machine files to another core, if both are to run at the same time")
+        .with(&[("/proc/50/task/51/comm", "rt-cycle\n"), ("/proc/50/task/51/status", "Cpus_allowed_list:\t3\n")]),
+    ok("other control", "none")
+        .with(&[("/proc/50/task/51/comm", "rt-cycle\n"), ("/proc/50/task/51/status", "Cpus_allowed_list:\t2\n")]),
+    unknown("other control", "hidden").without(&["/proc/2"]),
+
     missing("isolated", "core 2", PERSIST).with(&[("/sys/devices/system/cpu/isolated", "2")]),
     missing("isolated", "none", PERSIST).with(&[("/sys/devices/system/cpu/isolated", "\n")]),
     ok("isolated", "cores 2-3").with(&[("/sys/devices/system/cpu/isolated", "2-3")]),
