@@ -179,6 +179,10 @@ fn words(status: &Value) -> String {
         let (name, result) = (text(&last["name"]), text(&last["result"]));
         lines.push(match result.as_str() {
             "loaded" | "completed" => format!("last      {name}: {result}"),
+            "interrupted" => format!(
+                "last      {name}: interrupted, as the control ended in its midst; line {} was reached",
+                last["line"]
+            ),
             _ => format!("last      {name}: {result}, line {} was reached", last["line"]),
         });
     }

@@ -139,6 +139,8 @@ fn end_of(order: Lasting, status: &Value) -> Option<Result<String, String>> {
             _ => state == "held" && activity == Some("running"),
         },
         Lasting::Return => state == "returning" || state == "held" && activity == Some("returning"),
+        // There may never have been a job: a program that was being checked is none yet.
+        Lasting::Stop => !matches!(step, "standing by" | "done"),
         _ => job.is_none() && !is_over,
     };
     if lasts {
