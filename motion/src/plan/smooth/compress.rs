@@ -18,10 +18,10 @@ use std::collections::VecDeque;
 use super::Leg;
 use super::corners::FLAT;
 use super::fit::{Chord, Fit, State, Track};
-use super::round::{distance, reach, turning};
+use super::round::{curve, distance, reach, turning};
 use super::steps::SHARP;
 use crate::canon::{AXES, Position};
-use crate::path::{BlendEnd, Group, Jet, Piece, Shape};
+use crate::path::{BlendEnd, Group, Jet, NO_MOVE, Piece, Shape};
 use crate::plan::Settings;
 use crate::plan::program::{Corner, Move};
 use crate::plan::travel::{Walls, inside};
@@ -359,7 +359,7 @@ impl Compressor {
                 pace: pair[1] - pair[0],
                 pace_change: 0.0,
             };
-            let piece = Piece::blend(&end(from), &end(to), first.group()).ok_or(chord)?;
+            let piece = curve(&end(from), &end(to), first.group()).ok_or(chord)?;
             let mut feed = self.moves[chord].feed;
             while chord + 1 < track.chords.len() && track.chords[chord].t[1] < pair[1] {
                 chord += 1;
@@ -525,7 +525,7 @@ impl Moving {
 }
 
 /// From the end of a curve to the end of a move near which no curve was found: straight, or by the beginning of the move where
-/// that would leave the travel of a joint.
+/// that would leave the travel of a joint, or be no move.
 fn bridge(jet: &Jet, part: &Move, settings: &Settings) -> impl Iterator<Item = Leg> + use<> {
     let (from, corner, to) = (
         Position(jet.q),
@@ -533,11 +533,11 @@ fn bridge(jet: &Jet, part: &Move, settings: &Settings) -> impl Iterator<Item = L
         part.piece.position(part.piece.length()),
     );
     let line = |from, to| Piece::line(from, to).map(|piece| piece.in_frame(*part.piece.frame()));
-    let straight = line(from, to);
-    let pieces = if straight.is_none_or(|piece| inside(&piece, settings)) {
-        [None, straight]
-    } else {
-        [line(from, corner), Some(part.piece)]
+    let is_move = |piece: &Piece| piece.length() >= NO_MOVE;
+    let pieces = match line(from, to) {
+        None => [None, None],
+        Some(straight) if is_move(&straight) && inside(&straight, settings) => [None, Some(straight)],
+        Some(_) => [line(from, corner).filter(is_move), Some(part.piece)],
     };
     let part = *part;
     pieces.into_iter().flatten().map(move |piece| {

@@ -68,8 +68,13 @@ fn shape(shapes: &[(f64, f64, f64)], interior_deg: f64) -> (f64, f64) {
 /// that the first try is good.
 const TANGENT: f64 = 0.025;
 
-/// A smaller corner is not rounded, mm: on it, rounding of numbers would be motion.
+/// A smaller corner is not rounded and a shorter stretch is no curve, mm: on it, rounding of numbers would be motion.
 const SIZE_MIN: f64 = 1e-6;
+
+/// The curve between two states of motion; `None` where it is too short for one, or would nearly stop on its way.
+pub(super) fn curve(from: &BlendEnd, to: &BlendEnd, group: Group) -> Option<Piece> {
+    Piece::blend(from, to, group).filter(|piece| piece.length() >= SIZE_MIN)
+}
 
 /// A blend of bent legs that is not off by enough is at most so much larger in the next try.
 const GROWTH: f64 = 2.0;

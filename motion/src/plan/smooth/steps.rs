@@ -10,7 +10,7 @@
 
 use super::round::{distance, turning};
 use crate::canon::{AXES, Position};
-use crate::path::{Group, Piece, Shape};
+use crate::path::{Group, NO_MOVE, Piece, Shape};
 use crate::plan::Settings;
 use crate::plan::program::{Corner, Move};
 use crate::plan::travel::inside;
@@ -110,7 +110,9 @@ impl Run {
         if self.between.is_empty() && gentle {
             return false;
         }
-        let Some(line) = Piece::line(self.piece.position(0.0), next.position(next.length())) else {
+        let line = Piece::line(self.piece.position(0.0), next.position(next.length()));
+        // There and back is two moves.
+        let Some(line) = line.filter(|line| line.length() >= NO_MOVE) else {
             return false;
         };
         let before = self.between.len();

@@ -8,9 +8,10 @@ use super::least_jerk::Plane;
 use super::pace::Pace;
 use super::track::Track;
 use crate::canon::AXES;
-use crate::path::{BlendEnd, Group, Jet, Piece};
+use crate::path::{BlendEnd, Group, Jet};
 use crate::plan::program::{Corner, Move};
 use crate::plan::smooth::Leg;
+use crate::plan::smooth::round::curve;
 
 /// Steps a span in which a curve is compared with the run; finer ones next to a vertex.
 const STEPS: usize = 4;
@@ -122,7 +123,7 @@ impl Curve {
             };
             legs.push(Leg {
                 part: Move {
-                    piece: Piece::blend(&begin, &end, Group::Main)?.in_frame(*next.piece.frame()),
+                    piece: curve(&begin, &end, Group::Main)?.in_frame(*next.piece.frame()),
                     feed: owner.feed.min(next.feed),
                     corner: Corner::Exact,
                     ..*next
