@@ -178,21 +178,12 @@ impl Hal {
         self.check_unlinked(net, source)?;
         let mut readers: Vec<usize> = Vec::with_capacity(targets.len());
         for target in targets {
-            let target = self.index(target.as_ref())?;
-            let to = &self.entries[target];
-            if to.kind != Kind::Input {
-                return Err(HalError::TargetNotInput {
-                    net: net.to_owned(),
-                    name: to.name.clone(),
-                    kind: to.kind,
-                });
-            }
+            let target = self.free_reader(net, target.as_ref())?;
             self.check_type(target, from.value_type, &format!("net '{net}' from '{}'", from.name))?;
-            self.check_unlinked(net, target)?;
             if readers.contains(&target) {
                 return Err(HalError::Linked {
                     net: net.to_owned(),
-                    name: to.name.clone(),
+                    name: self.entries[target].name.clone(),
                     other: net.to_owned(),
                 });
             }
@@ -205,6 +196,28 @@ impl Hal {
             self.connect(target, Some(index), Some(source));
         }
         Ok(())
+    }
+
+    /// Whether a pin could be read by a net of this name.
+    ///
+    /// # Errors
+    /// As those of targets in [`Hal::link`], but for their types.
+    pub fn check_reader(&self, net: &str, target: &str) -> Result<(), HalError> {
+        self.free_reader(net, target).map(drop)
+    }
+
+    fn free_reader(&self, net: &str, target: &str) -> Result<usize, HalError> {
+        let target = self.index(target)?;
+        let to = &self.entries[target];
+        if to.kind != Kind::Input {
+            return Err(HalError::TargetNotInput {
+                net: net.to_owned(),
+                name: to.name.clone(),
+                kind: to.kind,
+            });
+        }
+        self.check_unlinked(net, target)?;
+        Ok(target)
     }
 
     /// Sets an input that no net reaches.

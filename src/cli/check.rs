@@ -216,6 +216,13 @@ impl fmt::Display for Summary<'_> {
         for net in &config.nets {
             writeln!(f, "       {}: {} -> {}", net.name, net.source, net.targets.join(", "))?;
         }
+        for net in config.nets.iter().filter(|net| net.is_unwired()) {
+            let (name, targets) = (&net.name, net.targets.join(", "));
+            writeln!(
+                f,
+                "       {name}: keeps the machine from moving: name the pin that writes {targets} as its source"
+            )?;
+        }
         for LateRead { net, source, target } in late_reads(config) {
             writeln!(
                 f,
@@ -333,6 +340,7 @@ fn to_json(config: &Config, plans: &[NodePlan]) -> Json {
         "components": components.collect::<Vec<_>>(),
         "external": external.collect::<Vec<_>>(),
         "nets": nets.collect::<Vec<_>>(),
+        "unwired": config.nets.iter().filter(|net| net.is_unwired()).map(|net| &net.name).collect::<Vec<_>>(),
         "late_reads": late_reads.collect::<Vec<_>>(),
     })
 }
@@ -496,6 +504,21 @@ mod tests {
         ] {
             assert_eq!(text.matches(line).count(), count, "{line} in\n{text}");
         }
+    }
+
+    #[test]
+    fn nets_without_a_source_are_named() {
+        let text = format!(
+            "{DEMO}\n{}",
+            "[[hal.net]]\nname = \"estop-ok\"\nsource = \"unwired\"\ntargets = [\"iocontrol.0.emc-enable-in\"]\n",
+        );
+        let config = config::parse(&text, Path::new("m.toml")).expect("a machine file without errors");
+        let plans = bus::plan(&config);
+        let text = Summary(&config, &plans).to_string();
+        let line = "       estop-ok: keeps the machine from moving: name the pin that writes iocontrol.0.emc-enable-in as its source\n";
+        assert!(text.contains(line), "{text}");
+        assert_eq!(to_json(&config, &plans)["unwired"], json!(["estop-ok"]));
+        connections(&config, &plans).expect("it is no error");
     }
 
     #[test]

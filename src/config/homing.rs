@@ -506,10 +506,12 @@ fn wired(
     match control.switch {
         HomeSwitch::Pin => {
             let pin = format!("joint.{number}.home-sw-in");
-            if !nets.iter().any(|net| net.targets.contains(&pin)) {
+            if !nets.iter().any(|net| !net.is_unwired() && net.targets.contains(&pin)) {
                 section.wrong(
                     "switch",
-                    format!("no [[hal.net]] has {pin:?} among its targets: nobody would tell of the switch"),
+                    format!(
+                        "no [[hal.net]] with a source has {pin:?} among its targets: nobody would tell of the switch"
+                    ),
                 );
             }
         }

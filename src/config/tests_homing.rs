@@ -94,7 +94,7 @@ fn rules_of_homing_by_the_control() {
             "m.toml:20:1: joint[0].homing.towards: is missing: \"negative\" or \"positive\"",
         ]),
         (changed(&small(""), "joint.0.home-sw-in", "motion.probe-input"), &[
-            "m.toml:20:1: joint[0].homing.switch: no [[hal.net]] has \"joint.0.home-sw-in\" among its targets: nobody would tell \
+            "m.toml:20:1: joint[0].homing.switch: no [[hal.net]] with a source has \"joint.0.home-sw-in\" among its targets: nobody would tell \
              of the switch",
         ]),
         (SMALL.replace("method = 37\n", "method = 37\nskew_mm = 1.0\n"), &[

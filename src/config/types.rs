@@ -688,10 +688,20 @@ pub enum OnLoss {
 pub struct Net {
     /// Name of the signal.
     pub name: String,
-    /// Pin that writes it.
+    /// Pin that writes it, or [`Net::UNWIRED`].
     pub source: String,
     /// Pins that read it.
     pub targets: Vec<String>,
+}
+
+impl Net {
+    /// In place of a source that is not known yet. What hangs on such a net stops the machine.
+    pub const UNWIRED: &str = "unwired";
+
+    /// Whether its source is still to come.
+    pub fn is_unwired(&self) -> bool {
+        self.source == Net::UNWIRED
+    }
 }
 
 /// What is done with the energy that is left when the mains fail, behind the stop on the path.

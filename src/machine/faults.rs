@@ -270,6 +270,8 @@ pub enum EstopCause {
     Order,
     /// The pin of the chain is false.
     Chain,
+    /// A net of the machine file still lacks its source.
+    Unwired,
     /// A drive says that its safety circuit is open.
     Sto { joint: usize },
 }
@@ -626,6 +628,9 @@ impl Fault {
             Fault::EmergencyStop { cause } => match cause {
                 EstopCause::Order => "emergency stop by order".into(),
                 EstopCause::Chain => "emergency stop: the chain is open (iocontrol.0.emc-enable-in)".into(),
+                EstopCause::Unwired => {
+                    "emergency stop: a net that the machine file calls \"unwired\" keeps the chain open; `isocnc check` names it".into()
+                }
                 EstopCause::Sto { joint: index } => {
                     format!("{}: emergency stop: the safety circuit (STO) of its drive is open", joint(index))
                 }

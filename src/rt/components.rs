@@ -99,7 +99,7 @@ pub struct LateRead {
 /// once; elsewhere another order helps.
 pub fn late_reads(config: &Config) -> Vec<LateRead> {
     let mut late = Vec::new();
-    for net in &config.nets {
+    for net in config.nets.iter().filter(|net| !net.is_unwired()) {
         let (written, by_component) = moment(config, &net.source, true);
         for target in &net.targets {
             let (read, for_component) = moment(config, target, false);

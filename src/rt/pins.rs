@@ -21,7 +21,7 @@ use super::steps::StepDrives;
 use crate::bus::layout::Field;
 use crate::bus::plan::NodePlan;
 use crate::bus::{BusState, CyclicBus, InputImage, OutputImage};
-use crate::config::{self, Config, ConfigErrors, Profile};
+use crate::config::{self, Config, ConfigErrors, Net, Profile};
 use crate::machine::faults::SpeedNotReached;
 use crate::machine::state::State;
 use crate::rt::cycle_stats::Timing;
@@ -127,6 +127,8 @@ pub struct Pins {
     /// Wheels and keys.
     pub jog: JogPins,
     estop: EstopPins,
+    /// An unwired net keeps the emergency stop chain open.
+    held_open: bool,
 
     pub spindle: Spindle,
     /// Those beside the first.
@@ -155,6 +157,39 @@ pub struct Pins {
     tool_change_asked: bool,
 
     timing: TimingPins,
+}
+
+/// What an input of the control is while nothing is wired to it that should be: a switch that is touched, mains that have failed.
+/// `None` for the emergency stop chain, which `Pins` keeps open, and for inputs that stop nothing.
+fn stopped_value(pin: &str) -> Option<bool> {
+    let is_limit = pin.starts_with("joint.") && (pin.ends_with(".neg-lim-sw-in") || pin.ends_with(".pos-lim-sw-in"));
+    let is_home = pin.starts_with("joint.") && pin.ends_with(".home-sw-in");
+    match pin {
+        "motion.probe-input" | "motion.feed-hold" => Some(true),
+        "iocontrol.0.mains-ok" => Some(false),
+        _ => (is_limit || is_home).then_some(true),
+    }
+}
+
+/// Whether a machine must not move while nothing is wired to an input of the control.
+pub fn must_be_wired(pin: &str) -> bool {
+    pin == "iocontrol.0.emc-enable-in" || stopped_value(pin).is_some()
+}
+
+/// Gives the targets of a net without a source the values which stop. True where the chain has to be kept open instead: it hangs on
+/// the net, or what hangs on it is not known, as behind a component.
+fn stop_unwired(hal: &Hal, net: &Net) -> Result<bool, HalError> {
+    let mut keeps_open = false;
+    for target in &net.targets {
+        match stopped_value(target) {
+            Some(value) => hal.set(target, value)?,
+            None => {
+                hal.check_reader(&net.name, target)?;
+                keeps_open = true;
+            }
+        }
+    }
+    Ok(keeps_open)
 }
 
 /// The emergency stop chain.
@@ -478,6 +513,7 @@ impl Pins {
             desk: DeskPins::new(hal)?,
             jog: JogPins::new(hal, config)?,
             estop: EstopPins::new(hal)?,
+            held_open: false,
             spindle: Spindle::new(hal, config, plans)?,
             others: (1..config.spindle.count)
                 .map(|number| OtherSpindle::new(hal, config, number))
@@ -505,8 +541,11 @@ impl Pins {
         };
         let mut refused = Vec::new();
         for (number, net) in config.nets.iter().enumerate() {
-            let targets: Vec<&str> = net.targets.iter().map(String::as_str).collect();
-            if let Err(error) = hal.link(&net.name, &net.source, &targets) {
+            let linked = match net.is_unwired() {
+                true => stop_unwired(hal, net).map(|keeps_open| pins.held_open |= keeps_open),
+                false => hal.link(&net.name, &net.source, &net.targets),
+            };
+            if let Err(error) = linked {
                 refused.push((number, error));
             }
         }
@@ -575,7 +614,12 @@ impl Pins {
         self.memory.is_lost()
     }
 
-    /// Whether the emergency stop chain is open.
+    /// Whether an unwired net keeps the emergency stop chain open, whatever its pin says.
+    pub fn is_held_open(&self) -> bool {
+        self.held_open
+    }
+
+    /// Whether the pin of the emergency stop chain says that it is open.
     pub fn is_chain_open(&self) -> bool {
         !self.estop.enable_in.get()
     }

@@ -166,6 +166,9 @@ pub(crate) fn examples() -> Vec<Fault> {
             cause: EstopCause::Chain,
         },
         Fault::EmergencyStop {
+            cause: EstopCause::Unwired,
+        },
+        Fault::EmergencyStop {
             cause: EstopCause::Order,
         },
         Fault::EmergencyStop {

@@ -19,6 +19,7 @@ use crate::rt::pins::{Pins, capacity};
 use crate::rt::steps::StepDrives;
 use anyhow::Context;
 use hal_pins::{Hal, Kind, Type};
+use motion::kinematics::Transform;
 use read::Ini;
 use serde_json::{Value as Json, json};
 use std::collections::BTreeMap;
@@ -131,6 +132,10 @@ struct KnownPin {
 struct OwnPins {
     exact: BTreeMap<String, KnownPin>,
     general: BTreeMap<String, KnownPin>,
+    /// Period of the cycle.
+    cycle_ns: u64,
+    /// The word of `machine.kinematics`.
+    kinematics: &'static str,
 }
 
 impl OwnPins {
@@ -147,7 +152,19 @@ impl OwnPins {
             }
         }
         let general = exact.iter().map(|(name, pin)| (general(name), *pin)).collect();
-        Ok(OwnPins { exact, general })
+        Ok(OwnPins {
+            exact,
+            general,
+            cycle_ns: u64::from(config.cycle_us) * 1000,
+            kinematics: match config.transform {
+                Transform::Trivial => "trivial",
+                Transform::CoreXy => "corexy",
+                Transform::TableTable(_) => "table-table",
+                Transform::HeadTable(_) => "head-table",
+                Transform::Scara(_) => "scara",
+                Transform::LinearDelta(_) => "linear-delta",
+            },
+        })
     }
 
     fn get(&self, name: &str, exactly: bool) -> Option<KnownPin> {
@@ -209,5 +226,12 @@ fn translated(paths: &[PathBuf], ini: &Ini, own: &OwnPins, exactly: bool) -> any
     }
     let mut translation = translate::translate(&commands, own, exactly, refused);
     translation.notes = ini.compensation();
+    let is_told = |refused: &Refused| refused.text.contains("SERVO_PERIOD");
+    if let Some(period_ns) = ini.servo_period_ns().filter(|period_ns| *period_ns != own.cycle_ns)
+        && !translation.refused.iter().any(is_told)
+    {
+        let note = translate::other_period(period_ns, own.cycle_ns);
+        translation.notes.push(format!("[EMCMOT]SERVO_PERIOD: {note}"));
+    }
     Ok(translation)
 }

@@ -53,6 +53,14 @@ impl Ini {
         Ini(values)
     }
 
+    /// Period of the servo thread.
+    pub(super) fn servo_period_ns(&self) -> Option<u64> {
+        self.0
+            .get(&("EMCMOT".to_owned(), "SERVO_PERIOD".to_owned()))?
+            .parse()
+            .ok()
+    }
+
     /// What of joints is no HAL, but keys of a machine file: their backlash and pitch errors.
     pub(super) fn compensation(&self) -> Vec<String> {
         let value = |section: &str, key: &str| self.0.get(&(section.to_owned(), key.to_owned())).map(String::as_str);

@@ -253,12 +253,167 @@ fn what_cannot_be_translated_is_told_with_its_line_and_reason() {
     assert!(refused.remove(source).1.contains("none.hal") || translation.refused[source].why.contains("No such file"));
     assert_eq!(refused, expected);
     // What is known of a net stays, to be completed.
+    assert!(translation.toml.contains(
+        "# not here: hm2-5i25.0.gpio.001.in\n[[hal.net]]\nname = \"probe\"\nsource = \"unwired\"\n\
+                       targets = [\"motion.probe-input\"]\n"
+    ));
+    assert!(translation.toml.contains("# [[hal.net]]\n# name = \"lonely\""));
+}
+
+/// Pins by whose values a machine with this translation starts, and whether the chain is kept open.
+fn started(translation: &Translation, pins: &[&str]) -> (Vec<hal_pins::AnyValue>, bool) {
+    // Nothing is wired to the probe but what the translation wires.
+    let example = EXAMPLE.replace(
+        "targets = [\"motion.probe-input\"]",
+        "targets = [\"motion.digital-in-03\"]",
+    );
+    assert_ne!(example, EXAMPLE);
+    let text = format!("{example}\n{}", translation.toml);
+    let config = config::parse(&text, Path::new("m.toml")).unwrap_or_else(|errors| panic!("{errors}"));
+    let name = format!("import-test-{}-{}", std::process::id(), translation.toml.len());
+    let mut hal = Hal::create_in(&[std::env::temp_dir()], &name, capacity(&config)).unwrap();
+    let held = Pins::new(&mut hal, &config, &bus::plan(&config), &StepDrives::new(&config)).unwrap();
+    let view = hal.view();
+    (
+        pins.iter().map(|pin| view.value(pin).unwrap()).collect(),
+        held.is_held_open(),
+    )
+}
+
+/// An unfinished import fails to stop: what the card would have told counts as open until somebody wires it.
+#[test]
+fn chain_limits_and_probe_without_a_source_stop_the_machine() {
+    const SWITCHES: [&str; 4] = [
+        "joint.0.neg-lim-sw-in",
+        "joint.0.pos-lim-sw-in",
+        "motion.probe-input",
+        "motion.feed-hold",
+    ];
+    let [on, off] = [true, false].map(hal_pins::AnyValue::Bit);
+    let translation = import(
+        "loadrt hostmot2\nnet estop-ok hm2_7i96s.0.inm.00.input-08-not => iocontrol.0.emc-enable-in\n\
+         net lim-x hm2_7i96s.0.inm.00.input-01 => joint.0.neg-lim-sw-in\n\
+         net coolant iocontrol.0.coolant-flood => hm2_7i96s.0.outm.00.out-00\n\
+         net arm hm2_7i96s.0.inm.00.input-02 => motion.digital-in-02\n",
+        "",
+    );
+    assert_eq!(started(&translation, &SWITCHES), (vec![on, off, off, off], true));
+    // What stops nothing stays a comment.
+    assert!(translation.toml.contains("# name = \"arm\"") && translation.toml.contains("# name = \"coolant\""));
+    // Nothing but switches: the chain of the machine is as it is.
+    let translation = import(
+        "net z hm2_7i96s.0.gpio.3 => joint.0.pos-lim-sw-in motion.probe-input\n",
+        "",
+    );
+    assert_eq!(started(&translation, &SWITCHES), (vec![off, on, on, off], false));
+    // Nobody writes the signal at all; a command that could not be read; a button in front of a latch.
+    let translation = import("net hold => motion.feed-hold\n", "");
+    assert_eq!(started(&translation, &SWITCHES), (vec![off, off, off, on], false));
+    let translation = import("net e [HW]BUTTON => iocontrol.0.emc-enable-in\n", "");
+    assert!(started(&translation, &[]).1, "{}", translation.toml);
+    let latch = "loadrt estop_latch\naddf estop-latch.0 servo-thread\n\
+                 net ok estop-latch.0.ok-out => iocontrol.0.emc-enable-in\n";
+    let translation = import(
+        &format!("{latch}net button parport.0.pin-10-in => estop-latch.0.ok-in\n"),
+        "",
+    );
+    assert!(started(&translation, &[]).1, "{}", translation.toml);
+    let translation = import(latch, "");
+    assert!(!started(&translation, &[]).1, "{}", translation.toml);
+    // Homing that waits for the switch is refused until somebody tells of it.
+    let translation = import("net home parport.0.pin-11-in => joint.0.home-sw-in\n", "");
     assert!(
         translation
             .toml
-            .contains("# not here: hm2-5i25.0.gpio.001.in\n# [[hal.net]]\n# name = \"probe\"")
+            .contains("source = \"unwired\"\ntargets = [\"joint.0.home-sw-in\"]")
     );
-    assert!(translation.toml.contains("# targets = [\"motion.probe-input\"]"));
+}
+
+/// In HAL `A-b` and `a_b` are two names.
+#[test]
+fn names_that_differ_there_differ_here() {
+    let translation = import(
+        "net Spindle-ok spindle.0.on => motion.digital-in-00\n\
+         net spindle-ok spindle.0.at-speed-out => motion.digital-in-01\n\
+         net spindle_ok motion.digital-out-00 => motion.digital-in-02\n\
+         net jog+ motion.digital-out-01 => motion.digital-in-03\n\
+         net jog- motion.digital-out-02 => io.10.out-05\n\
+         loadrt not names=a_b,A-B\n\
+         addf a_b servo-thread\naddf A-B servo-thread\n\
+         net one a_b.out => io.10.out-06\n\
+         net two A-B.out => io.10.out-07\n\
+         setp A-B.in true\n",
+        "",
+    );
+    let config = config::parse(&format!("{EXAMPLE}\n{}", translation.toml), Path::new("m.toml"))
+        .unwrap_or_else(|errors| panic!("{errors}"));
+    let own = config.nets.len() - config::parse(EXAMPLE, Path::new("m.toml")).unwrap().nets.len();
+    let nets = config.nets[config.nets.len() - own..].iter();
+    let nets: Vec<_> = nets
+        .map(|net| (net.name.as_str(), net.source.as_str(), net.targets.join(" ")))
+        .collect();
+    assert_eq!(
+        nets,
+        [
+            ("spindle-ok", "spindle.0.on", "motion.digital-in-00".to_owned()),
+            (
+                "spindle-ok-3",
+                "motion.digital-out-00",
+                "motion.digital-in-02".to_owned()
+            ),
+            ("jog", "motion.digital-out-01", "motion.digital-in-03".to_owned()),
+            ("jog-2", "motion.digital-out-02", "io.10.out-05".to_owned()),
+            ("one", "a-b.out", "io.10.out-06".to_owned()),
+            ("two", "a-b-2.out", "io.10.out-07".to_owned()),
+        ]
+    );
+    assert!(
+        translation
+            .toml
+            .contains("# in HAL: jog-\n[[hal.net]]\nname = \"jog-2\"")
+    );
+    let set: Vec<usize> = config.components.iter().map(|component| component.set.len()).collect();
+    assert_eq!(set, [0, 1]);
+    assert_eq!(refused(&translation).len(), 1, "{:?}", refused(&translation));
+}
+
+#[test]
+fn other_periods_and_other_kinematics_are_told() {
+    let translation = import(
+        "loadrt threads name1=servo-thread period1=1000000 name2=slow period2=10000000\n\
+         loadrt motmod servo_period_nsec=2000000\n\
+         loadrt debounce cfg=1\n\
+         addf debounce.0 slow\n\
+         loadrt scarakins\n\
+         loadrt genhexkins\n",
+        "[EMCMOT]\nSERVO_PERIOD = 500000\n",
+    );
+    assert_eq!(
+        refused(&translation),
+        [
+            (
+                2,
+                "the servo thread runs every 2 ms, the cycle here is 1 ms: write cycle_us = 2000 in [machine], or convert what counts \
+                 its calls"
+            ),
+            (
+                4,
+                "slow runs every 10 ms, here it runs once a cycle of 1 ms: convert what counts its calls"
+            ),
+            (
+                5,
+                "machine.kinematics = \"scara\" does the same, its measures are keys of [kinematics]"
+            ),
+            (
+                6,
+                "there are no such kinematics here: docs/machine-file.md has those that there are"
+            ),
+        ]
+    );
+    let note = "[EMCMOT]SERVO_PERIOD: the servo thread runs every 0.5 ms, the cycle here is 1 ms: write cycle_us = 500 in [machine], or \
+                convert what counts its calls";
+    assert_eq!(translation.notes, [note]);
+    assert_eq!(import("", "[EMCMOT]\nSERVO_PERIOD = 1000000\n").notes, [""; 0]);
 }
 
 #[test]

@@ -6,6 +6,7 @@
 use super::read::Command;
 use super::write::{self, Made, Wire};
 use super::{KnownPin, OwnPins, Place, Refused, Translation};
+use crate::rt::pins::must_be_wired;
 use components::{CATALOGUE, Direction, Kind, PinSpec, find};
 use hal_pins::{AnyValue, Type};
 use std::collections::BTreeMap;
@@ -23,6 +24,16 @@ const PARTS_OF_THE_CONTROL: [&str; 9] = [
     "scope_rt",
 ];
 
+/// Modules of kinematics, and `machine.kinematics` that does the same.
+const KINEMATICS: [(&str, &str); 6] = [
+    ("corexykins", "corexy"),
+    ("xyzac-trt-kins", "table-table"),
+    ("xyzbc-trt-kins", "table-table"),
+    ("maxkins", "head-table"),
+    ("scarakins", "scara"),
+    ("lineardeltakins", "linear-delta"),
+];
+
 /// Commands without effect on what the machine does then.
 const NEEDLESS: [&str; 17] = [
     "start", "stop", "lock", "unlock", "getp", "gets", "ptype", "stype", "list", "show", "status", "save", "debug",
@@ -31,6 +42,8 @@ const NEEDLESS: [&str; 17] = [
 
 /// An instance of a component, as far as commands have said.
 struct Instance {
+    /// Its name there.
+    given: String,
     made: Made,
     pins: Vec<PinSpec>,
     kind: &'static Kind,
@@ -53,9 +66,12 @@ struct Translator<'a> {
     instances: Vec<Instance>,
     /// Names of modules that are not translated: their pins need no more words.
     unknown: Vec<String>,
+    /// By their names there: case and all characters count.
     signals: BTreeMap<String, Signal>,
     /// Signals in the order in which they came.
     order: Vec<String>,
+    /// Periods of threads, ns.
+    threads: BTreeMap<String, u64>,
     /// Functions of the list of the cycle: name, command.
     functions: Vec<(String, usize)>,
     refused: Vec<Refused>,
@@ -71,6 +87,7 @@ pub(super) fn translate(commands: &[Command], own: &OwnPins, exactly: bool, refu
         unknown: Vec::new(),
         signals: BTreeMap::new(),
         order: Vec::new(),
+        threads: BTreeMap::new(),
         functions: Vec::new(),
         refused,
         needless: 0,
@@ -86,7 +103,9 @@ pub(super) fn translate(commands: &[Command], own: &OwnPins, exactly: bool, refu
         translator.take(at, command);
     }
     translator.place_functions();
-    let wires = translator.wires();
+    let mut wires = translator.wires();
+    wires.extend(translator.unread(unread, &wires));
+    translator.stop_unwired(&mut wires);
     let made: Vec<&Made> = translator.instances.iter().map(|instance| &instance.made).collect();
     let toml = write::toml(&made, &wires);
     let mut refused = translator.refused;
@@ -103,8 +122,20 @@ pub(super) fn translate(commands: &[Command], own: &OwnPins, exactly: bool, refu
     }
 }
 
-/// A name as names are here: lower case, dashes, a letter first.
-pub(super) fn name_here(name: &str) -> String {
+/// The name, or with a number behind it that nothing has yet: names that differ there may not become one here.
+fn distinct(name: String, is_taken: impl Fn(&str) -> bool) -> String {
+    let numbered = (2..).map(|number| format!("{name}-{number}"));
+    let mut names = std::iter::once(name.clone()).chain(numbered);
+    names.find(|name| !is_taken(name)).unwrap_or(name)
+}
+
+/// A period in words.
+fn period_text(period_ns: u64) -> String {
+    format!("{} ms", period_ns as f64 / 1e6)
+}
+
+/// The levels of a name, as they are here: lower case, dashes.
+fn levels_here(name: &str) -> String {
     let legal = |c: char| match c.to_ascii_lowercase() {
         c @ ('a'..='z' | '0'..='9' | '.') => c,
         _ => '-',
@@ -114,7 +145,12 @@ pub(super) fn name_here(name: &str) -> String {
         .split('.')
         .map(|level| level.trim_matches('-'))
         .filter(|level| !level.is_empty());
-    let name = levels.collect::<Vec<_>>().join(".");
+    levels.collect::<Vec<_>>().join(".")
+}
+
+/// A name as names are here: lower case, dashes, a letter first.
+pub(super) fn name_here(name: &str) -> String {
+    let name = levels_here(name);
     match name.chars().next() {
         Some('a'..='z') => name,
         Some(_) => format!("n-{name}"),
@@ -144,12 +180,12 @@ impl<'a> Translator<'a> {
             ["newsig", ..] => self.needless += 1,
             ["linkps", pin, signal] | ["linksp", signal, pin] => self.link(signal, pin, at),
             ["unlinkp", pin] => {
-                let pin = name_here(pin);
+                let pin = self.pin_here(pin);
                 for signal in self.signals.values_mut() {
                     signal.pins.retain(|(linked, _)| *linked != pin);
                 }
             }
-            ["delsig", signal] => drop(self.signals.remove(&name_here(signal))),
+            ["delsig", signal] => drop(self.signals.remove(signal)),
             ["linkpp", first, second] => {
                 self.link(first, first, at);
                 self.link(first, second, at);
@@ -174,9 +210,11 @@ impl<'a> Translator<'a> {
         let Some(module) = command.words.get(1) else {
             return self.refuse(at, "no module is named");
         };
-        if PARTS_OF_THE_CONTROL.contains(&module.as_str()) || module.ends_with("kins") {
-            self.needless += 1;
-            return;
+        if PARTS_OF_THE_CONTROL.contains(&module.as_str()) {
+            return self.part_of_the_control(at, command);
+        }
+        if module.ends_with("kins") {
+            return self.kinematics(at, module);
         }
         let Some(kind) = find(module) else {
             self.unknown.push(name_here(&module.replace("hal_", "")));
@@ -203,7 +241,7 @@ impl<'a> Translator<'a> {
             .iter()
             .find_map(|key| values.get(key)?.first()?.parse::<usize>().ok());
         let names: Vec<String> = match values.get("names") {
-            Some(names) => names.iter().map(|name| name_here(name)).collect(),
+            Some(names) => names.iter().map(|name| (*name).to_owned()).collect(),
             None => {
                 let loaded = self
                     .instances
@@ -222,7 +260,7 @@ impl<'a> Translator<'a> {
                     .collect()
             }
         };
-        for (number, name) in names.into_iter().enumerate() {
+        for (number, given) in names.into_iter().enumerate() {
             let mut options = Vec::new();
             for (key, list) in &values {
                 if own_words.contains(key) {
@@ -243,11 +281,14 @@ impl<'a> Translator<'a> {
                     continue;
                 }
             };
-            if self.instances.iter().any(|instance| instance.made.name == name) {
-                self.refuse(at, format!("{name:?} is there already"));
+            if self.instances.iter().any(|instance| instance.given == given) {
+                self.refuse(at, format!("{given:?} is there already"));
                 continue;
             }
+            let is_taken = |name: &str| self.instances.iter().any(|instance| instance.made.name == name);
+            let name = distinct(name_here(&given), is_taken);
             self.instances.push(Instance {
+                given,
                 made: Made {
                     name,
                     kind: kind.name,
@@ -262,16 +303,77 @@ impl<'a> Translator<'a> {
         }
     }
 
-    fn signal(&mut self, name: &str) -> &mut Signal {
-        let name = name_here(name);
-        if !self.signals.contains_key(&name) {
-            self.order.push(name.clone());
+    /// Motion and threads, whose periods are told where they are not the cycle.
+    fn part_of_the_control(&mut self, at: usize, command: &Command) {
+        let value = |key: &str| {
+            let mut words = command.words[2..].iter().filter_map(|word| word.split_once('='));
+            words.find(|(name, _)| *name == key).map(|(_, value)| value)
+        };
+        let cycle_ns = self.own.cycle_ns;
+        match command.words[1].as_str() {
+            "threads" => {
+                for number in 1..=3 {
+                    let period = value(&format!("period{number}")).and_then(|period| period.parse().ok());
+                    if let (Some(name), Some(period_ns)) = (value(&format!("name{number}")), period) {
+                        self.threads.insert(name.to_owned(), period_ns);
+                    }
+                }
+            }
+            "motmod" => {
+                let period_ns = value("servo_period_nsec").and_then(|period| period.parse().ok());
+                if let Some(period_ns) = period_ns.filter(|period_ns| *period_ns != cycle_ns) {
+                    return self.refuse(at, other_period(period_ns, cycle_ns));
+                }
+            }
+            _ => {}
         }
-        self.signals.entry(name).or_default()
+        self.needless += 1;
+    }
+
+    fn kinematics(&mut self, at: usize, module: &str) {
+        let family = KINEMATICS
+            .iter()
+            .find(|(known, _)| *known == module)
+            .map(|(_, family)| *family);
+        match family {
+            Some(family) if self.exactly && family == self.own.kinematics => self.needless += 1,
+            Some(family) => self.refuse(
+                at,
+                format!("machine.kinematics = {family:?} does the same, its measures are keys of [kinematics]"),
+            ),
+            None => self.refuse(
+                at,
+                "there are no such kinematics here: docs/machine-file.md has those that there are",
+            ),
+        }
+    }
+
+    fn signal(&mut self, name: &str) -> &mut Signal {
+        if !self.signals.contains_key(name) {
+            self.order.push(name.to_owned());
+        }
+        self.signals.entry(name.to_owned()).or_default()
+    }
+
+    /// A pin or function by its name there. Where names of components differ by no more than case or dashes, the exact one counts.
+    fn pin_here(&self, name: &str) -> String {
+        let of = |prefix: &str| {
+            let rest = name.strip_prefix(prefix)?;
+            (rest.is_empty() || rest.starts_with('.')).then(|| rest.to_owned())
+        };
+        let exact = self
+            .instances
+            .iter()
+            .filter_map(|instance| Some((instance, of(&instance.given)?)));
+        match exact.max_by_key(|(instance, _)| instance.given.len()) {
+            Some((instance, rest)) if rest.len() > 1 => format!("{}.{}", instance.made.name, levels_here(&rest[1..])),
+            Some((instance, _)) => instance.made.name.clone(),
+            None => name_here(name),
+        }
     }
 
     fn link(&mut self, signal: &str, pin: &str, at: usize) {
-        let pin = name_here(pin);
+        let pin = self.pin_here(pin);
         let pins = &mut self.signal(signal).pins;
         if !pins.iter().any(|(known, _)| *known == pin) {
             pins.push((pin, at));
@@ -323,7 +425,7 @@ impl<'a> Translator<'a> {
     }
 
     fn set(&mut self, pin: &str, value: &str, at: usize) {
-        let pin = name_here(pin);
+        let pin = self.pin_here(pin);
         match (self.of_instance(&pin), self.known(&pin)) {
             (_, Err(why)) => self.refuse(at, why),
             (_, Ok(KnownPin { is_output: true, .. })) => self.refuse(at, "is an output, which the component writes"),
@@ -344,13 +446,23 @@ impl<'a> Translator<'a> {
     }
 
     fn add_function(&mut self, function: &str, thread: &str, position: Option<&&str>, at: usize) {
-        let function = name_here(function);
+        let function = self.pin_here(function);
         let is_motion = function.starts_with("motion-");
         if !is_motion && self.of_function(&function).is_empty() {
             return self.refuse(at, "a function of a module that was not translated");
         }
-        if thread.starts_with("base") || thread.starts_with("fast") {
-            self.refuse(at, format!("there is no {thread}: it runs once a cycle"));
+        match self.threads.get(thread) {
+            Some(period_ns) if *period_ns != self.own.cycle_ns => {
+                let (there, here) = (period_text(*period_ns), period_text(self.own.cycle_ns));
+                self.refuse(
+                    at,
+                    format!("{thread} runs every {there}, here it runs once a cycle of {here}: convert what counts its calls"),
+                );
+            }
+            None if thread.starts_with("base") || thread.starts_with("fast") => {
+                self.refuse(at, format!("there is no {thread}: it runs once a cycle"));
+            }
+            _ => {}
         }
         if is_motion {
             self.needless += 1;
@@ -428,13 +540,15 @@ impl<'a> Translator<'a> {
 
     /// Nets, with what is wrong with them; values of signals that nothing writes go to the pins that read them.
     fn wires(&mut self) -> Vec<Wire> {
-        let mut wires = Vec::new();
+        let mut wires: Vec<Wire> = Vec::new();
         let mut linked: Vec<String> = Vec::new();
-        for name in self.order.clone() {
-            let Some(signal) = self.signals.remove(&name) else {
+        for given in self.order.clone() {
+            let Some(signal) = self.signals.remove(&given) else {
                 continue;
             };
+            let name = distinct(name_here(&given), |name| wires.iter().any(|wire| wire.name == name));
             let mut wire = Wire {
+                given: (name != name_here(&given)).then_some(given),
                 name: name.clone(),
                 ..Wire::default()
             };
@@ -504,6 +618,66 @@ impl<'a> Translator<'a> {
         }
         wires
     }
+
+    /// A net to all inputs that must be wired and that stand in commands which could not be read.
+    fn unread(&self, unread: usize, wires: &[Wire]) -> Option<Wire> {
+        let mut targets: Vec<String> = Vec::new();
+        let words = self.refused[..unread]
+            .iter()
+            .flat_map(|refused| refused.text.split_whitespace());
+        for pin in words.map(name_here) {
+            let is_known = must_be_wired(&pin) && self.own.get(&pin, self.exactly).is_some();
+            if is_known && !wires.iter().any(|wire| wire.targets.contains(&pin)) && !targets.contains(&pin) {
+                targets.push(pin);
+            }
+        }
+        let is_taken = |name: &str| wires.iter().any(|wire| wire.name == name);
+        (!targets.is_empty()).then(|| Wire {
+            name: distinct("unread".to_owned(), is_taken),
+            targets,
+            ..Wire::default()
+        })
+    }
+
+    /// Nets without a source on which something hangs that must be wired, through components as well, stop the machine until
+    /// somebody has completed them.
+    fn stop_unwired(&self, wires: &mut [Wire]) {
+        for at in 0..wires.len() {
+            if wires[at].source.is_none() {
+                let mut seen = Vec::new();
+                wires[at].stops = wires[at]
+                    .targets
+                    .iter()
+                    .any(|pin| self.must_be_wired(pin, wires, &mut seen));
+            }
+        }
+    }
+
+    fn must_be_wired(&self, pin: &str, wires: &[Wire], seen: &mut Vec<usize>) -> bool {
+        let Some((at, _)) = self.of_instance(pin) else {
+            return must_be_wired(pin);
+        };
+        if seen.contains(&at) {
+            return false;
+        }
+        seen.push(at);
+        let of_it = |source: &String| self.of_instance(source).is_some_and(|(of, _)| of == at);
+        let mut targets = wires
+            .iter()
+            .filter(|wire| wire.source.as_ref().is_some_and(of_it))
+            .flat_map(|wire| &wire.targets);
+        targets.any(|target| self.must_be_wired(target, wires, seen))
+    }
+}
+
+/// A servo thread of another period than the cycle.
+pub(super) fn other_period(period_ns: u64, cycle_ns: u64) -> String {
+    format!(
+        "the servo thread runs every {}, the cycle here is {}: write cycle_us = {} in [machine], or convert what counts its calls",
+        period_text(period_ns),
+        period_text(cycle_ns),
+        period_ns / 1000
+    )
 }
 
 /// What does here what a pin of LinuxCNC's does.

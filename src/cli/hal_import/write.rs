@@ -1,5 +1,6 @@
 //! Components and nets as the text of a machine file.
 
+use crate::config::Net;
 use std::fmt::Write as _;
 
 /// A component.
@@ -17,13 +18,17 @@ pub(super) struct Made {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Wire {
     pub(super) name: String,
+    /// The signal, where its name could not be kept.
+    pub(super) given: Option<String>,
     pub(super) source: Option<String>,
     pub(super) targets: Vec<String>,
     /// Pins of the signal that there are none of here.
     pub(super) missing: Vec<String>,
+    /// Without a source it has to keep the machine from moving.
+    pub(super) stops: bool,
 }
 
-/// The tables. A net without source or target is a comment, to be completed by hand.
+/// The tables. A net without source or target is a comment, to be completed by hand; one that must not be forgotten is unwired.
 pub(super) fn toml(made: &[&Made], wires: &[Wire]) -> String {
     let mut text = String::new();
     for component in made {
@@ -44,10 +49,14 @@ pub(super) fn toml(made: &[&Made], wires: &[Wire]) -> String {
         if source.is_none() && wire.targets.is_empty() && wire.missing.is_empty() {
             continue;
         }
+        let source = source.or_else(|| wire.stops.then_some(Net::UNWIRED));
         let is_whole = source.is_some() && !wire.targets.is_empty();
         let start = if is_whole { "" } else { "# " };
         if !wire.missing.is_empty() {
             let _ = writeln!(text, "# not here: {}", wire.missing.join(", "));
+        }
+        if let Some(given) = &wire.given {
+            let _ = writeln!(text, "# in HAL: {given}");
         }
         let name = &wire.name;
         let source = source.unwrap_or_default();

@@ -90,11 +90,12 @@ impl<B: CyclicBus> MotionController<B> {
         }
     }
 
-    /// What keeps the emergency stop chain open: its pin, or a drive whose safety circuit is open.
+    /// What keeps the emergency stop chain open: a net without its source, its pin, or a drive whose safety circuit is open.
     pub(super) fn chain_opened_by(&self) -> Option<EstopCause> {
-        match self.parts.pins.is_chain_open() {
-            true => Some(EstopCause::Chain),
-            false => (self.parts.drives.sto_open()).map(|joint| EstopCause::Sto { joint }),
+        match (self.parts.pins.is_held_open(), self.parts.pins.is_chain_open()) {
+            (true, _) => Some(EstopCause::Unwired),
+            (false, true) => Some(EstopCause::Chain),
+            (false, false) => (self.parts.drives.sto_open()).map(|joint| EstopCause::Sto { joint }),
         }
     }
 
