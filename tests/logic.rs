@@ -107,6 +107,38 @@ fn a_scan_that_takes_too_long_is_refused() {
     );
 }
 
+/// Of loops inside each other without a bound each is told at its own place.
+#[test]
+fn a_loop_without_a_bound_is_told_at_its_line() {
+    let text = "PROGRAM p\nVAR a, b : DINT; END_VAR\na := 1;\nWHILE a < b DO\n  WHILE a < b DO\n    REPEAT\n      WHILE a < b DO\n        \
+                a := a + 1;\n      END_WHILE;\n    UNTIL a > b END_REPEAT;\n  END_WHILE;\nEND_WHILE;\nEND_PROGRAM\n";
+    let (_folder, long) = file("loops.st", text);
+    let told = isocnc(&["logic", "check", &long]);
+    assert_eq!(told.status.code(), Some(1));
+    let shown = said(&told);
+    assert!(
+        shown.contains("loops.st:4:1: the loop names no bound and counts with 1000 iterations: write {max_iterations := n} before it"),
+        "{shown}"
+    );
+    assert!(shown.contains("so do those of the lines 5, 6, 7"), "{shown}");
+    let told = isocnc(&["logic", "check", &long, "--json"]);
+    let json: Json = serde_json::from_slice(&told.stdout).expect("JSON");
+    let errors = json["errors"].as_array().expect("errors");
+    let places: Vec<_> = errors
+        .iter()
+        .map(|error| (error["line"].as_u64(), error["column"].as_u64()))
+        .collect();
+    assert_eq!(
+        places,
+        [(4, 1), (5, 3), (6, 5), (7, 7)].map(|(line, column)| (Some(line), Some(column)))
+    );
+    let bound = text
+        .replace("WHILE a < b DO", "{max_iterations := 2} WHILE a < b DO")
+        .replace("REPEAT\n", "{max_iterations := 2} REPEAT\n");
+    let (_other, bound) = file("bound.st", &bound);
+    assert_eq!(isocnc(&["logic", "check", &bound]).status.code(), Some(0));
+}
+
 #[test]
 fn a_run_tells_what_went_wrong_behind_its_table() {
     let text = "PROGRAM p\nVAR_INPUT n : INT; END_VAR VAR_OUTPUT x : INT; END_VAR VAR t : TON; END_VAR\nx := 10 / n;\nt(IN := n = 2, PT := T#1s);\nEND_PROGRAM";

@@ -11,6 +11,9 @@ component! {
     ///
     /// Sensors tell the pocket in Gray code, binary, BCD, by one sensor a pocket, or by an index (`sense-0`, at pocket 1) and a
     /// pulse a pocket (`sense-1`), which needs a turn at first.
+    ///
+    /// A changer that coasts past its pocket is aligned where `align-dc` is not 0: it stops, comes back beyond the edge of the pocket's
+    /// signal, and goes slowly forward onto that edge. The signal is `strobe`, the pocket's own sensor, or `sense-1` with an index.
     Carousel = "carousel";
     options {
         pockets: 8, 1..=100, [], "number of pockets";
@@ -29,6 +32,8 @@ component! {
         fwd_dc: f64 = 0.0, "`motor-vel` forward";
         rev_dc: f64 = 0.0, "`motor-vel` backward";
         hold_dc: f64 = 0.0, "`motor-vel` at the pocket";
+        align_dc: f64 = 0.0, "`motor-vel` of the aligning move; 0: none, nor is there one with `rev-pulse`";
+        decel_time: f64 = 0.0, "how long it needs to come to rest before the aligning move, s";
         jog_fwd: bool = false, "a pocket forward as it rises, while nothing else is done";
         jog_rev: bool = false, "a pocket back as it rises, with `dir` 2";
     }
@@ -64,7 +69,21 @@ enum Work {
     Homing,
     Turning { target: i32, forward: bool, jog: bool },
     PulseBack { left_s: f64, jog: bool },
+    Aligning { step: Align, jog: bool },
     There,
+}
+
+/// What is done of an aligning move.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Align {
+    /// It comes to rest, from turning that way.
+    Rest { left_s: f64, forward: bool },
+    /// Back onto the pocket's signal that it has left.
+    Onto,
+    /// Back off it.
+    Off,
+    /// Forward onto its edge.
+    Edge,
 }
 
 impl Carousel {
@@ -98,7 +117,7 @@ impl Carousel {
                 let rises = self.pulse.rises(code & 2 != 0);
                 match (code & 3, rises) {
                     (3, _) => 1,
-                    (_, true) if self.homed => {
+                    (_, true) if self.homed && !matches!(self.work, Work::Aligning { .. }) => {
                         let step = if self.motor_rev { -1 } else { 1 };
                         self.pocket(self.current_position + step)
                     }
@@ -110,6 +129,30 @@ impl Carousel {
         if valid {
             (self.current_position, self.homed) = (told, true);
         }
+    }
+
+    /// Whether the carousel stands on the signal of its pocket. RT.
+    fn is_at_signal(&self) -> bool {
+        let sensor = match self.encoding {
+            Encoding::Gray | Encoding::Binary | Encoding::Bcd => return self.strobe,
+            Encoding::Single => self.current_position - 1,
+            Encoding::Index => 1,
+        };
+        usize::try_from(sensor).is_ok_and(|sensor| self.sense.get(sensor) == Some(&true))
+    }
+
+    /// The next step of an aligning move; `None`: it is over. RT.
+    fn align(&self, step: Align, period_s: f64) -> Option<Align> {
+        Some(match (step, self.is_at_signal()) {
+            (Align::Rest { left_s, forward }, _) if left_s - period_s > period_s / 2.0 => Align::Rest {
+                left_s: left_s - period_s,
+                forward,
+            },
+            (Align::Rest { forward: true, .. } | Align::Onto, false) => Align::Onto,
+            (Align::Rest { .. } | Align::Onto | Align::Off, true) | (Align::Rest { .. }, false) => Align::Off,
+            (Align::Off | Align::Edge, false) => Align::Edge,
+            (Align::Edge, true) => return None,
+        })
     }
 
     fn turn_to(&self, target: i32, jog: bool) -> Work {
@@ -154,7 +197,16 @@ impl Component for Carousel {
             },
             Work::Homing if self.homed && self.enable => self.turn_to(wanted, false),
             Work::Homing if self.homed => Work::Idle,
-            Work::Turning { jog, .. } | Work::PulseBack { jog, .. } if !jog && !self.enable => Work::Idle,
+            Work::Turning { jog, .. } | Work::PulseBack { jog, .. } | Work::Aligning { jog, .. }
+                if !jog && !self.enable =>
+            {
+                Work::Idle
+            }
+            Work::Aligning { step, jog } => match self.align(step, period_s) {
+                Some(step) => Work::Aligning { step, jog },
+                None if jog => Work::Idle,
+                None => Work::There,
+            },
             Work::PulseBack { left_s, jog } => Work::PulseBack {
                 left_s: left_s - period_s,
                 jog,
@@ -163,11 +215,21 @@ impl Component for Carousel {
             as_before => as_before,
         };
         // What is over leads on in the same call.
-        if let Work::Turning { target, jog, .. } = self.work
+        if let Work::Turning { target, forward, jog } = self.work
             && self.current_position == target
         {
             let left_s = self.rev_pulse.max(0.0);
-            self.work = Work::PulseBack { left_s, jog };
+            let aligns = left_s == 0.0 && self.align_dc != 0.0 && !self.align_dc.is_nan();
+            self.work = match aligns {
+                true => Work::Aligning {
+                    step: Align::Rest {
+                        left_s: self.decel_time.max(0.0),
+                        forward,
+                    },
+                    jog,
+                },
+                false => Work::PulseBack { left_s, jog },
+            };
         }
         if let Work::PulseBack { left_s, jog } = self.work
             && left_s <= period_s / 2.0
@@ -179,10 +241,14 @@ impl Component for Carousel {
             Work::Homing => (true, false),
             Work::Turning { forward, .. } => (forward, !forward),
             Work::PulseBack { .. } => (false, true),
+            Work::Aligning { step, .. } => (step == Align::Edge, matches!(step, Align::Onto | Align::Off)),
         };
         self.ready = self.work == Work::There;
-        self.active = self.motor_fwd || self.motor_rev;
+        let aligns = matches!(self.work, Work::Aligning { .. });
+        self.active = self.motor_fwd || self.motor_rev || aligns;
         self.motor_vel = match (self.motor_fwd, self.motor_rev, self.ready) {
+            (true, _, _) if aligns => self.align_dc,
+            (false, true, _) if aligns => -self.align_dc,
             (true, _, _) => self.fwd_dc,
             (false, true, _) => self.rev_dc,
             (false, false, true) => self.hold_dc,

@@ -651,6 +651,24 @@ fn machine() {
         "pocket-number 2\n enable 0 1 1 1 1 1\n sense-0 0 0 0 1 0 0\n sense-1 0 1 0 1 0 1
          > homed 0 0 0 1 1 1\n > motor-fwd 0 1 1 1 1 0\n > current-position 0 0 0 1 1 2\n > ready 0 0 0 0 0 1",
     );
+    // It coasts past pocket 3, comes back onto its sensor and off it, and goes slowly forward onto the edge.
+    table(
+        "carousel",
+        &[("pockets", 8), ("encoding", 3), ("num_sense", 8)],
+        T,
+        "pocket-number 3\n align-dc 0.1\n decel-time 0.002\n fwd-dc 2\n hold-dc 0.5\n enable 0 1 1 1 1 1 1 1 1 0
+         sense-0 1 1 0 0 0 0 0 0 0 0\n sense-2 0 0 1 0 0 1 0 0 1 1
+         > motor-vel 0 2 0 0 -0.1 -0.1 0.1 0.1 0.5 0\n > motor-fwd 0 1 0 0 0 0 1 1 0 0\n > motor-rev 0 0 0 0 1 1 0 0 0 0
+         > active 0 1 1 1 1 1 1 1 0 0\n > ready 0 0 0 0 0 0 0 0 1 0\n > current-position 1 1 3 3 3 3 3 3 3 3",
+    );
+    // From turning backward it goes on off the sensor; the pulses of an aligning move count no pocket.
+    table(
+        "carousel",
+        &[("pockets", 6), ("encoding", 4), ("num_sense", 2)],
+        T,
+        "pocket-number 6\n align-dc 0.1\n enable 0 1 1 1 1 1 1\n sense-0 1 1 0 0 0 0 0\n sense-1 1 1 0 1 1 0 1
+         > motor-rev 0 1 1 0 1 0 0\n > motor-fwd 0 0 0 0 0 1 0\n > current-position 1 1 1 6 6 6 6\n > ready 0 0 0 0 0 0 1",
+    );
     table(
         "carousel",
         &[("pockets", 6), ("num_sense", 3)],

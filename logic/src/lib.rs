@@ -45,7 +45,7 @@ mod value;
 
 pub use compile::{ITERATIONS_MAX, MEMORY_MAX, TEXT_MAX, compile};
 pub use diagnostic::{Diagnostic, Kind, Severity};
-pub use logic::{Logic, Role, Variable};
+pub use logic::{Logic, Role, Unbound, Variable};
 pub use runtime::{Fault, Runtime, Wrong};
 pub use scalar::Scalar;
 pub use value::Value;

@@ -70,6 +70,17 @@ pub(crate) enum Leaf {
     Enumeration(u32),
 }
 
+/// A loop for which the program names no bound.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Unbound {
+    /// Line of the loop, counted from 1.
+    pub line: u32,
+    /// Character in the line, counted from 1.
+    pub column: u32,
+    /// Steps that it counts with, by [`crate::ITERATIONS_MAX`] iterations.
+    pub steps: u64,
+}
+
 /// A program that has been compiled; [`crate::Runtime`] runs it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Logic {
@@ -86,6 +97,7 @@ pub struct Logic {
     pub(crate) stack: usize,
     pub(crate) nesting: usize,
     pub(crate) steps_max: u64,
+    pub(crate) unbound: Box<[Unbound]>,
     pub(crate) variables: Vec<Variable>,
     pub(crate) names: Names,
     /// Places of RETAIN variables, ascending.
@@ -121,6 +133,11 @@ impl Logic {
     /// Steps of the longest possible scan.
     pub fn steps_max(&self) -> u64 {
         self.steps_max
+    }
+
+    /// Loops whose iterations nothing in the program bounds, in the order of the text.
+    pub fn unbound(&self) -> &[Unbound] {
+        &self.unbound
     }
 
     /// Instructions.

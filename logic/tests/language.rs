@@ -364,6 +364,22 @@ fn a_loop_that_is_not_bound_by_itself_ends_at_its_bound() {
     ends("FOR n := 1 TO 5000 DO ; END_FOR;", "5000", None);
 }
 
+/// Of loops inside each other all are told, each at its own place; constant limits and a pragma bound a loop.
+#[test]
+fn loops_without_a_bound_are_known_by_their_places() {
+    let runtime = start(
+        "PROGRAM p\nVAR n, i, j, m : DINT; END_VAR\nWHILE n < m DO\n  REPEAT\n    FOR i := 1 TO m DO\n      n := n + 1;\n    END_FOR;\n\
+         \x20 UNTIL n > m END_REPEAT;\nEND_WHILE;\nFOR j := 1 TO 5 DO n := 1; END_FOR;\n\
+         {max_iterations := 7}\nWHILE n < m DO n := n + 1; END_WHILE;\nEND_PROGRAM",
+    );
+    let logic = runtime.logic();
+    let places: Vec<_> = logic.unbound().iter().map(|found| (found.line, found.column)).collect();
+    assert_eq!(places, [(3, 1), (4, 3), (5, 5)]);
+    let [first, second, third] = [0, 1, 2].map(|at| logic.unbound()[at].steps);
+    // Each counts the one inside it a thousand times.
+    assert!(first > 1000 * second && second > 1000 * third && logic.steps_max() > first);
+}
+
 #[test]
 fn the_longest_scan_is_counted_and_is_reached() {
     let reach = |body: &str, go: &str| {

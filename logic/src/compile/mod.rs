@@ -21,7 +21,7 @@ mod types;
 use crate::block::Block;
 use crate::code::{Op, Switch};
 use crate::diagnostic::{Diagnostic, Diagnostics, Kind, Reported, Span, place};
-use crate::logic::{Leaf, Logic, Names, Role, Variable as LogicVariable};
+use crate::logic::{Leaf, Logic, Names, Role, Unbound, Variable as LogicVariable};
 use crate::scalar::Scalar;
 use crate::syntax::{self, Section, UnitKind};
 use crate::{parse, token};
@@ -139,6 +139,8 @@ struct Compiler<'a, 't> {
     /// Octets of the text.
     places: Vec<u32>,
     switches: Vec<Switch>,
+    /// Loops whose bound is missing, and their steps.
+    unbound: Vec<(Span, u64)>,
     texts: Vec<String>,
     text_by_content: BTreeMap<String, i64>,
     falling_edge_told: bool,
@@ -162,6 +164,7 @@ impl<'a, 't> Compiler<'a, 't> {
             code: Vec::new(),
             places: Vec::new(),
             switches: Vec::new(),
+            unbound: Vec::new(),
             // The text of a STRING that is given none.
             texts: vec![String::new()],
             text_by_content: BTreeMap::from([(String::new(), 0)]),
@@ -241,6 +244,16 @@ impl<'a, 't> Compiler<'a, 't> {
             .map(|variable| variable.slot)
             .collect();
         retained.sort_unstable();
+        let unbound = self.unbound.iter().map(|(at, steps)| {
+            let (line, column) = lines.place(text, at.start);
+            Unbound {
+                line,
+                column,
+                steps: *steps,
+            }
+        });
+        let mut unbound: Vec<Unbound> = unbound.collect();
+        unbound.sort_unstable_by_key(|found| (found.line, found.column));
         let enumerations = self.types.enumerations.drain(..).map(|enumeration| enumeration.values);
         Ok(Logic {
             enumerations: enumerations.collect(),
@@ -253,6 +266,7 @@ impl<'a, 't> Compiler<'a, 't> {
             stack,
             nesting,
             steps_max,
+            unbound: unbound.into(),
             names: Names::of(&variables),
             variables,
             retained: retained.into(),

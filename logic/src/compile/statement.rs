@@ -134,16 +134,12 @@ impl Checker<'_, '_, '_> {
                     from,
                     to,
                     by: by.as_ref(),
-                    bound: bound.unwrap_or(ITERATIONS_MAX),
+                    bound: *bound,
                 };
                 self.count(control, &limits, body, at)
             }
-            StatementKind::While { condition, bound, body } => {
-                self.while_loop(condition, bound.unwrap_or(ITERATIONS_MAX), body, at)
-            }
-            StatementKind::Repeat { until, bound, body } => {
-                self.repeat_loop(until, bound.unwrap_or(ITERATIONS_MAX), body, at)
-            }
+            StatementKind::While { condition, bound, body } => self.while_loop(condition, *bound, body, at),
+            StatementKind::Repeat { until, bound, body } => self.repeat_loop(until, *bound, body, at),
             StatementKind::Exit => self.leave("EXIT", at),
             StatementKind::Continue => self.leave("CONTINUE", at),
             StatementKind::Return => {
@@ -319,15 +315,23 @@ impl Checker<'_, '_, '_> {
         self.emitter.land(exit);
     }
 
+    /// Remembers a loop whose bound is missing, and the steps since `before`, which are all that it takes.
+    fn note_bound(&mut self, bound: Option<u32>, at: Span, before: u64) {
+        if bound.is_none() {
+            self.compiler.unbound.push((at, self.emitter.steps - before));
+        }
+    }
+
     /// A slot with the iterations that are left.
-    fn iterations_left(&mut self, bound: u32, at: Span) -> Read<u32> {
+    fn iterations_left(&mut self, bound: Option<u32>, at: Span) -> Read<u32> {
+        let bound = bound.unwrap_or(ITERATIONS_MAX);
         let slot = self.compiler.allocate(&[0], at)?;
         self.emitter.op(Op::Push(i64::from(bound)), at);
         self.emitter.op(Op::Store(slot), at);
         Ok(slot)
     }
 
-    fn while_loop(&mut self, condition: &Expression, bound: u32, body: &[Statement], at: Span) -> Read<()> {
+    fn while_loop(&mut self, condition: &Expression, bound: Option<u32>, body: &[Statement], at: Span) -> Read<()> {
         let slot = self.iterations_left(bound, at)?;
         let top = self.emitter.here();
         let before = self.emitter.steps;
@@ -337,16 +341,17 @@ impl Checker<'_, '_, '_> {
         let check = self.emitter.steps - before;
         let body = self.iteration(body, false);
         self.emitter.op(Op::Jump(top), at);
-        let bound = u64::from(bound);
+        let iterations = u64::from(bound.unwrap_or(ITERATIONS_MAX));
         let most = check
-            .saturating_mul(bound + 1)
-            .saturating_add((body + 1).saturating_mul(bound));
+            .saturating_mul(iterations + 1)
+            .saturating_add((body + 1).saturating_mul(iterations));
         self.emitter.steps = before.saturating_add(most);
+        self.note_bound(bound, at, before);
         self.end_of_loop([end, guard], top);
         good
     }
 
-    fn repeat_loop(&mut self, until: &Expression, bound: u32, body: &[Statement], at: Span) -> Read<()> {
+    fn repeat_loop(&mut self, until: &Expression, bound: Option<u32>, body: &[Statement], at: Span) -> Read<()> {
         let slot = self.iterations_left(bound, at)?;
         let top = self.emitter.here();
         let before = self.emitter.steps;
@@ -356,8 +361,9 @@ impl Checker<'_, '_, '_> {
         self.emitter.op(Op::JumpUnless(top), until.at);
         let once = self.emitter.steps - before;
         self.emitter.steps = before
-            .saturating_add(once.saturating_mul(u64::from(bound)))
+            .saturating_add(once.saturating_mul(u64::from(bound.unwrap_or(ITERATIONS_MAX))))
             .saturating_add(1);
+        self.note_bound(bound, at, before);
         self.end_of_loop([guard], top);
         good
     }
@@ -380,6 +386,7 @@ impl Checker<'_, '_, '_> {
             return self.error(by.at, Kind::StepZero);
         }
         self.store(&place, &from);
+        let bound = limits.bound.unwrap_or(ITERATIONS_MAX);
         // What is left of the loop, its step, what is left of its bound.
         let slot = self.compiler.allocate(&[0, 0, 0], at)?;
         let step = Op::Load(slot + 1);
@@ -409,11 +416,11 @@ impl Checker<'_, '_, '_> {
             self.emitter.node(self.compiler, &to);
             self.emitter.op(step, by.at);
             self.emitter.op(Op::Iterations(scalar), at);
-            (step, u64::from(limits.bound))
+            (step, u64::from(bound))
         };
         self.emitter.op(Op::Store(slot), at);
         if known.is_none() {
-            self.emitter.op(Op::Push(i64::from(limits.bound)), at);
+            self.emitter.op(Op::Push(i64::from(bound)), at);
             self.emitter.op(Op::Store(slot + 2), at);
         }
         let mut exits = vec![self.emitter.op(Op::Count { slot, exit: 0 }, at)];
@@ -436,6 +443,9 @@ impl Checker<'_, '_, '_> {
         let once = self.emitter.steps - before;
         // Where the bound ends the loop, its guard is passed once more.
         self.emitter.steps = before.saturating_add(once.saturating_mul(most)).saturating_add(1);
+        if known.is_none() {
+            self.note_bound(limits.bound, at, before);
+        }
         self.end_of_loop(exits, top);
         Ok(())
     }
@@ -446,5 +456,5 @@ struct Limits<'s> {
     from: &'s Expression,
     to: &'s Expression,
     by: Option<&'s Expression>,
-    bound: u32,
+    bound: Option<u32>,
 }

@@ -377,6 +377,74 @@ fn names_that_differ_there_differ_here() {
     assert_eq!(refused(&translation).len(), 1, "{:?}", refused(&translation));
 }
 
+/// A pin that is u32 here and s32 there: what carries the value runs between its source and its target.
+#[test]
+fn whole_numbers_of_another_type_are_converted() {
+    let translation = import(
+        "loadrt carousel pockets=8\nloadrt not\nsetp carousel.0.decel-time 0.3\nsetp carousel.0.pocket-number 4\n\
+         addf not.0 servo-thread\naddf motion-controller servo-thread\naddf carousel.0 servo-thread\n\
+         net tool iocontrol.0.tool-prep-number => carousel.0.pocket-number\n",
+        "",
+    );
+    assert_eq!(refused(&translation), [], "{}", translation.toml);
+    let config = config::parse(&format!("{EXAMPLE}\n{}", translation.toml), Path::new("m.toml"))
+        .unwrap_or_else(|errors| panic!("{errors}"));
+    let order: Vec<_> = config
+        .components
+        .iter()
+        .map(|made| (made.name.as_str(), made.kind, made.place))
+        .collect();
+    let after = config::Place::AfterMotion;
+    assert_eq!(
+        order,
+        [
+            ("not.0", "not", config::Place::BeforeMotion),
+            ("tool-conv-u32-s32", "conv_u32_s32", after),
+            ("carousel.0", "carousel", after),
+        ]
+    );
+    // The value of `setp` has a writer; the other one stays.
+    let set: Vec<&str> = config.components[2].set.iter().map(|(name, _)| name.as_str()).collect();
+    assert_eq!(set, ["decel-time"]);
+    let nets: Vec<_> = config
+        .nets
+        .iter()
+        .rev()
+        .take(2)
+        .map(|net| (net.source.as_str(), net.targets.join(" ")))
+        .collect();
+    assert_eq!(
+        nets,
+        [
+            ("tool-conv-u32-s32.out", "carousel.0.pocket-number".to_owned()),
+            ("iocontrol.0.tool-prep-number", "tool-conv-u32-s32.in".to_owned()),
+        ]
+    );
+    let plans = bus::plan(&config);
+    let mut hal = Hal::create_in(&[std::env::temp_dir()], "import-converted", capacity(&config)).unwrap();
+    Pins::new(&mut hal, &config, &plans, &StepDrives::new(&config)).unwrap();
+}
+
+#[test]
+fn a_function_that_nothing_makes_is_told_with_its_line() {
+    let translation = import(
+        "loadrt and2 count=2\nloadrt pid\naddf and2.0 t\naddf and2.2 t\naddf pid.0.do-pid-calc t\naddf motion-controler t\n\
+         addf and2.1 t\naddf pid.0.do-pid-calcs t\naddf pid.1.do-pid-calcs t\naddf pid.2.do-pid-calcs t\n",
+        "",
+    );
+    assert_eq!(
+        refused(&translation),
+        [
+            (4, "no loadrt makes a function and2.2; and2.0 is the nearest"),
+            (
+                5,
+                "no loadrt makes a function pid.0.do-pid-calc; pid.0.do-pid-calcs is the nearest"
+            ),
+            (6, "a function of a module that was not translated"),
+        ]
+    );
+}
+
 #[test]
 fn other_periods_and_other_kinematics_are_told() {
     let translation = import(

@@ -447,9 +447,9 @@ impl<'a> Translator<'a> {
 
     fn add_function(&mut self, function: &str, thread: &str, position: Option<&&str>, at: usize) {
         let function = self.pin_here(function);
-        let is_motion = function.starts_with("motion-");
+        let is_motion = ["motion-command-handler", "motion-controller"].contains(&function.as_str());
         if !is_motion && self.of_function(&function).is_empty() {
-            return self.refuse(at, "a function of a module that was not translated");
+            return self.refuse(at, self.no_function(&function));
         }
         match self.threads.get(thread) {
             Some(period_ns) if *period_ns != self.own.cycle_ns => {
@@ -479,19 +479,22 @@ impl<'a> Translator<'a> {
     /// Instances that a function updates: `and2.0`, `pid.0.do-pid-calcs`, or `encoder.update-counters` for all of a kind.
     fn of_function(&self, function: &str) -> Vec<usize> {
         let all = self.instances.iter().enumerate();
-        let by_name = all.clone().filter(|(_, instance)| {
-            let rest = function.strip_prefix(instance.made.name.as_str());
-            rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
-        });
-        let found: Vec<usize> = by_name.map(|(at, _)| at).collect();
-        if !found.is_empty() {
-            return found;
-        }
+        all.filter(|(_, instance)| functions(instance).iter().any(|known| known == function))
+            .map(|(at, _)| at)
+            .collect()
+    }
+
+    /// Why there is no such function.
+    fn no_function(&self, function: &str) -> String {
         let module = function.split('.').next().unwrap_or_default();
-        let of_module = all.filter(|(_, instance)| {
-            name_here(instance.kind.name) == module || instance.kind.name == "weighted_sum" && module == "process-wsums"
-        });
-        of_module.map(|(at, _)| at).collect()
+        let is_of = |instance: &Instance| instance.made.name == module || name_here(instance.kind.name) == module;
+        if !self.instances.iter().any(is_of) && find(module).is_none() {
+            return "a function of a module that was not translated".to_owned();
+        }
+        let known: Vec<String> = self.instances.iter().flat_map(functions).collect();
+        let near = hal_pins::nearest(function, known.iter().map(String::as_str));
+        let hint = near.map_or(String::new(), |near| format!("; {near} is the nearest"));
+        format!("no loadrt makes a function {function}{hint}")
     }
 
     /// Puts the instances in the order of their functions; those behind the motion controller run after motion.
@@ -554,6 +557,7 @@ impl<'a> Translator<'a> {
             };
             let mut source: Option<(String, KnownPin)> = None;
             let mut targets = Vec::new();
+            let mut converted: Vec<(&'static Kind, Vec<String>)> = Vec::new();
             for (pin, at) in &signal.pins {
                 if linked.contains(pin) {
                     self.refuse(*at, format!("{pin} is on a net already"));
@@ -588,16 +592,28 @@ impl<'a> Translator<'a> {
                 match &source {
                     Some((from, KnownPin { value_type, .. })) if *value_type != known.value_type => {
                         let (is, wants) = (value_type.name(), known.value_type.name());
-                        let converts = format!("conv_{is}_{wants}");
-                        let cure = match find(&converts) {
-                            Some(_) => format!("{converts} between them"),
-                            None => "nothing converts that".to_owned(),
+                        let Some(kind) = find(&format!("conv_{is}_{wants}")) else {
+                            self.refuse(
+                                at,
+                                format!("{from} is {is}, {pin} is {wants} here: nothing converts that"),
+                            );
+                            continue;
                         };
-                        self.refuse(at, format!("{from} is {is}, {pin} is {wants} here: {cure}"));
+                        match converted.iter_mut().find(|(known, _)| known.name == kind.name) {
+                            Some((_, targets)) => targets.push(pin),
+                            None => converted.push((kind, vec![pin])),
+                        }
                     }
                     _ => wire.targets.push(pin),
                 }
             }
+            let converted = converted.into_iter().filter_map(|(kind, targets)| {
+                let (from, _) = source.as_ref()?;
+                let made = self.insert_conversion(&name, kind, from, &targets[0], signal.pins[0].1)?;
+                wire.targets.push(format!("{made}.in"));
+                Some((format!("{made}.out"), targets))
+            });
+            let converted: Vec<(String, Vec<String>)> = converted.collect();
             wire.source = source.map(|(pin, _)| pin);
             // Where a pin is known that nothing would write, the reason has been told with the others of the net.
             if wire.source.is_none() && wire.missing.is_empty() && !wire.targets.is_empty() {
@@ -606,7 +622,11 @@ impl<'a> Translator<'a> {
             }
             // What a net writes has no value of its own.
             if wire.source.is_some() {
-                for target in &wire.targets {
+                for target in wire
+                    .targets
+                    .iter()
+                    .chain(converted.iter().flat_map(|(_, targets)| targets))
+                {
                     if let Some((at, _)) = self.of_instance(target) {
                         let made = &mut self.instances[at].made;
                         let start = made.name.len() + 1;
@@ -615,8 +635,48 @@ impl<'a> Translator<'a> {
                 }
             }
             wires.push(wire);
+            for (source, targets) in converted {
+                let name = distinct(name.clone(), |name| wires.iter().any(|wire| wire.name == name));
+                wires.push(Wire {
+                    name,
+                    source: Some(source),
+                    targets,
+                    ..Wire::default()
+                });
+            }
         }
         wires
+    }
+
+    /// A component between two pins whose types are others here, so that it runs between what writes and what reads; its name.
+    fn insert_conversion(&mut self, net: &str, kind: &'static Kind, from: &str, to: &str, at: usize) -> Option<String> {
+        let pins = kind.make(&[]).ok()?.pins();
+        let is_taken = |name: &str| self.instances.iter().any(|instance| instance.made.name == name);
+        let name = distinct(format!("{net}-{}", name_here(kind.name)), is_taken);
+        let (place, after_motion) = match (self.of_instance(from), self.of_instance(to)) {
+            (Some((source, _)), _) => (source + 1, self.instances[source].made.after_motion),
+            (None, Some((target, _))) => (target, self.instances[target].made.after_motion),
+            // What a node, a program or a process tells is there before motion, what the control shows behind it.
+            (None, None) => (
+                0,
+                !["io.", "cia402.", "logic."].iter().any(|start| from.starts_with(start)),
+            ),
+        };
+        let made = Made {
+            name: name.clone(),
+            kind: kind.name,
+            after_motion,
+            ..Made::default()
+        };
+        let instance = Instance {
+            given: name.clone(),
+            made,
+            pins,
+            kind,
+            place: self.commands[at].place.clone(),
+        };
+        self.instances.insert(place, instance);
+        Some(name)
     }
 
     /// A net to all inputs that must be wired and that stand in commands which could not be read.
@@ -714,6 +774,23 @@ fn in_place_of(pin: &str) -> Option<&'static str> {
         ["halui", "abort"] => "halui.program.stop",
         _ => return None,
     })
+}
+
+/// Functions that update an instance, by their names there: most kinds have one of the instance's own name, some one for all instances.
+fn functions(instance: &Instance) -> Vec<String> {
+    let Instance { made, kind, .. } = instance;
+    let own = |names: &[&str]| -> Vec<String> { names.iter().map(|name| format!("{}.{name}", made.name)).collect() };
+    let of_all = |names: &[&str]| -> Vec<String> { names.iter().map(|name| (*name).to_owned()).collect() };
+    match kind.name {
+        "pid" => own(&["do-pid-calcs"]),
+        "siggen" => own(&["update"]),
+        "gantry" => own(&["read", "write"]),
+        "encoder" => of_all(&["encoder.update-counters", "encoder.capture-position"]),
+        "counter" => of_all(&["counter.update-counters", "counter.capture-position"]),
+        "watchdog" => of_all(&["watchdog.process", "watchdog.set-timeouts"]),
+        "weighted_sum" => of_all(&["process-wsums"]),
+        _ => vec![made.name.clone()],
+    }
 }
 
 /// The module's name, for a look-up.

@@ -126,7 +126,18 @@ fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
     let name = args.file.display().to_string();
     let logic = Arc::new(compile(&args.file)?);
     let budget = budget::check(&logic, args.period_ms as u64, SHARE_MAX);
-    let Budget { steps, scan_us, share } = budget.map_err(|rule| Refusal::of_file(&name, format!("{name}: {rule}")))?;
+    let Budget { steps, scan_us, share } = budget.map_err(|too_long| {
+        let rule = &too_long.rule;
+        let mut errors: Vec<Json> = too_long
+            .loops
+            .iter()
+            .map(|at| json!({ "line": at.0, "column": at.1, "rule": rule }))
+            .collect();
+        if errors.is_empty() {
+            errors.push(json!({ "rule": rule }));
+        }
+        Refusal::new(too_long.at(&name), json!({ "file": name, "errors": errors }))
+    })?;
     let names = |variables: Vec<String>| {
         if variables.is_empty() {
             "none".to_owned()

@@ -47,11 +47,37 @@ impl Budget {
     }
 }
 
+/// The longest scan takes too much of the period.
+#[derive(Debug)]
+pub struct TooLong {
+    /// Line and column of each loop without a bound; none: the program as a whole is too long.
+    pub loops: Vec<(u32, u32)>,
+    pub rule: String,
+}
+
+impl TooLong {
+    /// In one line, at the first of the places.
+    pub fn at(&self, file: &str) -> String {
+        let TooLong { loops, rule } = self;
+        let Some(((line, column), others)) = loops.split_first() else {
+            return format!("{file}: {rule}");
+        };
+        let others: Vec<String> = others.iter().map(|(line, _)| line.to_string()).collect();
+        match others.is_empty() {
+            true => format!("{file}:{line}:{column}: {rule}"),
+            false => format!(
+                "{file}:{line}:{column}: {rule}; so do those of the lines {}",
+                others.join(", ")
+            ),
+        }
+    }
+}
+
 /// The same, where the period bears it.
 ///
 /// # Errors
 /// It takes more than this share of the period.
-pub fn check(logic: &Arc<Logic>, period_ns: u64, share_max: f64) -> Result<Budget, String> {
+pub fn check(logic: &Arc<Logic>, period_ns: u64, share_max: f64) -> Result<Budget, TooLong> {
     let at_least = Budget::new(logic, period_ns, STEP_NS_MIN);
     let (about, budget) = match at_least.share <= share_max {
         true => ("about", measure(logic, period_ns)),
@@ -60,14 +86,22 @@ pub fn check(logic: &Arc<Logic>, period_ns: u64, share_max: f64) -> Result<Budge
     if budget.share <= share_max {
         return Ok(budget);
     }
-    Err(format!(
-        "the longest scan has {} steps, which take {about} {:.0} us on this PC: more than {:.0} % of a period of {} ms; \
-         {{max_iterations := n}} before a loop bounds it",
+    let takes = format!(
+        "the longest scan has {} steps, which take {about} {:.0} us on this PC: more than {:.0} % of a period of {} ms",
         budget.steps,
         budget.scan_us,
         share_max * 100.0,
         logic::duration::milliseconds(period_ns as i64)
-    ))
+    );
+    let loops: Vec<(u32, u32)> = logic.unbound().iter().map(|found| (found.line, found.column)).collect();
+    let rule = match loops.is_empty() {
+        true => format!("{takes}; fewer iterations of its loops shorten it"),
+        false => format!(
+            "the loop names no bound and counts with {} iterations: write {{max_iterations := n}} before it; {takes}",
+            logic::ITERATIONS_MAX
+        ),
+    };
+    Err(TooLong { loops, rule })
 }
 
 /// The same of all programs of a machine.
@@ -77,12 +111,9 @@ pub fn check(logic: &Arc<Logic>, period_ns: u64, share_max: f64) -> Result<Budge
 pub fn of_machine(config: &Config) -> Result<Vec<Budget>, ConfigErrors> {
     let budgets = config.logics.iter().enumerate().map(|(number, task)| {
         let period_ns = task.every * u64::from(config.cycle_us) * 1000;
-        check(&task.logic, period_ns, task.share_max).map_err(|rule| {
-            config::logic_error(
-                config,
-                number,
-                &format!("{}: {rule} (or budget_percent)", task.file.display()),
-            )
+        check(&task.logic, period_ns, task.share_max).map_err(|too_long| {
+            let told = too_long.at(&task.file.display().to_string());
+            config::logic_error(config, number, &format!("{told} (or raise budget_percent)"))
         })
     });
     budgets.collect()

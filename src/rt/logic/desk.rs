@@ -357,7 +357,8 @@ impl Desk {
             .interface_of(&logic)
             .map_err(|rule| format!("{file}: {rule}"))?;
         check_pins(&interface, &desk.task.interface).map_err(|rule| format!("{file}: {rule}"))?;
-        super::budget::check(&logic, desk.period_ns, desk.task.share_max).map_err(|rule| format!("{file}: {rule}"))?;
+        super::budget::check(&logic, desk.period_ns, desk.task.share_max)
+            .map_err(|too_long| too_long.at(&file.to_string()))?;
         let mut inner = desk.inner();
         if inner.new.is_some() {
             return Err("another change of it is on its way".into());
