@@ -7,7 +7,7 @@
 
 use crate::bus;
 use crate::cli::bus::check::exchange_ns;
-use crate::config::{self, AxisMap, Config};
+use crate::config::{self, AxisMap, Config, HomingBy, Joint, SimJoint};
 use crate::host::histogram::{Jitter, Summary};
 use crate::host::steadiness::Steadiness;
 use crate::host::terminal::say;
@@ -22,7 +22,8 @@ use crate::rt::cycle::Part;
 use crate::sim::NetConfig;
 use anyhow::{Context, anyhow, bail, ensure};
 use clap::Args;
-use motion::canon::Axis;
+use motion::canon::{Axis, Position};
+use motion::kinematics::ToolFrame;
 use motion::plan::PlannerKind;
 use motion::rt::{
     CompensationShare, JointCompensation, MotionLimits, Pid, PidGains, PitchBounds, PitchRow, PitchTable, StopLimits,
@@ -52,7 +53,13 @@ const PATIENCE: Duration = Duration::from_secs(5);
 const ENTITIES: usize = 500;
 /// Share of the travel that is used, and of the slowest axis' velocity.
 const REACH: f64 = 0.5;
+/// How often less of it is tried.
+const SMALLER: u32 = 8;
+/// How far from its switch a joint is switched on, mm.
+const NEAR_HOME_MM: f64 = 5.0;
 const FEED: f64 = 0.4;
+/// Why nothing is measured.
+const NO_PROGRAM: &str = "no program is known for a machine without an X axis, or whose joints leave it no room";
 /// Repetitions of whose times the least counts: what disturbs only adds.
 const ROUNDS: usize = 5;
 /// A fast drive answers within this, us: seventeen nodes fit a millisecond.
@@ -271,27 +278,105 @@ fn mill(joints: usize) -> anyhow::Result<Config> {
     Ok(config)
 }
 
-/// Lines, then half circles of X and Y, in which all axes move; `None`: the machine has no X.
-fn program(config: &Config) -> Option<String> {
-    let rooms: Vec<(Axis, f64, f64)> = config
-        .axes
+/// The same machine, whose joints are switched on near their switches: a joint of metres would search for minutes.
+fn near_home(config: &Config) -> Config {
+    let mut config = config.clone();
+    for (number, joint) in config.joints.iter().enumerate() {
+        let home_mm = match &joint.homing.by {
+            // It is home wherever it stands.
+            HomingBy::Drive { method: 35 | 37, .. } => continue,
+            HomingBy::Drive { .. } => joint.homing.position_mm,
+            HomingBy::Control(by) => by.switch_mm,
+        };
+        let [low, high] = joint.travel_mm;
+        let inside_mm = NEAR_HOME_MM.min((high - low) / 4.0);
+        let start_mm = Some(home_mm.clamp(low + inside_mm, high - inside_mm));
+        match config.sim.joints.iter_mut().find(|special| special.joint == number) {
+            Some(special) => special.start_mm = start_mm,
+            None => config.sim.joints.push(SimJoint {
+                joint: number,
+                start_mm,
+                switch_mm: None,
+                input: None,
+            }),
+        }
+    }
+    config
+}
+
+/// An axis with the middle and half the length of the way that is used of it, in machine coordinates.
+type Room = (Axis, f64, f64);
+
+/// Where the path goes at a share of its turn.
+fn place(rooms: &[Room], turn: f64) -> impl Iterator<Item = (Axis, f64)> {
+    let places = rooms.iter().enumerate();
+    places.map(move |(number, (axis, middle, half))| (*axis, middle + half * (TAU * turn + number as f64).sin()))
+}
+
+/// The largest rooms in which all joints stay within their travel.
+fn rooms(config: &Config) -> Option<Vec<Room>> {
+    let kinematics = config.kinematics();
+    let middles: Vec<f64> = config
+        .joints
         .iter()
-        .map(|map| {
-            let [low, high] = map.travel_mm.unwrap_or(config.joints[map.joints[0]].travel_mm);
-            let offset = config.work_offsets[0][map.axis];
-            (map.axis, f64::midpoint(low, high) - offset, REACH * (high - low) / 2.0)
+        .map(|joint| f64::midpoint(joint.travel_mm[0], joint.travel_mm[1]))
+        .collect();
+    // Where joints are not axes, the middle of what a joint travels says nothing of its axis.
+    let centres = [kinematics.forward(&ToolFrame::OFF, &middles), Some(home(config))];
+    let room = |map: &AxisMap, centre: &Position, reach: f64| {
+        let [low, high] = map.travel_mm.unwrap_or(config.joints[map.joints[0]].travel_mm);
+        let middle = map
+            .travel_mm
+            .map_or(centre[map.axis], |[low, high]| f64::midpoint(low, high));
+        (map.axis, middle, reach * (high - low) / 2.0)
+    };
+    let reaches = (0..SMALLER).map(|halvings| REACH / f64::from(1 << halvings));
+    let tries = reaches.flat_map(|reach| centres.iter().flatten().map(move |centre| (reach, centre)));
+    let mut tries = tries.map(|(reach, centre)| {
+        config
+            .axes
+            .iter()
+            .map(|map| room(map, centre, reach))
+            .collect::<Vec<Room>>()
+    });
+    tries.find(|rooms| {
+        let turns = (0..ENTITIES).map(|line| line as f64 / ENTITIES as f64);
+        let mut places = turns.flat_map(|turn| {
+            let mut at = Position::ZERO;
+            place(rooms, turn).for_each(|(axis, mm)| at[axis] = mm);
+            let mut beside = at;
+            let arcs = [Axis::X, Axis::Y].map(|axis| rooms.iter().position(|room| room.0 == axis));
+            if let [Some(x), Some(y)] = arcs {
+                // Half circles lie beside the middle of X: their outermost places.
+                let radius = rooms[x].2 / 20.0;
+                beside[Axis::X] = rooms[x].1 + 2.0 * radius;
+                beside[Axis::Y] = rooms[y].1 + rooms[y].2 * 1.0_f64.sin() + radius;
+            }
+            [at, beside]
+        });
+        places.all(|at| {
+            let mut joints = vec![0.0; config.joints.len()];
+            let within = |(joint, mm): (&Joint, &f64)| (joint.travel_mm[0]..=joint.travel_mm[1]).contains(mm);
+            kinematics.inverse(&ToolFrame::OFF, &at.0, &mut joints).is_ok()
+                && config.joints.iter().zip(&joints).all(within)
         })
+    })
+}
+
+/// Lines, then half circles of X and Y, in which all axes move; `None`: the machine has no X, or no room.
+fn program(config: &Config) -> Option<String> {
+    let rooms: Vec<Room> = rooms(config)?
+        .into_iter()
+        .map(|(axis, middle, half)| (axis, middle - config.work_offsets[0][axis], half))
         .collect();
     rooms.iter().find(|(axis, ..)| *axis == Axis::X)?;
     let slowest = config.joints.iter().map(|joint| joint.limits.velocity_mm_s);
     let feed_mm_min = 60.0 * FEED * slowest.fold(f64::INFINITY, f64::min);
-    let place = |turn: f64| -> String {
-        let words = rooms.iter().enumerate().map(|(number, (axis, middle, half))| {
-            let at = middle + half * (TAU * turn + number as f64).sin();
-            format!(" {}{at:.4}", axis.letter())
-        });
-        words.collect()
+    let words = |turn: f64, wanted: &dyn Fn(Axis) -> bool| -> String {
+        let places = place(&rooms, turn).filter(|(axis, _)| wanted(*axis));
+        places.map(|(axis, at)| format!(" {}{at:.4}", axis.letter())).collect()
     };
+    let place = |turn: f64| words(turn, &|_| true);
     let mut text = format!(
         "G21 G90 G91.1 G17 G94 G54 G64 P0.01\nG0{}\nF{feed_mm_min:.0}\n",
         place(0.0)
@@ -313,16 +398,7 @@ fn program(config: &Config) -> Option<String> {
         } else {
             (*x, -radius)
         };
-        let others = rooms
-            .iter()
-            .enumerate()
-            .filter(|(_, (axis, ..))| !matches!(axis, Axis::X | Axis::Y));
-        let others: String = others
-            .map(|(number, (axis, middle, half))| {
-                let at = middle + half * (TAU * turn + number as f64).sin();
-                format!(" {}{at:.4}", axis.letter())
-            })
-            .collect();
+        let others = words(turn, &|axis| !matches!(axis, Axis::X | Axis::Y));
         let _ = writeln!(text, "G2 X{to:.4} Y{y:.4} I{centre:.4} J0{others}");
     }
     text.push_str("M2\n");
@@ -334,8 +410,9 @@ fn program(config: &Config) -> Option<String> {
 /// By an ordinary thread: a control may be running, and its core is its own.
 pub(super) fn servo(config: &Config, cycles: u64) -> anyhow::Result<Servo> {
     let Some(text) = program(config) else {
-        bail!("no program is known for a machine without an X axis");
+        bail!("{NO_PROGRAM}");
     };
+    let config = &near_home(config);
     let net = NetConfig::clean(1);
     rehearse_with(
         config,
@@ -349,8 +426,11 @@ pub(super) fn servo(config: &Config, cycles: u64) -> anyhow::Result<Servo> {
                 run.run_until(CYCLES_BEFORE, |run| {
                     runs(run) || run.operator.outcome().is_some() || began.elapsed() > PATIENCE
                 })? && runs(run),
-                "the machine does not come to run a program: {:?}",
-                run.operator.journal().last()
+                "the machine does not come to run a program{}",
+                run.operator
+                    .journal()
+                    .last()
+                    .map_or(String::new(), |entry| format!(": {}", entry.text))
             );
             run.control.time_parts();
             run.net().time_calls();
@@ -477,7 +557,7 @@ fn least_us(mut act: impl FnMut()) -> f64 {
 
 /// Lines and arcs that each planner plans in a second of processor time, from text to the ring, in one thread.
 fn entities(config: &Config) -> anyhow::Result<Vec<Planned>> {
-    let text = program(config).context("no program is known for a machine without an X axis")?;
+    let text = program(config).context(NO_PROGRAM)?;
     let count = text
         .lines()
         .filter(|line| line.starts_with("G1 ") || line.starts_with("G2 "))
@@ -527,6 +607,19 @@ mod tests {
             let begin = Begin::at_home(&config);
             let overview = check(&config, &tables, "bench", text.as_bytes(), &begin, &Cancel::default());
             assert!(overview.is_ok(), "{joints}: {overview:?}");
+        }
+    }
+
+    /// A SCARA's shoulder is no X axis, and a joint of six metres does not search its switch for minutes.
+    #[test]
+    fn it_runs_on_arms_and_on_large_machines() {
+        let scara = config::parse(include_str!("../../configs/scara-demo.toml"), Path::new("m.toml")).unwrap();
+        let large = DEMO.replace("travel_mm = [-5.0, 305.0]", "travel_mm = [-5.0, 6005.0]");
+        assert_ne!(large, DEMO);
+        let large = config::parse(&large, Path::new("m.toml")).unwrap();
+        for config in [scara, large] {
+            let servo = servo(&config, 100).unwrap_or_else(|error| panic!("{}: {error:#}", config.name));
+            assert_eq!((servo.joints, servo.cycle.n), (config.joints.len(), 100));
         }
     }
 

@@ -118,17 +118,20 @@ impl Quarter {
         })
     }
 
-    fn variance(&self) -> f64 {
-        path_variance(self.points.iter().copied(), self.radius)
+    /// `None`: of less than two points there is none.
+    fn variance(&self) -> Option<f64> {
+        let variance = path_variance(self.points.iter().copied(), self.radius);
+        variance.is_finite().then_some(variance)
     }
 
     fn sawteeth(&self) -> u32 {
         sawteeth(self.steps.iter().copied())
     }
 
-    fn greatest_deviation(&self) -> f64 {
+    /// `None`: it makes no step by itself.
+    fn greatest_deviation(&self) -> Option<f64> {
         let off = |&[x, y]: &[i32; 2]| (f64::from(x).hypot(f64::from(y)) - self.radius).abs();
-        self.points.iter().map(off).fold(0.0, f64::max)
+        self.points.iter().map(off).reduce(f64::max)
     }
 
     fn json(&self) -> Json {
@@ -143,6 +146,11 @@ impl Quarter {
             "forced_steps": self.forced,
         })
     }
+}
+
+/// A figure that there may be none of.
+fn figure(value: Option<f64>, digits: usize) -> String {
+    value.map_or("-".to_owned(), |value| format!("{value:.digits$}"))
 }
 
 /// Runs the command.
@@ -230,14 +238,14 @@ fn report(args: &DdaArgs) -> anyhow::Result<String> {
         "Quarter circle of {} steps radius, accumulators half full\n\nPath variance, steps²\n{}",
         args.radius,
         table(
-            &|quarter| format!("{:.4}{}", quarter.variance(), mark(quarter)),
+            &|quarter| format!("{}{}", figure(quarter.variance(), 4), mark(quarter)),
             of_literature.then_some(literature)
         )
     );
     write!(
         text,
         "\nGreatest deviation, steps\n{}",
-        table(&|quarter| format!("{:.3}", quarter.greatest_deviation()), None)
+        table(&|quarter| figure(quarter.greatest_deviation(), 3), None)
     )?;
     write!(
         text,
@@ -315,11 +323,11 @@ fn panel(svg: &mut String, [x, y]: [f64; 2], row: &Row, quarter: &Quarter, corne
     writeln!(
         svg,
         "<text x='{x}' y='{}' font-size='14' font-weight='bold'>{}</text>\n<text x='{x}' y='{}' font-size='12' \
-         fill='#555'>variance {:.4}, {} sawteeth in the quadrant</text>",
+         fill='#555'>variance {}, {} sawteeth in the quadrant</text>",
         y + 18.0,
         row.name,
         y + 34.0,
-        quarter.variance(),
+        figure(quarter.variance(), 4),
         quarter.sawteeth()
     )?;
     // A view of its own cuts off what lies outside of it; y grows upwards.

@@ -72,7 +72,6 @@ pub(super) fn bus(
         }
         table.done();
     }
-    section.not_yet(&["cycle_us", "redundancy"]);
     if !complete {
         return None;
     }

@@ -571,17 +571,6 @@ impl<'d, 'l> Section<'d, 'l> {
         self.known.extend(keys);
     }
 
-    /// Notes keys that the design knows and this version does not.
-    pub(super) fn not_yet(&mut self, keys: &[&'static str]) {
-        for key in keys {
-            self.known.push(key);
-            if let Some((name, _)) = self.table.get_key_value(*key) {
-                self.log
-                    .misplaced(name.span(), &self.key(key), "is not supported yet", None);
-            }
-        }
-    }
-
     /// Notes a key of machine files of before that has another name now.
     pub(super) fn renamed(&mut self, key: &'static str, now: &'static str) {
         self.known.push(key);

@@ -585,7 +585,6 @@ pub(super) fn axes(root: &mut Section<'_, '_>, joints: usize, follows: bool) -> 
             section.wrong("wrapped", "only A, B and C turn without end");
             complete = false;
         }
-        section.not_yet(&["velocity_mm_s", "acceleration_mm_s2", "jerk_mm_s3"]);
         let travel_mm = section.has("travel_mm").then(|| travel(&mut section));
         if travel_mm.is_some() && follows {
             section.wrong("travel_mm", "the joints' own travel_mm is that of the axis");

@@ -327,7 +327,6 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
     let mut joints = Vec::new();
     for mut section in tables {
         joints.extend(joints::joint(&mut section, &around, &mut taken));
-        section.not_yet(&["probe", "rotary"]);
         section.done();
     }
     let follows = family.is_none_or(Family::follows);
@@ -408,7 +407,6 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
         None => Some(None),
         Some(section) => cell::cell(section, base, folder).map(Some),
     };
-    root.not_yet(&["hmi", "service"]);
     root.done();
 
     let (nets, components, external) = hal?;
@@ -530,7 +528,6 @@ fn rt(mut section: Section<'_, '_>, cycle_us: Option<u32>) -> Option<Rt> {
         &[("strict", Require::Strict), ("warn", Require::Warn)],
         defaults.require,
     );
-    section.not_yet(&["housekeeping_cpus", "timeout_priority", "timeout_cpu"]);
     section.done();
     Some(Rt {
         cpu: cpu?.map(|cpu| cpu as usize),
@@ -584,7 +581,6 @@ fn hal(mut section: Section<'_, '_>) -> Option<(Vec<Net>, Vec<Component>, Vec<Ex
     }
     let components = components::components(&mut section, &nets);
     let external = external::external(&mut section, &nets);
-    section.not_yet(&["function", "functions", "order", "set"]);
     section.done();
     complete.then_some((nets, components?, external?))
 }

@@ -150,7 +150,6 @@ pub(super) fn spindle(mut section: Section<'_, '_>, nodes: Option<&[Node]>, join
             .and_then(|section| encoder(section, nodes))
             .map(Some),
     };
-    section.not_yet(&["rpm_min", "orient"]);
     section.done();
     Some(Spindle {
         rpm_max: rpm_max?,

@@ -343,7 +343,7 @@ fn rules_of_machine_and_rt() {
         ]),
         ("\n[bus]", "\n[rt]\nspin = 1\ntimeout_cpu = 5\n[bus]", &[
             "m.toml:5:1: rt.spin: unknown key; did you mean `spin_us`?",
-            "m.toml:6:1: rt.timeout_cpu: is not supported yet",
+            "m.toml:6:1: rt.timeout_cpu: unknown key; did you mean `timeout_us`?",
         ]),
         ("schema = 1\n", "schema = 1\nrt = 5\n", &["m.toml:2:6: rt = 5: must be a table, is an integer"]),
     ]);
@@ -366,7 +366,7 @@ fn rules_of_the_bus() {
         ("\"memory\"", "\"memory\"\npres_lost_max = -1", &[
             "m.toml:6:17: bus.pres_lost_max = -1: must be an integer from 0 to 1000",
         ]),
-        ("\"memory\"", "\"memory\"\nredundancy = true", &["m.toml:6:1: bus.redundancy: is not supported yet"]),
+        ("\"memory\"", "\"memory\"\nredundancy = true", &["m.toml:6:1: bus.redundancy: unknown key; known here: kind, interface, clock, lost_max, link, async_slot_timeout_us, async_mtu, pres_lost_max, soc_lost_max, multiplex_cycles, prescaler, tap, startup, node"]),
         ("id = 2", "id = 240", &["m.toml:10:6: bus.node[1].id = 240: must be an integer from 1 to 239"]),
         ("id = 2", "id = 1", &["m.toml:10:6: bus.node[1].id = 1: is taken by a node above"]),
         ("id = 2", "id = 2\nname = \"node-1\"", &[
@@ -546,7 +546,7 @@ fn rules_of_axes_and_offsets() {
             "m.toml:29:10: axis[1].letter = \"x\": is taken by an axis above",
             "m.toml:30:11: axis[1].joints[0] = 0: belongs to an axis already",
         ]),
-        ("joints = [0]", "joints = [0]\nvelocity_mm_s = 5", &["m.toml:28:1: axis[0].velocity_mm_s: is not supported yet"]),
+        ("joints = [0]", "joints = [0]\nvelocity_mm_s = 5", &["m.toml:28:1: axis[0].velocity_mm_s: unknown key; known here: letter, joints, wrapped"]),
         ("joints = [0]", "joints = [0]\n[offsets]\ng54 = { y = 1.0 }\ng59_1 = { x = \"1\" }\ng50 = {}\n", &[
             "m.toml:29:13: offsets.g54.y = 1.0: the machine has no such axis",
             "m.toml:30:15: offsets.g59_1.x = \"1\": must be a number, is a string",
@@ -629,8 +629,8 @@ fn rules_of_the_rest() {
             "m.toml:35:1: sim.probe.cylinder[0].radius_mm: unknown key; known here: x_mm, y_mm, diameter_mm, z_mm, hole",
         ]),
         (end, "joints = [0]\n[service]\nperiod_ms = 10\n[hmi]\n[spindel]\n", &[
-            "m.toml:28:2: service: is not supported yet",
-            "m.toml:30:2: hmi: is not supported yet",
+            "m.toml:28:2: service: unknown key; known here: schema, machine, rt, bus, steps, joint, axis, kinematics, offsets, spindle, program, tools, hal, sim, mains, estop, logic, panel, cell",
+            "m.toml:30:2: hmi: unknown key; known here: schema, machine, rt, bus, steps, joint, axis, kinematics, offsets, spindle, program, tools, hal, sim, mains, estop, logic, panel, cell",
             "m.toml:31:2: spindel: unknown key; did you mean `spindle`?",
         ]),
         (end, "joints = [0]\n[[hal.net]]\nname = \"Run\"\nsource = \"a.b\"\ntargets = [\"a.b\", \"c..d\", \"e\"]\n[[hal.net]]\nname = \"n\"\nsource = \"x\"\ntargets = [\"e\", \"e\"]\n", &[
@@ -642,7 +642,7 @@ fn rules_of_the_rest() {
         (end, "joints = [0]\n[[hal.net]]\nname = \"n\"\nsource = \"x\"\ntargets = [\"e\"]\n[[hal.net]]\nname = \"n\"\nsource = \"y\"\ntargets = [\"e\"]\n[hal.order]\n", &[
             "m.toml:33:8: hal.net[1].name = \"n\": is taken by a net above",
             "m.toml:35:12: hal.net[1].targets[0] = \"e\": is written by a net already: a pin has one writer",
-            "m.toml:36:6: hal.order: is not supported yet",
+            "m.toml:36:6: hal.order: unknown key; known here: net, component, external",
         ]),
         (end, "joints = [0]\n[[hal.net]]\nname = \"n\"\nsource = \"x\"\ntargets = []\n", &[
             "m.toml:31:11: hal.net[0].targets = []: must name at least one pin",
