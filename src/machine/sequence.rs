@@ -169,7 +169,7 @@ impl Sequence {
             Job::Home(groups) | Job::Program { home: groups, .. } => groups.into_iter().rev().collect(),
         };
         let is_on = state == State::Ready;
-        self.enter(if is_on { Step::Home } else { Step::Enable }, now_ns);
+        self.enter(if is_on { self.behind_enable() } else { Step::Enable }, now_ns);
     }
 
     /// Where the sequence is.
@@ -307,7 +307,7 @@ impl Sequence {
         }
         match (self.step, state) {
             (Step::Network, State::Disabled) => self.enter(Step::Enable, now_ns),
-            (Step::Enable, State::Ready) => self.enter(Step::Home, now_ns),
+            (Step::Enable, State::Ready) => self.enter(self.behind_enable(), now_ns),
             (Step::Home, State::Ready) if self.ordered => {
                 self.homing.pop();
                 self.ordered = false;
@@ -332,12 +332,7 @@ impl Sequence {
             _ => {}
         }
         if self.step == Step::Home && self.homing.is_empty() {
-            let next = if self.has_program {
-                Step::Program
-            } else {
-                self.behind_job()
-            };
-            self.enter(next, now_ns);
+            self.enter(self.behind_enable(), now_ns);
         }
         let waits = matches!(self.step, Step::Network | Step::StandBy | Step::Done);
         if self.ordered || waits {
@@ -345,6 +340,15 @@ impl Sequence {
         }
         self.ordered = true;
         Some(self.step)
+    }
+
+    /// Where it goes on with drives on: a step that has nothing to do is never under way, and is told to nobody.
+    fn behind_enable(&self) -> Step {
+        match (self.homing.is_empty(), self.has_program) {
+            (false, _) => Step::Home,
+            (true, true) => Step::Program,
+            (true, false) => self.behind_job(),
+        }
     }
 
     /// Where it goes on once the machine rests.
@@ -560,6 +564,31 @@ mod tests {
         assert_eq!(sequence.poll(SECOND, State::Faulted, false), Some(Step::ShutDown));
         sequence.poll(SECOND, State::Down, false);
         assert!(sequence.outcome().is_some());
+    }
+
+    /// Whoever looks at what is under way never sees a step that has nothing to do.
+    #[test]
+    fn nothing_homes_where_all_joints_are_homed() {
+        let begun = |state, job| {
+            let mut sequence = Sequence::new(0, &[0b1]).standing_by();
+            sequence.begin(SECOND, state, job);
+            let first = sequence.step();
+            sequence.poll(SECOND, State::Ready, false);
+            (first, sequence.step(), sequence.job_outcome())
+        };
+        let program = || Job::Program {
+            home: Vec::new(),
+            runs: 1,
+        };
+        assert_eq!(begun(State::Ready, program()), (Step::Program, Step::Program, None));
+        assert_eq!(begun(State::Disabled, program()), (Step::Enable, Step::Program, None));
+        let done = Some(Outcome::Completed);
+        assert_eq!(begun(State::Ready, Job::On), (Step::StandBy, Step::StandBy, done));
+        assert_eq!(begun(State::Disabled, Job::On), (Step::Enable, Step::StandBy, done));
+        assert_eq!(
+            begun(State::Ready, Job::Home(Vec::new())),
+            (Step::StandBy, Step::StandBy, done)
+        );
     }
 
     #[test]
