@@ -1,5 +1,6 @@
 //! README.md and the pages that were once in it name only what exists: commands, options, files, pins of the sections that it lists.
 
+use isocnc::config::BusKind;
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::Command;
@@ -90,6 +91,22 @@ fn it_opens_with_the_two_commands() {
     let block = fenced(true);
     assert!(block[0].starts_with("cargo run --release -- demo "), "{}", block[0]);
     assert!(block[1].starts_with("cargo test --workspace "), "{}", block[1]);
+}
+
+/// What isocnc is said to be in one sentence names every way to a motor that there is.
+#[test]
+fn one_sentence_about_isocnc_names_every_bus_and_step_pulses() {
+    let architecture = include_str!("../ARCHITECTURE.md").split("\n\n").nth(1).expect("a paragraph");
+    let about = help(&[]);
+    let about = about.lines().next().expect("a line");
+    assert_eq!(about, env!("CARGO_PKG_DESCRIPTION"));
+    for text in [about, architecture] {
+        let text = text.to_lowercase();
+        let buses = BusKind::WORDS.into_iter().filter(|(_, kind)| kind.has_interface());
+        for word in buses.map(|(word, _)| word).chain(["pulses"]) {
+            assert!(text.contains(word), "{word} is not in {text}");
+        }
+    }
 }
 
 #[test]

@@ -32,9 +32,9 @@ use clap::{CommandFactory, Parser, Subcommand};
 use std::ffi::OsString;
 use std::process::ExitCode;
 
-/// CNC control for Linux PCs with a built-in Ethernet POWERLINK managing node.
+/// The whole command line.
 #[derive(Debug, Parser)]
-#[command(name = "isocnc", version, about)]
+#[command(name = "isocnc", version, about = env!("CARGO_PKG_DESCRIPTION"), long_about = None)]
 pub struct Cli {
     #[command(subcommand)]
     command: Command,
