@@ -309,3 +309,55 @@ fn what_is_simulated_answers_the_tool_change_of_each_program_that_it_can_run() {
     assert!(waiting.is_empty(), "{CHANGED}: {waiting:#?}");
     assert!(machines >= 3, "{machines} machines run a program with a tool change");
 }
+
+/// What a control would not start with is found by `check`, too, and told with its place where it has one.
+#[test]
+fn a_check_refuses_what_a_start_refuses() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    let isocnc = |words: &[&str]| {
+        let output = std::process::Command::new(env!("CARGO_BIN_EXE_isocnc"))
+            .args(words)
+            .current_dir(folder.path())
+            .output()
+            .unwrap();
+        let text = |octets: Vec<u8>| String::from_utf8(octets).unwrap();
+        (output.status.code(), text(output.stdout), text(output.stderr))
+    };
+    write("bad.tbl", "T1 P1 D6.0\nT2 P2 D-\n");
+    write("good.ngc", "M2\n");
+    let cases = [
+        ("[tools]\ntable = \"bad.tbl\"\n", "bad.tbl:2:", &["good.ngc"][..]),
+        ("[program]\nstartup_code = \"G61.7\"\n", "G61.7", &["good.ngc"]),
+        ("[[logic]]\nfile = \"none.st\"\nperiod_ms = 10\n", "none.st", &[]),
+        #[cfg(not(feature = "cell"))]
+        (
+            "[cell]\nsupervisor = \"a:1\"\ncertificate = \"c\"\nkey = \"k\"\nca = \"a\"\n",
+            "built without the link to a supervisor",
+            &[],
+        ),
+    ];
+    for (text, expected, program) in cases {
+        let machine = DEMO.replacen("[machine]\n", "[machine]\nstate_directory = \"state\"\n", 1);
+        let machine = machine.replacen("kind = \"powerlink\"", "kind = \"memory\"", 1);
+        match text.starts_with("[program]") {
+            true => write("m.toml", &machine.replacen("[program]\n", text, 1)),
+            false => write("m.toml", &format!("{machine}\n{text}")),
+        }
+        let (code, _, said) = isocnc(&["check", "m.toml"]);
+        assert!(code == Some(1) && said.contains(expected), "{text}: {said}");
+        let (code, _, said) = isocnc(&[&["run", "m.toml"][..], program].concat());
+        assert!(code == Some(1) && said.contains(expected), "{text}: {said}");
+        let (_, json, _) = isocnc(&["check", "m.toml", "--json"]);
+        let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+        assert!(json["errors"][0]["rule"].is_string(), "{text}: {json}");
+    }
+    // Of a table each mistake has its line and column, in words alone.
+    write("m.toml", &format!("{DEMO}\n[tools]\ntable = \"bad.tbl\"\n"));
+    let (_, json, _) = isocnc(&["check", "m.toml", "--json"]);
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert_eq!((&json["file"], &json["errors"][0]["line"]), (&"bad.tbl".into(), &2.into()));
+    assert!(!json["errors"][0]["rule"].as_str().unwrap().contains('\n'), "{json}");
+    write("m.toml", DEMO);
+    assert_eq!(isocnc(&["check", "m.toml"]).0, Some(0));
+}

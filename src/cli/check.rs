@@ -11,6 +11,7 @@ use crate::cli::bus::check::{budget_json, list_cdc, node_json, write_budget, wri
 use crate::config::{BusKind, Config, HomingBy, Joint, Place, SUBSTEPS, rate_max_hz};
 use crate::host::steadiness::Steadiness;
 use crate::operator::refusal::Refusal;
+use crate::operator::session::check_start;
 use crate::operator::tuning::stability::{GAIN_MARGIN_DB, Margins, PHASE_MARGIN_DEG, margins_of_joint};
 use crate::rt::components::{LateRead, late_reads};
 use crate::rt::logic::budget::{self, Budget};
@@ -56,6 +57,7 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
             Refusal::new(format!("{file}: {rule}\n1 error in {file}"), json)
         }
     })?;
+    check_start(&config)?;
     let budgets = budget::of_machine(&config).map_err(Refusal::from)?;
     let timing = Steadiness::measure(&config.rt).advice(&config);
     let servo = (!config.joints.is_empty()).then(|| bench_servo::servo(&config, bench_servo::CYCLES_OF_CHECK));

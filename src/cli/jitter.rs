@@ -93,7 +93,7 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<ExitCode> {
             program::pocket(&config, program::BLOCKS)?.into_bytes().into(),
         ),
     };
-    let tables = Tables::read(&config)?;
+    let tables = Tables::read(&config).map_err(Refusal::from)?;
     let begin = Begin::at_home(&config);
     if let Err(errors) = check(&config, &tables, &name, &text, &begin, signal.cancel()) {
         return Err(match errors.is_cancelled() {

@@ -31,6 +31,14 @@ impl Panel {
     }
 
     /// None.
+    ///
+    /// # Errors
+    /// The machine file asks for it.
+    pub fn check(config: &Config) -> anyhow::Result<()> {
+        Panel::of(config, None, true).map(drop)
+    }
+
+    /// None.
     pub fn programs(&self) -> Option<&Path> {
         None
     }

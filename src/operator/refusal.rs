@@ -4,6 +4,7 @@
 //! null) and `errors`, objects with `rule` and, where it is known, `line`, `column` and what else belongs to them.
 
 use crate::config::ConfigErrors;
+use crate::machine::tables::TablesError;
 use serde_json::{Value, json};
 use std::fmt;
 
@@ -66,6 +67,17 @@ impl fmt::Display for Refusal {
 }
 
 impl std::error::Error for Refusal {}
+
+impl From<TablesError> for Refusal {
+    fn from(error: TablesError) -> Refusal {
+        let errors = error.errors.iter().map(|(place, rule)| {
+            let [line, column] = place.map_or([None; 2], |place| place.map(Some));
+            json!({ "line": line, "column": column, "rule": rule })
+        });
+        let errors: Vec<Value> = errors.collect();
+        Refusal::new(error.to_string(), json!({ "file": error.file, "errors": errors }))
+    }
+}
 
 impl From<ConfigErrors> for Refusal {
     fn from(errors: ConfigErrors) -> Refusal {

@@ -32,8 +32,9 @@ use crate::operator::journal_keeper;
 use crate::operator::memory::{self, Memory};
 use crate::operator::operator_loop::{LoopTask, OperatorLoop, Running};
 use crate::operator::panel::Panel;
+use crate::operator::refusal::Refusal;
 use crate::operator::retain_keeper;
-use crate::program::Overview;
+use crate::program::{Begin, Overview, check};
 use crate::program::text::Reader;
 use crate::rt::assemble::assemble;
 use crate::rt::cycle_stats;
@@ -49,6 +50,7 @@ use anyhow::{Context, anyhow};
 use gcode::PinReader;
 use hal_pins::scope::Sampler;
 use hal_pins::{AnyValue, Hal};
+use motion::cancel::Cancel;
 use motion::rt::Peaks;
 use std::io::Write;
 use std::os::unix::net::UnixStream;
@@ -129,6 +131,25 @@ pub struct Ended {
     pub findings: Vec<Finding>,
     /// The timing: who chose it, and what was measured for it.
     pub calibration: Calibration,
+}
+
+/// What a control of this machine would not start with, or run no program with, as far as its files and this build of isocnc say.
+/// Nothing is opened or written.
+///
+/// # Errors
+/// The first of them.
+pub fn check_start(config: &Config) -> anyhow::Result<()> {
+    let tables = Tables::read(config).map_err(Refusal::from)?;
+    Panel::check(config)?;
+    Cell::of(config)?;
+    if !config.joints.is_empty() {
+        // What stands before every program: startup code.
+        let begin = Begin::at_home(config);
+        let name = config.path.display().to_string();
+        check(config, &tables, &name, "M2\n", &begin, &Cancel::default())
+            .map_err(|errors| Refusal::of_file(&name, format!("{name}: program.startup_code: {errors}")))?;
+    }
+    Ok(())
 }
 
 /// Runs a control from power-on to power-off; `task` looks after it meanwhile.

@@ -44,7 +44,7 @@ pub fn run_and_report(job: Job<'_>, wire: Wire) -> anyhow::Result<ExitCode> {
     let Job {
         config, program, out, ..
     } = job;
-    let tables = Tables::read(config).map_err(|error| Refusal::of_file(program.name, error).nothing_moved())?;
+    let tables = Tables::read(config).map_err(|error| Refusal::from(error).nothing_moved())?;
     let tables = Mutex::new(tables);
     let begin = Begin::at_home(config);
     let checked = check(

@@ -291,7 +291,7 @@ fn refused(name: &str, error: &FeedError) -> Refusal {
 fn checked(args: &PlanArgs, config: &Config, text: Reader<'_>) -> Result<(Tables, String), Refusal> {
     let plain = |file: &Path, error: &dyn std::fmt::Display| Refusal::of_file(&file.display().to_string(), error);
     config::check_planner(config).map_err(|rule| plain(&args.machine, &format!("--planner classic: {rule}")))?;
-    let tables = Tables::read(config).map_err(|error| plain(&args.machine, &error))?;
+    let tables = Tables::read(config).map_err(Refusal::from)?;
     let name = args.program.display().to_string();
     if config.joints.is_empty() {
         let rule = format!("cannot be planned: {}", config.without_joints());

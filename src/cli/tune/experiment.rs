@@ -218,7 +218,7 @@ pub(super) fn run(
     onlooker: &mut dyn Onlooker,
 ) -> anyhow::Result<Result<Ended, ExitCode>> {
     let signal = StopSignal::install().context("signals")?;
-    let tables = tables(config).map_err(|error| Refusal::of_file(name, error).nothing_moved())?;
+    let tables = tables(config).map_err(|error| Refusal::from(error).nothing_moved())?;
     let tables = Mutex::new(tables);
     let reader = Reader::from(text.as_bytes());
     let checked = check(

@@ -55,6 +55,10 @@ struct Kept {
 /// Why the tables cannot be used: every mistake in a file, or that it cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TablesError {
+    /// The file.
+    pub file: String,
+    /// Each with line and column, where it has a place.
+    pub errors: Vec<(Option<[u32; 2]>, String)>,
     /// One or more messages, each with its place and the line of the file.
     shown: String,
 }
@@ -70,6 +74,8 @@ impl std::error::Error for TablesError {}
 impl TablesError {
     fn unreadable(path: &Path, cause: &dyn fmt::Display) -> TablesError {
         TablesError {
+            file: path.display().to_string(),
+            errors: vec![(None, cause.to_string())],
             shown: format!("error: {}: {cause}", path.display()),
         }
     }
@@ -81,7 +87,12 @@ impl TablesError {
             let _ = writeln!(shown, "{}", error.render(&path, content)); // a String takes everything
         }
         let _ = write!(shown, "{path}: {} in this file", count(errors.len()));
-        TablesError { shown }
+        let errors = errors.iter().map(|error| (Some([error.line, error.column]), error.kind.to_string()));
+        TablesError {
+            file: path,
+            errors: errors.collect(),
+            shown,
+        }
     }
 }
 

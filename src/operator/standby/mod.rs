@@ -29,6 +29,7 @@ use crate::operator::console::level;
 use crate::operator::operator_loop::{LoopTask, Running};
 use crate::operator::panel::Panel;
 use crate::operator::progress::told;
+use crate::operator::refusal::Refusal;
 use crate::operator::session;
 use crate::operator::session::{Session, Task, Wire};
 use serde_json::json;
@@ -46,7 +47,7 @@ pub fn stand_by(
     signal: StopSignal,
     panel: Option<Panel>,
 ) -> anyhow::Result<ExitCode> {
-    let tables = Mutex::new(Tables::read(config)?);
+    let tables = Mutex::new(Tables::read(config).map_err(Refusal::from)?);
     let session = Session {
         config,
         tables: &tables,
