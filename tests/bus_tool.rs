@@ -124,7 +124,7 @@ fn a_running_control_tells_of_its_network_and_lets_parameters_be_read() {
     let set = demo.bus(&["sdo", "set", "--node", "10", "0x1F9A", "panel"]);
     assert_eq!(text(&set), "0x1F9A before: \"io\"\n0x1F9A after:  \"panel\"\n");
     let unknown = demo.bus(&["sdo", "get", "--node", "9", "0x1000"]);
-    assert_eq!(unknown.status.code(), Some(1));
+    assert_eq!(unknown.status.code(), Some(2));
     assert_eq!(text(&unknown), "isocnc: no node has the id 9; nodes are 1, 2, 3, 10\n");
     let no_node = demo.bus(&["sdo", "get", "0x1000"]);
     assert_eq!(no_node.status.code(), Some(2), "{}", text(&no_node));

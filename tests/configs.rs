@@ -356,8 +356,39 @@ fn a_check_refuses_what_a_start_refuses() {
     write("m.toml", &format!("{DEMO}\n[tools]\ntable = \"bad.tbl\"\n"));
     let (_, json, _) = isocnc(&["check", "m.toml", "--json"]);
     let json: serde_json::Value = serde_json::from_str(&json).unwrap();
-    assert_eq!((&json["file"], &json["errors"][0]["line"]), (&"bad.tbl".into(), &2.into()));
+    assert_eq!(
+        (&json["file"], &json["errors"][0]["line"]),
+        (&"bad.tbl".into(), &2.into())
+    );
     assert!(!json["errors"][0]["rule"].as_str().unwrap().contains('\n'), "{json}");
     write("m.toml", DEMO);
     assert_eq!(isocnc(&["check", "m.toml"]).0, Some(0));
+    // So has one of a program; nothing is drawn for people in it.
+    write("m.toml", &DEMO.replacen("kind = \"powerlink\"", "kind = \"memory\"", 1));
+    write("bad.ngc", "G21\nG1 X1 F100\n  X2 Q\nM2\n");
+    let (code, json, _) = isocnc(&["run", "m.toml", "bad.ngc", "--json"]);
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let error = &json["errors"][0];
+    assert_eq!(
+        (code, &json["file"], &error["line"]),
+        (Some(1), &"bad.ngc".into(), &3.into())
+    );
+    assert!(error["column"].as_u64().is_some_and(|column| column > 1), "{json}");
+    assert!(!error["rule"].as_str().unwrap().contains('\n'), "{json}");
+    // What is in the way of a report is told before the program is looked at.
+    assert!(!folder.path().join("isocnc-out").exists());
+    write("isocnc-out", "");
+    let (code, _, said) = isocnc(&["run", "m.toml", "bad.ngc"]);
+    assert!(
+        code == Some(1) && said.contains("isocnc-out") && !said.contains("bad.ngc"),
+        "{said}"
+    );
+    let (code, _, said) = isocnc(&["plan", "m.toml", "bad.ngc", "--svg", "none/a.svg"]);
+    assert!(
+        code == Some(1) && said.contains("none/a.svg") && !said.contains("bad.ngc"),
+        "{said}"
+    );
+    // Wrong usage that only several options show.
+    let (code, _, said) = isocnc(&["bus", "trace", "x.pcap", "--from", "2", "--to", "1"]);
+    assert_eq!((code, said.as_str()), (Some(2), "isocnc: --from 2 is behind --to 1\n"));
 }

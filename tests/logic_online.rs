@@ -79,7 +79,7 @@ fn a_forced_variable_holds_is_told_everywhere_and_is_released() {
         &["logic", "force", "t", "1"],
         "t has 6 values: name one of them, such as t.IN",
     );
-    control.refused(&["logic", "force", "press", "2"], "\"2\" is no BOOL: 0 or 1");
+    control.refused(&["logic", "force", "press", "2"], "\"2\" is no BOOL: TRUE or FALSE");
     control.refused(
         &["logic", "watch", "--once", "cel"],
         "no program is called \"cel\"; there are cell",
@@ -95,7 +95,7 @@ fn a_forced_variable_holds_is_told_everywhere_and_is_released() {
         (1210, Some(&"press"), Some(&"many[1200]"))
     );
 
-    let said = control.ask(&["logic", "force", "press", "1"]).expect("forced");
+    let said = control.ask(&["logic", "force", "press", "TRUE"]).expect("forced");
     assert_eq!(said["forced"], "press = 1");
     until("the lamp", || variable(&control, "lamp")["value"] == "1");
     // Against the pin, too, which nobody has pressed.

@@ -96,7 +96,10 @@ fn it_opens_with_the_two_commands() {
 /// What isocnc is said to be in one sentence names every way to a motor that there is.
 #[test]
 fn one_sentence_about_isocnc_names_every_bus_and_step_pulses() {
-    let architecture = include_str!("../ARCHITECTURE.md").split("\n\n").nth(1).expect("a paragraph");
+    let architecture = include_str!("../ARCHITECTURE.md")
+        .split("\n\n")
+        .nth(1)
+        .expect("a paragraph");
     let about = help(&[]);
     let about = about.lines().next().expect("a line");
     assert_eq!(about, env!("CARGO_PKG_DESCRIPTION"));

@@ -13,7 +13,7 @@ pub mod read;
 pub mod write;
 
 pub use read::{open, read, read_text, without_mark};
-pub use write::{append, create, hold, make_folder, remove, write};
+pub use write::{append, check, create, hold, make_folder, remove, write};
 
 /// Longest name of a file that somebody elsewhere may give it, octets.
 pub const NAME_MAX: usize = 200;

@@ -52,15 +52,20 @@ pub(crate) fn check_machine(name: &str) -> Result<(), HalError> {
     Ok(())
 }
 
-/// The candidate most like `name`, if one is near enough to be what was meant.
+/// The candidate most like `name`, if one is near enough to be what was meant: by few letters, or because levels in front of it are
+/// missing, as in `feed-hold`.
 pub fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let near_enough = (name.len() / 4).max(2);
-    candidates
+    let near = |candidate: &'a str| {
+        let is_end = candidate.strip_suffix(name).is_some_and(|front| front.ends_with('.')) && !name.is_empty();
+        let distance = edit_distance(name.as_bytes(), candidate.as_bytes());
+        (distance <= near_enough || is_end).then_some((if is_end { 0 } else { distance }, candidate))
+    };
+    let found = candidates
         .into_iter()
-        .map(|candidate| (edit_distance(name.as_bytes(), candidate.as_bytes()), candidate))
-        .filter(|(distance, _)| *distance <= near_enough)
-        .min_by_key(|(distance, _)| *distance)
-        .map(|(_, candidate)| candidate)
+        .filter_map(near)
+        .min_by_key(|(distance, _)| *distance);
+    found.map(|(_, candidate)| candidate)
 }
 
 /// Levenshtein distance: fewest insertions, deletions and replacements of one octet.
@@ -81,6 +86,26 @@ fn edit_distance(a: &[u8], b: &[u8]) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_nearest_name_is_the_one_that_was_meant() {
+        let pins = [
+            "motion.feed-hold",
+            "motion.adaptive-feed",
+            "joint.0.pos-cmd",
+            "spindle.0.hold",
+        ];
+        for (name, meant) in [
+            ("motion.feed-hodl", Some("motion.feed-hold")),
+            ("feed-hold", Some("motion.feed-hold")),
+            ("hold", Some("spindle.0.hold")),
+            ("joint.1.pos-cmd", Some("joint.0.pos-cmd")),
+            ("-hold", None),
+            ("", None),
+        ] {
+            assert_eq!(nearest(name, pins), meant, "{name}");
+        }
+    }
 
     #[test]
     fn names_of_linuxcnc_and_of_the_network_are_legal() {

@@ -55,6 +55,16 @@ impl Variable {
         }
     }
 
+    /// How a value of it is written for [`Logic::read`], behind a colon; empty where that needs no words.
+    pub fn form(&self) -> &'static str {
+        match self.kind {
+            Leaf::Scalar(Scalar::Bool) => ": TRUE or FALSE",
+            Leaf::Scalar(Scalar::Time) => ": T#1s500ms, or milliseconds",
+            Leaf::Scalar(Scalar::String) => ": a text of the program",
+            Leaf::Scalar(_) | Leaf::Enumeration(_) => "",
+        }
+    }
+
     fn full_name(&self) -> String {
         match self.program.as_str() {
             "" => self.name.clone(),
@@ -282,16 +292,23 @@ impl Logic {
         }
     }
 
-    /// Reads a value as it stands in a table: BOOL as 0 or 1, TIME in milliseconds, a value of an enumeration by its name
-    /// or its number.
+    /// Reads a value as it stands in a table: BOOL as 0 or 1, or FALSE or TRUE; TIME in milliseconds, or as `T#1s500ms`; a value of an
+    /// enumeration by its name or its number.
     pub fn read<'t>(&self, variable: &Variable, text: &'t str) -> Option<Value<'t>> {
         let value = match variable.kind {
             Leaf::Scalar(Scalar::Bool) => match text {
                 "0" => Value::Bool(false),
                 "1" => Value::Bool(true),
+                word if word.eq_ignore_ascii_case("FALSE") => Value::Bool(false),
+                word if word.eq_ignore_ascii_case("TRUE") => Value::Bool(true),
                 _ => return None,
             },
-            Leaf::Scalar(Scalar::Time) => Value::Time(crate::duration::of_milliseconds(text)?),
+            Leaf::Scalar(Scalar::Time) => Value::Time(match text.split_once('#') {
+                Some((word, time)) if ["T", "TIME"].iter().any(|known| word.eq_ignore_ascii_case(known)) => {
+                    crate::duration::parse(time).ok()?
+                }
+                _ => crate::duration::of_milliseconds(text)?,
+            }),
             Leaf::Scalar(scalar) if scalar.is_real() => {
                 let value = text.parse::<f64>().ok().filter(|value| value.is_finite())?;
                 // A number that is beyond a REAL is none.

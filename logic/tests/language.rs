@@ -364,6 +364,60 @@ fn a_loop_that_is_not_bound_by_itself_ends_at_its_bound() {
     ends("FOR n := 1 TO 5000 DO ; END_FOR;", "5000", None);
 }
 
+/// An enumeration may stand at its variables, which share it; others of the same names are others.
+#[test]
+fn enumerations_need_no_name() {
+    let mut runtime = start(
+        "FUNCTION_BLOCK lamp VAR phase : (idle, blinks); END_VAR IF phase = idle THEN phase := blinks; END_IF; END_FUNCTION_BLOCK\n\
+         PROGRAM p VAR a, b : (idle, run := 5, stop) := run; c : ARRAY [1..2] OF (idle, full); l : lamp; same : BOOL; END_VAR\n\
+         same := a = b; b := stop; c[2] := full; l(); CASE a OF run: a := idle; END_CASE; END_PROGRAM",
+    );
+    scan(&mut runtime, 0);
+    for (name, value) in [
+        ("same", "1"),
+        ("a", "idle"),
+        ("b", "stop"),
+        ("c[1]", "idle"),
+        ("c[2]", "full"),
+        ("l.phase", "blinks"),
+    ] {
+        assert_eq!(get(&runtime, name), value, "{name}");
+    }
+    set(&mut runtime, "a", "run");
+    assert_eq!(get(&runtime, "a"), "run");
+}
+
+/// What is forced or stands in a table may be written as in a program.
+#[test]
+fn values_are_read_as_in_a_program() {
+    let runtime = start("PROGRAM p VAR b : BOOL; t : TIME; END_VAR END_PROGRAM");
+    let logic = runtime.logic();
+    let read = |name: &str, text: &str| {
+        let variable = logic.variable(name).unwrap();
+        logic
+            .read(variable, text)
+            .and_then(|value| logic.slot_value(variable, value))
+    };
+    for (text, slot) in [
+        ("TRUE", Some(1)),
+        ("true", Some(1)),
+        ("False", Some(0)),
+        ("1", Some(1)),
+        ("yes", None),
+    ] {
+        assert_eq!(read("b", text), slot, "{text}");
+    }
+    for (text, milliseconds) in [
+        ("T#1s500ms", Some(1500)),
+        ("time#-5S", Some(-5000)),
+        ("20", Some(20)),
+        ("S#1", None),
+        ("T#", None),
+    ] {
+        assert_eq!(read("t", text), milliseconds.map(|ms: i64| ms * 1_000_000), "{text}");
+    }
+}
+
 /// Of loops inside each other all are told, each at its own place; constant limits and a pragma bound a loop.
 #[test]
 fn loops_without_a_bound_are_known_by_their_places() {

@@ -148,7 +148,9 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<ExitCode> {
     bear(&mut config);
     ensure!(
         far_end.is_some() || args.capture.is_none(),
-        "--capture needs the private network and a PC that keeps a cycle: in memory nothing passes a network interface"
+        Refusal::usage(
+            "--capture needs the private network and a PC that keeps a cycle: in memory nothing passes a network interface"
+        )
     );
     let wire = match far_end {
         Some(_) => Wire::Interface(INTERFACES[0].into()),

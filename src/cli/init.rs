@@ -68,7 +68,8 @@ pub fn init(args: &InitArgs) -> anyhow::Result<ExitCode> {
         ask(&mut args, count, &mut std::io::stdin().lock(), &mut std::io::stdout())?;
     }
     let text = machine_file(&args, found)?;
-    let config = config::parse(&text, &args.file).map_err(Refusal::from)?;
+    // What the options say makes no machine.
+    let config = config::parse(&text, &args.file).map_err(|errors| Refusal::from(errors).wrong_usage())?;
     bus::check(&config).map_err(Refusal::from)?;
     ensure!(
         args.force || !is_there(),
@@ -151,7 +152,9 @@ fn plain(id: u8, is_drive: bool) -> Node {
 /// The text of the machine file. `found`: nodes of a scan, and of which bus.
 fn machine_file(args: &InitArgs, found: Option<(Protocol, Vec<Node>)>) -> anyhow::Result<String> {
     let Some(interface) = args.scan.as_ref().or(args.interface.as_ref()) else {
-        bail!("which network interface? --interface IF names it, --scan IF asks it for its nodes");
+        bail!(Refusal::usage(
+            "which network interface? --interface IF names it, --scan IF asks it for its nodes"
+        ));
     };
     let with_nets = found.is_none();
     let (bus, nodes) = found.unwrap_or_else(|| {

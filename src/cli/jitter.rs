@@ -98,7 +98,7 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<ExitCode> {
     if let Err(errors) = check(&config, &tables, &name, &text, &begin, signal.cancel()) {
         return Err(match errors.is_cancelled() {
             true => nothing_measured(&signal, "a signal came before"),
-            false => Refusal::of_file(&name, errors).nothing_moved(),
+            false => Refusal::of_program(&name, &errors).nothing_moved(),
         }
         .into());
     }
@@ -152,7 +152,7 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<ExitCode> {
 
 /// A signal ended the measurement before there was anything to report.
 fn nothing_measured(signal: &StopSignal, why: &str) -> Refusal {
-    let text = format!("isocnc: nothing was measured: {why}");
+    let text = format!("nothing was measured: {why}");
     Refusal {
         code: signal.caught().map_or(1, signals::exit_code),
         ..Refusal::new(&text, Refusal::json_of_text(&text))

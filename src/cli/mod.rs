@@ -64,7 +64,7 @@ enum Command {
     #[command(after_help = "Example: isocnc estop")]
     Estop(control::EstopArgs),
     /// Home joints; drives are switched on first and stay on.
-    #[command(after_help = "Example: isocnc home 2")]
+    #[command(after_help = "Example: isocnc home X 2")]
     Home(control::HomeArgs),
     /// Load, start or run a program on a control that stands by.
     Program(control::ProgramArgs),
@@ -182,7 +182,7 @@ pub fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(error) if as_json && error.use_stderr() => {
-            say(&format!("{:#}\n", Refusal::json_of_text(&error.to_string())));
+            say(&format!("{:#}\n", Refusal::json_of_text(&rule(&error))));
             return ExitCode::from(2);
         }
         Err(error) => error.exit(),
@@ -247,12 +247,20 @@ pub fn main() -> ExitCode {
         let refusal = error.downcast_ref::<Refusal>();
         match refusal {
             _ if as_json => say(&format!("{:#}\n", Refusal::json_of(&error))),
-            // It names its file itself.
-            Some(refusal) => eprintln!("{refusal}"),
-            None => eprintln!("isocnc: {error:#}"),
+            // It names its file itself, where it is of one.
+            Some(refusal) if !refusal.json["file"].is_null() => eprintln!("{refusal}"),
+            Some(_) | None => eprintln!("isocnc: {error:#}"),
         }
-        ExitCode::from(refusal.map_or(1, |refusal| refusal.code))
+        ExitCode::from(Refusal::code_of(&error))
     })
+}
+
+/// What is wrong with the words of a command line, without the usage around it.
+fn rule(error: &clap::Error) -> String {
+    let text = error.to_string();
+    let lines = text.lines().take_while(|line| !line.is_empty()).map(str::trim);
+    let text = lines.collect::<Vec<_>>().join(" ");
+    text.strip_prefix("error: ").unwrap_or(&text).to_owned()
 }
 
 /// Whether errors are for a program to read; known before the arguments are, for these may be wrong.
@@ -313,6 +321,10 @@ mod tests {
     fn errors_are_json_where_json_is_asked_for() {
         let wants = |words: &[&str]| wants_json(words.iter().map(OsString::from));
         assert!(wants(&["isocnc", "status", "--json"]) && wants(&["isocnc", "stauts", "--json", "x"]));
+        let error = Cli::try_parse_from(["isocnc", "stauts", "--json"])
+            .map(drop)
+            .unwrap_err();
+        assert_eq!(rule(&error), "unrecognized subcommand 'stauts'");
         assert!(!wants(&["isocnc", "status"]) && !wants(&["isocnc", "check", "--", "--json"]));
     }
 }

@@ -4,6 +4,7 @@
 //! Out: the text. Each drive has a joint and an axis; without a drive nothing moves.
 
 use super::bus::Protocol;
+use crate::operator::refusal::Refusal;
 use anyhow::ensure;
 use std::fmt::Write as _;
 
@@ -80,7 +81,9 @@ impl Proposal<'_> {
         let count = axes.chars().count();
         ensure!(
             self.axes.is_none() || count == drives,
-            "{count} axes ({axes}) and {drives} drives: each axis has one drive; more drives of an axis are added in the file"
+            Refusal::usage(format_args!(
+                "{count} axes ({axes}) and {drives} drives: each axis has one drive; more drives of an axis are added in the file"
+            ))
         );
         let mut text = self.head(count > 0);
         let mut names: Vec<String> = Vec::new();

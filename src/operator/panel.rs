@@ -138,9 +138,9 @@ impl Panel {
     /// What is wrong with them.
     pub fn check(config: &Config) -> anyhow::Result<()> {
         match config.panel.as_ref().map(|panel| &panel.encryption) {
-            Some(Encryption::Files { certificate, key }) => {
-                Tls::of_files(certificate, key).map(drop).context("the panel cannot encrypt what it sends")
-            }
+            Some(Encryption::Files { certificate, key }) => Tls::of_files(certificate, key)
+                .map(drop)
+                .context("the panel cannot encrypt what it sends"),
             // Its own certificate is made where there is none.
             Some(Encryption::None | Encryption::Own(_)) | None => Ok(()),
         }

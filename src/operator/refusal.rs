@@ -3,8 +3,11 @@
 //! In:  errors that know their place in a file, or any other. Out: text, or JSON in one shape for all commands: `file` (or
 //! null) and `errors`, objects with `rule` and, where it is known, `line`, `column` and what else belongs to them.
 
+use crate::api::client::ClientError;
+use crate::api::rpc::code;
 use crate::config::ConfigErrors;
 use crate::machine::tables::TablesError;
+use crate::program::ProgramErrors;
 use serde_json::{Value, json};
 use std::fmt;
 
@@ -26,11 +29,33 @@ impl Refusal {
         }
     }
 
-    /// Errors in a file, told in words only.
+    /// Something wrong with a file that has no place in it, told in words only.
     pub fn of_file(file: &str, errors: impl fmt::Display) -> Refusal {
         let text = errors.to_string();
         let json = json!({ "file": file, "errors": [{ "rule": text.trim_end() }] });
         Refusal::new(text, json)
+    }
+
+    /// Errors of a program.
+    pub fn of_program(name: &str, errors: &ProgramErrors) -> Refusal {
+        Refusal::new(errors.to_string(), json!({ "file": name, "errors": errors.to_json() }))
+    }
+
+    /// Wrong usage that only a look at several options shows.
+    pub fn usage(text: impl fmt::Display) -> Refusal {
+        let text = text.to_string();
+        let json = Refusal::json_of_text(&text);
+        Refusal::new(text, json).wrong_usage()
+    }
+
+    /// The exit code that an error ends a command with.
+    pub fn code_of(error: &anyhow::Error) -> u8 {
+        let is_usage = |error: &ClientError| matches!(error, ClientError::Refused(refused) if refused.code == code::INVALID_PARAMS);
+        match (error.downcast_ref::<Refusal>(), error.downcast_ref::<ClientError>()) {
+            (Some(refusal), _) => refusal.code,
+            (None, Some(error)) if is_usage(error) => 2,
+            (None, _) => 1,
+        }
     }
 
     /// The same before anything moved.

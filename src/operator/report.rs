@@ -143,6 +143,16 @@ pub fn prepare(folder: &Path) -> anyhow::Result<()> {
     prepare_for(folder, &[RUN, TOOLPATH, SOC_PERIOD, SOC_PERIOD_DATA, PAGE])
 }
 
+/// Whether a report could be written there, long before it is; nothing is made.
+///
+/// # Errors
+/// What is in the way.
+pub fn check(folder: &Path) -> anyhow::Result<()> {
+    // What is missing will be made in the nearest folder that is there.
+    let there = folder.ancestors().find(|path| path.exists()).unwrap_or(Path::new(""));
+    files::check(&there.join(RUN)).with_context(|| folder.display().to_string())
+}
+
 /// As [`prepare`], for files of these names.
 ///
 /// # Errors

@@ -34,8 +34,8 @@ use crate::operator::operator_loop::{LoopTask, OperatorLoop, Running};
 use crate::operator::panel::Panel;
 use crate::operator::refusal::Refusal;
 use crate::operator::retain_keeper;
-use crate::program::{Begin, Overview, check};
 use crate::program::text::Reader;
+use crate::program::{Begin, Overview, check};
 use crate::rt::assemble::assemble;
 use crate::rt::cycle_stats;
 use crate::rt::cycle_stats::CycleFigures;
@@ -133,6 +133,22 @@ pub struct Ended {
     pub calibration: Calibration,
 }
 
+/// Whether interface and name of a control are free: another one may have them.
+///
+/// # Errors
+/// Who has them.
+pub fn check_free(config: &Config, wire: &Wire) -> anyhow::Result<()> {
+    if let Wire::Interface(interface) = wire {
+        drop(SoleSender::claim(interface)?);
+    }
+    let hal = Hal::create(&config.name, capacity(config)).context("pins")?;
+    match Socket::bind(&path_beside(hal.path(), &config.name)) {
+        Err(error @ BindError::Running { .. }) => Err(error.into()),
+        // Without a socket a control runs all the same.
+        Ok(_) | Err(BindError::NoSocket { .. } | BindError::System { .. }) => Ok(()),
+    }
+}
+
 /// What a control of this machine would not start with, or run no program with, as far as its files and this build of isocnc say.
 /// Nothing is opened or written.
 ///
@@ -147,7 +163,7 @@ pub fn check_start(config: &Config) -> anyhow::Result<()> {
         let begin = Begin::at_home(config);
         let name = config.path.display().to_string();
         check(config, &tables, &name, "M2\n", &begin, &Cancel::default())
-            .map_err(|errors| Refusal::of_file(&name, format!("{name}: program.startup_code: {errors}")))?;
+            .map_err(|errors| Refusal::of_program(&name, &errors))?;
     }
     Ok(())
 }

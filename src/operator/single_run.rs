@@ -4,7 +4,7 @@
 
 use super::progress::Progress;
 use super::report::{self, Facts, FarEnd};
-use crate::config::Config;
+use crate::config::{BusKind, Config};
 use crate::host::signals;
 use crate::host::signals::StopSignal;
 use crate::host::terminal::say;
@@ -44,6 +44,9 @@ pub fn run_and_report(job: Job<'_>, wire: Wire) -> anyhow::Result<ExitCode> {
     let Job {
         config, program, out, ..
     } = job;
+    // A long program is checked for minutes: what is in the way is told before.
+    session::check_free(config, &wire)?;
+    report::check(out)?;
     let tables = Tables::read(config).map_err(|error| Refusal::from(error).nothing_moved())?;
     let tables = Mutex::new(tables);
     let begin = Begin::at_home(config);
@@ -58,15 +61,20 @@ pub fn run_and_report(job: Job<'_>, wire: Wire) -> anyhow::Result<ExitCode> {
     let overview = match checked {
         Ok(overview) => overview,
         Err(errors) if errors.is_cancelled() => return Ok(given_up(&job.signal)),
-        Err(errors) => return Err(Refusal::of_file(program.name, errors).nothing_moved().into()),
+        Err(errors) => return Err(Refusal::of_program(program.name, &errors).nothing_moved().into()),
     };
     report::prepare(out)?;
     if !job.json {
         say(&format!(
-            "{}: {} lines, {} of motion; the network and homing come before it\n",
+            "{}: {} lines, {} of motion; {}homing comes before it\n",
             program.name,
             overview.lines,
-            minutes(overview.time_s)
+            minutes(overview.time_s),
+            if config.bus.kind == BusKind::None {
+                ""
+            } else {
+                "start of the network and "
+            },
         ));
     }
     if let Some((line, what)) = overview.real_time.warning() {

@@ -92,6 +92,9 @@ fn with_tool(
     diameter: Option<f64>,
 ) -> Result<Settings, String> {
     let known = settings.tools.by_number(number).cloned();
+    if number == 0 && known.is_none() {
+        return Err("tool 0 stands for none: numbers of tools begin at 1".into());
+    }
     let mut tool = known.unwrap_or(Tool {
         number,
         pocket: number,
@@ -171,6 +174,13 @@ mod tests {
         let found = changed(&config, &tables, at, None, &set).unwrap();
         assert_eq!(length(&found, 5), 12.3);
         assert_eq!(found.tools.by_number(5).unwrap().diameter_mm, 6.0);
+        let none = Change::Tool {
+            number: 0,
+            length: Some(1.0),
+            diameter: None,
+        };
+        let refused = changed(&config, &tables, at, None, &none).unwrap_err();
+        assert_eq!(refused, "tool 0 stands for none: numbers of tools begin at 1");
         tables.adopt(found);
         let origin = settings_with(&config, &tables, at).work_offsets[0][Axis::Z];
         let touch_off = Change::TouchOffTool {

@@ -16,6 +16,7 @@ use gcode::CheckLimits;
 use motion::cancel::Cancel;
 use motion::canon::Position;
 use motion::plan::Over;
+use serde_json::{Value as Json, json};
 use std::fmt;
 use std::time::{Duration, Instant};
 
@@ -23,7 +24,8 @@ use std::time::{Duration, Instant};
 #[derive(Debug)]
 pub struct ProgramErrors {
     shown: String,
-    count: usize,
+    /// For programs, each as an object.
+    errors: Vec<Json>,
     is_cancelled: bool,
 }
 
@@ -37,7 +39,12 @@ impl std::error::Error for ProgramErrors {}
 
 impl ProgramErrors {
     pub fn count(&self) -> usize {
-        self.count
+        self.errors.len()
+    }
+
+    /// For programs: `rule`, and where they are known `file`, `line`, `column` and `text` of the line.
+    pub fn to_json(&self) -> &[Json] {
+        &self.errors
     }
 
     /// Whether there is nothing wrong but that nobody wants the program any more.
@@ -59,6 +66,17 @@ pub struct Overview {
     pub real_time: RealTimeFactor,
     /// What is left of it at any place.
     pub outline: Outline,
+}
+
+/// An error of a program for programs.
+pub fn error_json(error: &gcode::Error) -> Json {
+    json!({
+        "file": (!error.file.is_empty()).then_some(&error.file),
+        "line": error.line,
+        "column": error.column,
+        "text": error.text,
+        "rule": error.kind.to_string(),
+    })
 }
 
 /// All errors of the text; what a machine can do is not looked at. `path`: of the program.
@@ -121,13 +139,16 @@ pub fn check<'t>(
         cancel: cancel.clone(),
         ..CheckLimits::default()
     };
-    let failed = |shown: String| ProgramErrors {
+    let failed = |shown: String, error: Json| ProgramErrors {
         shown,
-        count: 1,
+        errors: vec![error],
         is_cancelled: cancel.is_cancelled(),
     };
+    let failed_at =
+        |line: u32, rule: String| failed(format!("{path}:{line}: {rule}"), json!({ "line": line, "rule": rule }));
     if config.joints.is_empty() {
-        return Err(failed(format!("{path}: cannot be run: {}", config.without_joints())));
+        let rule = format!("cannot be run: {}", config.without_joints());
+        return Err(failed(format!("{path}: {rule}"), json!({ "rule": rule })));
     }
     let mut budget = Budget::new(limits.time);
     // Of what was typed the first mistake is enough.
@@ -140,7 +161,7 @@ pub fn check<'t>(
         let shown: Vec<String> = errors.iter().map(|error| error.render(path)).collect();
         return Err(ProgramErrors {
             shown: shown.join("\n\n"),
-            count: errors.len(),
+            errors: errors.iter().map(error_json).collect(),
             is_cancelled: cancel.is_cancelled(),
         });
     }
@@ -161,13 +182,13 @@ pub fn check<'t>(
                 broken_off = Some(format!("what follows line {line} depends on where the probe touches"));
                 break;
             }
-            Err(error) => return Err(failed(error.render(path))),
+            Err(error) => return Err(failed(error.render(path), error_json(error.of_text()))),
         }
         if let Some(over) = feeder.sink().over() {
-            return Err(failed(over_limits(path, &over)));
+            return Err(failed_at(over.line, over_limits(&over)));
         }
         if let Some(limit) = budget.passed() {
-            return Err(failed(format!("{path}:{}: {limit}", feeder.line())));
+            return Err(failed_at(feeder.line(), limit));
         }
         feeder.ideal_path();
         overview.lines = overview.lines.max(feeder.line());
@@ -184,16 +205,16 @@ pub fn check<'t>(
 }
 
 /// A limit that the plan does not keep, in words.
-fn over_limits(path: &str, over: &Over) -> String {
+fn over_limits(over: &Over) -> String {
     let Over {
-        line,
+        line: _,
         joint,
         order,
         value,
         limit,
     } = *over;
     format!(
-        "{path}:{line}: over limits, not run: joint {joint} would pass its {order} limit, {value:.1} of {limit:.1}; a defect of the planner: \
+        "over limits, not run: joint {joint} would pass its {order} limit, {value:.1} of {limit:.1}; a defect of the planner: \
          program.planner = \"classic\" may plan it"
     )
 }

@@ -26,7 +26,7 @@ use crate::machine::motion_settings::plan_settings;
 use crate::machine::tables::Tables;
 use crate::rt::shared::RtStatus;
 pub use change::{Change, changed};
-pub use check::{Overview, ProgramErrors, check, check_text};
+pub use check::{Overview, ProgramErrors, check, check_text, error_json};
 pub use doubts::doubts;
 use dry_run::DryRun;
 pub use from_line::{approach, preview};

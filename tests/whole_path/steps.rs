@@ -107,6 +107,21 @@ fn a_plotter_draws_within_a_step_of_its_path() {
 }
 
 #[test]
+fn a_machine_without_a_bus_says_nothing_of_a_network() {
+    let config = plotter();
+    rehearse_on(&config, NetConfig::clean(1), DRAWING, |run| {
+        assert_eq!(run.operator.step_name(), "start");
+        assert_eq!(finish(run), Outcome::Completed);
+        let told: Vec<&str> = run.operator.journal().iter().map(|entry| entry.text.as_str()).collect();
+        assert!(
+            told.len() > 5 && told.iter().all(|text| !text.contains("network")),
+            "{told:?}"
+        );
+        assert_eq!(run.operator.operational_s(), None);
+    });
+}
+
+#[test]
 fn every_way_to_tell_steps_draws_the_same() {
     let (levels, _) = draw(&plotter());
     let wanted = drawn(&plotter(), &levels);

@@ -41,6 +41,24 @@ pub fn write(path: &Path, octets: impl AsRef<[u8]>) -> io::Result<()> {
     }
 }
 
+/// Whether a file of this name could be written, for whoever works long before it is. What stands there stays as it is.
+///
+/// # Errors
+/// As those of [`write`], but for what a full disk says.
+pub fn check(path: &Path) -> io::Result<()> {
+    let Place::Name { folder, name } = place::find(path)? else {
+        return Ok(());
+    };
+    match place::look(&folder, &name)?.as_ref().map(place::kind) {
+        Some(SFlag::S_IFDIR) => return Err(io::Error::from(io::ErrorKind::IsADirectory)),
+        None | Some(SFlag::S_IFREG | SFlag::S_IFLNK) => {}
+        // Opening a pipe for this would end what is read from it.
+        Some(_) => return Ok(()),
+    }
+    let (own_name, _) = new_file(&folder, &name)?;
+    unlinkat(&folder, own_name.as_os_str(), UnlinkatFlags::NoRemoveDir).map_err(io::Error::from)
+}
+
 /// An empty file of this name, to be written bit by bit.
 ///
 /// # Errors

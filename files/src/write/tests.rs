@@ -40,6 +40,26 @@ fn trap(folder: &Path) -> Option<(PathBuf, PathBuf)> {
 }
 
 #[test]
+fn whether_a_file_could_be_written_is_known_before_and_changes_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    std::fs::write(path("old"), "old").unwrap();
+    std::fs::create_dir(path("folder")).unwrap();
+    check(&path("new")).unwrap();
+    check(&path("old")).unwrap();
+    assert_eq!(check(&path("folder")).unwrap_err().kind(), io::ErrorKind::IsADirectory);
+    assert_eq!(check(&path("none/file")).unwrap_err().kind(), io::ErrorKind::NotFound);
+    assert!(check(&path("old/file")).is_err());
+    let mut left: Vec<_> = std::fs::read_dir(folder.path())
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name())
+        .collect();
+    left.sort();
+    assert_eq!(left, ["folder", "old"]);
+    assert_eq!(std::fs::read(path("old")).unwrap(), b"old");
+}
+
+#[test]
 fn a_strangers_link_is_replaced_and_never_followed() {
     let folder = tempfile::tempdir().unwrap();
     let Some((precious, link)) = trap(folder.path()) else {

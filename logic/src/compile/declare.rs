@@ -326,6 +326,18 @@ impl<'a> Compiler<'a, '_> {
         Ok(Type::Enumeration(index))
     }
 
+    /// One that stands at a variable, once for all variables that are declared together.
+    fn enumeration_without_a_name(&mut self, at: Span, values: &'a [(Name, Option<Expression>)]) -> Read<Type> {
+        if let Some(ty) = self.unnamed.get(&at.start) {
+            return Ok(*ty);
+        }
+        let names: Vec<&str> = values.iter().map(|(name, _)| name.text.as_str()).collect();
+        let text = format!("({})", names.join(", "));
+        let ty = self.enumeration(&Name { text, at }, values)?;
+        self.unnamed.insert(at.start, ty);
+        Ok(ty)
+    }
+
     fn type_of(&mut self, unit: Option<usize>, text: &'a TypeText) -> Read<Type> {
         match &text.kind {
             TypeKind::Named(name) => self.named_type(name).map(|(ty, _)| ty),
@@ -350,7 +362,8 @@ impl<'a> Compiler<'a, '_> {
                 }
                 Ok(self.types.array(array))
             }
-            TypeKind::Struct(_) | TypeKind::Enumeration(_) => Err(Reported),
+            TypeKind::Enumeration(values) => self.enumeration_without_a_name(text.at, values),
+            TypeKind::Struct(_) => Err(Reported),
         }
     }
 

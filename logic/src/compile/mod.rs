@@ -128,6 +128,8 @@ struct Compiler<'a, 't> {
     /// By name: place in the file, and what became of it.
     declared: BTreeMap<String, (usize, State<Declared>)>,
     values: BTreeMap<String, Vec<(u32, i64)>>,
+    /// Enumerations without a name, by the octet at which they begin.
+    unnamed: BTreeMap<u32, Type>,
     units: Vec<Unit<'a>>,
     unit_by_name: BTreeMap<String, usize>,
     globals: Vec<Variable>,
@@ -154,6 +156,7 @@ impl<'a, 't> Compiler<'a, 't> {
             types: types::Types::default(),
             declared: BTreeMap::new(),
             values: BTreeMap::new(),
+            unnamed: BTreeMap::new(),
             units: Vec::new(),
             unit_by_name: BTreeMap::new(),
             globals: Vec::new(),

@@ -190,24 +190,6 @@ impl Parser<'_, '_> {
             let at = start.to(self.last());
             let kind = TypeKind::Struct(members);
             TypeText { kind, at }
-        } else if self.take_sign("(") {
-            let mut values = Vec::new();
-            loop {
-                let name = self.name()?;
-                let value = if self.take_sign(":=") {
-                    Some(self.expression()?)
-                } else {
-                    None
-                };
-                values.push((name, value));
-                if !self.take_sign(",") {
-                    break;
-                }
-            }
-            self.sign(")")?;
-            let at = start.to(self.last());
-            let kind = TypeKind::Enumeration(values);
-            TypeText { kind, at }
         } else {
             self.type_text()?
         };
@@ -241,9 +223,28 @@ impl Parser<'_, '_> {
             let kind = TypeKind::Array(dimensions, Box::new(element));
             return Ok(TypeText { kind, at });
         }
-        if self.is_word("STRUCT") || self.is_sign("(") {
-            let what = "a structure or enumeration without a name of its own; it may be declared in TYPE";
+        if self.is_word("STRUCT") {
+            let what = "a structure without a name of its own; it may be declared in TYPE";
             return Err(self.told.error(start, Kind::Unsupported(what.into())));
+        }
+        if self.take_sign("(") {
+            let mut values = Vec::new();
+            loop {
+                let name = self.name()?;
+                let value = if self.take_sign(":=") {
+                    Some(self.expression()?)
+                } else {
+                    None
+                };
+                values.push((name, value));
+                if !self.take_sign(",") {
+                    break;
+                }
+            }
+            self.sign(")")?;
+            let at = start.to(self.last());
+            let kind = TypeKind::Enumeration(values);
+            return Ok(TypeText { kind, at });
         }
         let name = self.name()?;
         if name.text.eq_ignore_ascii_case("STRING") && (self.is_sign("[") || self.is_sign("(")) {

@@ -13,6 +13,7 @@ use crate::api::rpc::code;
 use crate::host::signals::StopSignal;
 use crate::host::terminal;
 use crate::operator::program_reports::StandByReport;
+use crate::operator::refusal::Refusal;
 use anyhow::Context;
 use clap::builder::PossibleValuesParser;
 use clap::{Args, Subcommand, ValueEnum};
@@ -121,8 +122,29 @@ enum ProgramCommand {
 pub struct HomeArgs {
     #[command(flatten)]
     order: OrderArgs,
-    /// Numbers of the joints; all without them
-    joints: Vec<u8>,
+    /// Numbers of joints, or letters of axes; all joints without them
+    #[arg(value_parser = joint_or_axis)]
+    joints: Vec<JointOrAxis>,
+}
+
+/// What homes.
+#[derive(Clone, Copy, Debug)]
+enum JointOrAxis {
+    Joint(u8),
+    /// All joints of an axis.
+    Axis(char),
+}
+
+/// # Errors
+/// Neither a number nor a letter of an axis.
+fn joint_or_axis(text: &str) -> Result<JointOrAxis, String> {
+    let upper = text.to_ascii_uppercase();
+    let mut letters = upper.chars();
+    match (text.parse(), letters.next(), letters.next()) {
+        (Ok(joint), ..) => Ok(JointOrAxis::Joint(joint)),
+        (Err(_), Some(letter), None) if "XYZABCUVW".contains(letter) => Ok(JointOrAxis::Axis(letter)),
+        _ => Err("expected the number of a joint, like 0, or the letter of an axis, like X".into()),
+    }
 }
 
 /// Arguments of `mdi`.
@@ -346,13 +368,50 @@ pub fn lasting(args: &OrderArgs, order: Lasting) -> anyhow::Result<ExitCode> {
 /// # Errors
 /// No control answers, or it refuses.
 pub fn home(args: &HomeArgs) -> anyhow::Result<ExitCode> {
-    let params = match args.joints.is_empty() {
-        true => json!({}),
-        false => json!({ "joints": args.joints }),
+    let begin = |client: &mut Client| {
+        let axes = match args.joints.iter().any(|wanted| matches!(wanted, JointOrAxis::Axis(_))) {
+            true => client.call("machine.describe", json!({}))?["axes"].take(),
+            false => Value::Null,
+        };
+        let params = match args.joints.is_empty() {
+            true => json!({}),
+            false => json!({ "joints": joints_of(&args.joints, &axes)? }),
+        };
+        Ok(client.call("home", params)?)
     };
-    give(&args.order, Lasting::Home, "home", params, |_| {
-        "homes; drives stay on".into()
-    })
+    give_by(&args.order, Lasting::Home, begin, |_| "homes; drives stay on".into())
+}
+
+/// Numbers of the joints that are meant. `axes`: those of the machine.
+///
+/// # Errors
+/// An axis that it does not have.
+fn joints_of(wanted: &[JointOrAxis], axes: &Value) -> anyhow::Result<Vec<u64>> {
+    let axes = axes.as_array().map(Vec::as_slice).unwrap_or_default();
+    let mut joints = Vec::new();
+    for wanted in wanted {
+        match wanted {
+            JointOrAxis::Joint(joint) => joints.push(u64::from(*joint)),
+            JointOrAxis::Axis(letter) => {
+                let letter = letter.to_string();
+                let Some(axis) = axes.iter().find(|axis| axis["axis"] == letter.as_str()) else {
+                    let known: Vec<&str> = axes.iter().filter_map(|axis| axis["axis"].as_str()).collect();
+                    let text = format!("the machine has no axis {letter}; its axes are {}", known.join(", "));
+                    return Err(Refusal::usage(text).into());
+                };
+                joints.extend(
+                    axis["joints"]
+                        .as_array()
+                        .into_iter()
+                        .flatten()
+                        .filter_map(Value::as_u64),
+                );
+            }
+        }
+    }
+    joints.sort_unstable();
+    joints.dedup();
+    Ok(joints)
 }
 
 /// Runs a line of G-code.
@@ -601,4 +660,29 @@ pub(super) fn print(args: &ControlArgs, value: &Value, words: &str) {
         true => format!("{value}\n"),
         false => format!("{words}\n"),
     });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn joints_home_by_their_numbers_or_by_the_letters_of_their_axes() {
+        let axes = json!([{ "axis": "X", "joints": [0, 3] }, { "axis": "Z", "joints": [2] }]);
+        let meant = |words: &[&str]| {
+            let wanted: Vec<_> = words
+                .iter()
+                .map(|word| joint_or_axis(word).expect("a joint or axis"))
+                .collect();
+            joints_of(&wanted, &axes)
+        };
+        assert_eq!(meant(&["x", "2"]).expect("joints"), [0, 2, 3]);
+        assert_eq!(meant(&["1", "Z", "z"]).expect("joints"), [1, 2]);
+        let refused = meant(&["Y"]).expect_err("no such axis");
+        assert_eq!(refused.to_string(), "the machine has no axis Y; its axes are X, Z");
+        assert_eq!(Refusal::code_of(&refused), 2);
+        for word in ["XY", "Q", "-1", ""] {
+            assert!(joint_or_axis(word).is_err(), "{word}");
+        }
+    }
 }

@@ -193,8 +193,10 @@ fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
     }
     if let Some(fault) = runtime.fault() {
         let times = runtime.faults();
-        let rule = format!("{name}:{fault}; {times} times in all");
-        return Err(Refusal::of_file(&name, rule).into());
+        let rule = format!("{}; {times} times in all", fault.wrong);
+        let error = json!({ "line": fault.line, "column": fault.column, "rule": rule });
+        let text = format!("{name}:{}:{}: {rule}", fault.line, fault.column);
+        return Err(Refusal::new(text, json!({ "file": name, "errors": [error] })).into());
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -44,7 +44,7 @@ pub(super) struct ForceArgs {
     /// The variable; with --release, all of them without it
     #[arg(required_unless_present = "release")]
     variable: Option<String>,
-    /// BOOL as 0 or 1, TIME in milliseconds
+    /// BOOL as TRUE or FALSE, TIME as T#1s500ms or in milliseconds
     #[arg(required_unless_present = "release", allow_hyphen_values = true)]
     value: Option<String>,
     /// Let it be again what pins and the program make of it

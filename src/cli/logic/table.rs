@@ -66,12 +66,7 @@ impl<'t> Table<'t> {
                 let value = Some(*field).filter(|field| !field.is_empty());
                 let value = value.and_then(|field| logic.read(input, field));
                 if value.is_none() && !field.is_empty() {
-                    let (name, ty) = (&input.name, &input.ty);
-                    let form = match ty.as_str() {
-                        "BOOL" => ": 0 or 1",
-                        "TIME" => ": milliseconds",
-                        _ => "",
-                    };
+                    let (name, ty, form) = (&input.name, &input.ty, input.form());
                     return Err(format!("{number}: {name} = {field:?} is no {ty}{form}"));
                 }
                 values.push(value);
@@ -246,9 +241,12 @@ mod tests {
             ("t_ms,go\n0\n", "2: 2 values are expected, not 1"),
             ("t_ms,go\n-1,0\n", "2: t_ms = \"-1\" is no time from 0 on"),
             ("t_ms,go\n10,0\n5,1\n", "3: t_ms = 5 is before the row above"),
-            ("t_ms,go\n0,TRUE\n", "2: go = \"TRUE\" is no BOOL: 0 or 1"),
+            ("t_ms,go\n0,yes\n", "2: go = \"yes\" is no BOOL: TRUE or FALSE"),
             ("t_ms,level\n0,40000\n", "2: level = \"40000\" is no INT"),
-            ("t_ms,wait\n0,T#1s\n", "2: wait = \"T#1s\" is no TIME: milliseconds"),
+            (
+                "t_ms,wait\n0,1s\n",
+                "2: wait = \"1s\" is no TIME: T#1s500ms, or milliseconds",
+            ),
         ];
         for (table, rule) in cases {
             assert_eq!(shown(table, 10_000_000, &[]).unwrap_err(), rule, "{table}");

@@ -29,7 +29,7 @@ use crate::host::terminal::say;
 use crate::machine::tables::Tables;
 use crate::operator::refusal::Refusal;
 use crate::program::text::{Reader, Text};
-use crate::program::{FeedError, doubts, home};
+use crate::program::{FeedError, doubts, error_json, home};
 use anyhow::{Context, anyhow};
 use clap::{Args, ValueEnum};
 use compare::{Compared, Comparison};
@@ -118,6 +118,19 @@ impl From<PlannerName> for PlannerKind {
 /// # Errors
 /// Files that cannot be read or written.
 pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
+    // A long program is planned for minutes: what is in the way of its files is told before.
+    let files = [
+        &args.samples,
+        &args.path,
+        &args.smoothed,
+        &args.svg,
+        &args.html,
+        &args.timeline,
+        &args.efficiency,
+    ];
+    for file in files.into_iter().flatten() {
+        files::check(file).with_context(|| file.display().to_string())?;
+    }
     let text = Text::read(&args.program).with_context(|| args.program.display().to_string())?;
     let text = Reader::from(&text);
     if !args.compare.is_empty() {
@@ -313,15 +326,5 @@ fn read_script(file: &Path, planner: PlannerKind) -> Result<Script, Refusal> {
     Script::parse(files::without_mark(&text), planner).map_err(|ScriptError { line, rule }| {
         let json = json!({ "file": name, "errors": [{ "line": line, "rule": rule }] });
         Refusal::new(format!("{name}:{line}: {rule}"), json)
-    })
-}
-
-fn error_json(error: &gcode::Error) -> Json {
-    json!({
-        "file": (!error.file.is_empty()).then_some(&error.file),
-        "line": error.line,
-        "column": error.column,
-        "text": error.text,
-        "rule": error.kind.to_string(),
     })
 }

@@ -10,6 +10,7 @@ mod view;
 
 use crate::host::signals::{StopSignal, exit_code};
 use crate::host::terminal::event_within;
+use crate::operator::refusal::Refusal;
 use anyhow::{Context, bail};
 use app::{Act, App};
 use clap::Args;
@@ -44,7 +45,9 @@ pub struct TopArgs {
 /// There is no terminal.
 pub fn top(args: &TopArgs) -> anyhow::Result<ExitCode> {
     if !std::io::stdout().is_terminal() || !std::io::stdin().is_terminal() {
-        bail!("top needs a terminal; for scripts: isocnc status --follow");
+        bail!(Refusal::usage(
+            "top needs a terminal; for scripts: isocnc status --follow"
+        ));
     }
     let signal = StopSignal::install().context("signals")?;
     let link = Link::open(args.machine.clone())?;

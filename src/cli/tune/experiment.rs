@@ -58,9 +58,10 @@ impl JointArgs {
         let joints = config.joints.len();
         ensure!(
             self.joint < joints,
-            "--joint {}: {} has {joints} joints, from 0 on",
-            self.joint,
-            config.name
+            Refusal::usage(format_args!(
+                "--joint {}: {} has {joints} joints, from 0 on",
+                self.joint, config.name
+            ))
         );
         letter(&config, self.joint)?;
         Ok(config)
@@ -77,8 +78,10 @@ impl JointArgs {
         let is_within = way.iter().all(|end| (low..=high).contains(end));
         ensure!(
             is_within,
-            "from {from_mm} to {} mm: must lie within the soft limits of the joint, {low} to {high}",
-            way[1]
+            Refusal::usage(format_args!(
+                "from {from_mm} to {} mm: must lie within the soft limits of the joint, {low} to {high}",
+                way[1]
+            ))
         );
         Ok(way)
     }
@@ -91,7 +94,7 @@ impl JointArgs {
 pub(super) fn within(name: &str, value: f64, most: f64) -> anyhow::Result<f64> {
     ensure!(
         value > 0.0 && value <= most,
-        "{name} {value}: must be above 0, and {most} at the most"
+        Refusal::usage(format_args!("{name} {value}: must be above 0, and {most} at the most"))
     );
     Ok(value)
 }
@@ -235,7 +238,7 @@ pub(super) fn run(
             say("stopped while the program was checked; nothing was moved\n");
             return Ok(Err(ExitCode::from(exit_code(signal))));
         }
-        (Err(errors), None) => return Err(Refusal::of_file(name, errors).nothing_moved().into()),
+        (Err(errors), None) => return Err(Refusal::of_program(name, &errors).nothing_moved().into()),
     };
     onlooker
         .allows(overview.time_s)

@@ -87,7 +87,9 @@ impl TablesError {
             let _ = writeln!(shown, "{}", error.render(&path, content)); // a String takes everything
         }
         let _ = write!(shown, "{path}: {} in this file", count(errors.len()));
-        let errors = errors.iter().map(|error| (Some([error.line, error.column]), error.kind.to_string()));
+        let errors = errors
+            .iter()
+            .map(|error| (Some([error.line, error.column]), error.kind.to_string()));
         TablesError {
             file: path,
             errors: errors.collect(),

@@ -10,7 +10,7 @@ mod notices;
 use super::journal_keeper::Kept;
 use super::recorder::Recorder;
 use crate::bus::{self, BusEvent, BusState};
-use crate::config::{Config, Identity};
+use crate::config::{BusKind, Config, Identity};
 use crate::machine::faults::{Fault, PROGRAM_CODE, Reaction, SILENCED, UNWATCHED_CODE};
 use crate::machine::journal::{Acknowledged, AlarmRecord, Entry, Kind, ProgramRecord, acknowledge};
 use crate::machine::modules::Modules;
@@ -124,6 +124,8 @@ pub struct Operator {
     /// Drives of the joints on the bus.
     joint_drives: Vec<Option<String>>,
     external_names: Vec<String>,
+    /// There is a bus; else nothing is said of a network.
+    has_network: bool,
     nodes_up: usize,
     operational_s: Option<f64>,
     journal: Vec<Entry>,
@@ -192,6 +194,7 @@ impl Operator {
             joint_names: joint_names(config),
             joint_drives: config.joints.iter().map(|joint| config.drive_name(joint)).collect(),
             external_names: config.external.iter().map(|of| of.name.clone()).collect(),
+            has_network: config.bus.kind != BusKind::None,
             nodes_up: 0,
             operational_s: None,
             journal: Vec::new(),
@@ -617,6 +620,15 @@ impl Operator {
         std::mem::take(&mut self.stop_pressed)
     }
 
+    /// What is under way, in words.
+    pub fn step_name(&self) -> &'static str {
+        match self.step() {
+            Step::Network if !self.has_network => "start",
+            Step::ShutDown if !self.has_network => "shut-down",
+            step => step.name(),
+        }
+    }
+
     /// Whether what the machine shows is what came of all orders given.
     pub fn is_up_to_date(&self) -> bool {
         self.live().orders_taken >= self.orders_given
@@ -693,7 +705,7 @@ impl Operator {
 
     /// Seconds from the first cycle to OPERATIONAL of the whole network.
     pub fn operational_s(&self) -> Option<f64> {
-        self.operational_s
+        self.operational_s.filter(|_| self.has_network)
     }
 
     /// Programs begun so far, each repetition counted.

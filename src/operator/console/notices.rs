@@ -175,6 +175,7 @@ impl Operator {
 
     fn take_bus(&mut self, time_s: f64, event: BusEvent) {
         let text = match event {
+            BusEvent::Network(_) if !self.has_network => return,
             BusEvent::Network(BusState::Down) => "network down".into(),
             BusEvent::Network(BusState::Booting) => "network booting".into(),
             BusEvent::Network(BusState::Operational) => "network operational".into(),

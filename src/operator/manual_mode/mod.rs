@@ -174,7 +174,7 @@ pub(super) fn joints(what: Jogged, config: &Config) -> Result<u64, String> {
 }
 
 fn not_now(operator: &Operator) -> String {
-    let (state, step) = (operator.live().state.name(), operator.step().name());
+    let (state, step) = (operator.live().state.name(), operator.step_name());
     format!("not while the machine is {state} ({step})")
 }
 

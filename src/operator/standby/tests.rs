@@ -131,6 +131,34 @@ fn a_program_that_is_stopped_or_forsaken_during_its_check_never_begins() {
     });
 }
 
+/// Drives go off behind an acknowledge, within some cycles: whoever orders them on at once need not know.
+#[test]
+fn drives_can_be_switched_on_right_behind_an_acknowledge() {
+    while_standing_by(|run, mut clients, client| {
+        let switch = |run: &Rehearsal<'_>, closed: bool| run.hal.set("joint.0.pos-lim-sw-in", closed).unwrap();
+        let mut answers = Vec::new();
+        let mut until = |run: &mut Rehearsal<'_>, state: State| {
+            for _ in 0..5000 {
+                serve_clients(run, &mut clients);
+                answers.extend(client.answer());
+                run.cycle(0).unwrap();
+                if run.control.state() == state && run.operator.step() == Step::StandBy {
+                    return std::mem::take(&mut answers);
+                }
+            }
+            panic!("the machine is {:?}, not {state:?}", run.control.state());
+        };
+        client.put(1, Order::On).unwrap();
+        assert_eq!(until(run, State::Ready), [(1, Ok(json!({})))]);
+        switch(run, true);
+        until(run, State::Faulted);
+        switch(run, false);
+        client.put(2, Order::Acknowledge).unwrap();
+        client.put(3, Order::On).unwrap();
+        assert_eq!(until(run, State::Ready), [(2, Ok(json!({}))), (3, Ok(json!({})))]);
+    });
+}
+
 /// A pendant moves two axes at once: its orders lie on the inbox together.
 #[test]
 fn jogs_that_come_in_one_turn_are_all_taken() {

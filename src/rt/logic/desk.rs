@@ -292,13 +292,7 @@ impl Desk {
         }
         let read = logic.read(variable, value);
         let slot = read.and_then(|value| logic.slot_value(variable, value));
-        let form = match variable.ty.as_str() {
-            "BOOL" => ": 0 or 1",
-            "TIME" => ": milliseconds",
-            "STRING" => ": a text of the program",
-            _ => "",
-        };
-        let slot = slot.ok_or_else(|| format!("{value:?} is no {}{form}", variable.ty))?;
+        let slot = slot.ok_or_else(|| format!("{value:?} is no {}{}", variable.ty, variable.form()))?;
         let place = variable.place();
         let known = inner.forced.iter().any(|forced| forced.place == place);
         if !known && inner.forced.len() == FORCED_MAX {

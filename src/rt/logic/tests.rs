@@ -277,9 +277,9 @@ fn forced_values_hold_against_pins_and_statements_until_they_are_released() {
     for (name, value, rule) in [
         ("x", "1", "there is no variable x"),
         ("summ", "1", "did you mean sum?"),
-        ("on", "yes", "\"yes\" is no BOOL: 0 or 1"),
+        ("on", "yes", "\"yes\" is no BOOL: TRUE or FALSE"),
         ("a", "3000000000", "is no DINT"),
-        ("et", "1s", "is no TIME: milliseconds"),
+        ("et", "1s", "is no TIME: T#1s500ms, or milliseconds"),
     ] {
         let why = desk.force(0, name, value).unwrap_err();
         assert!(why.contains(rule), "{why}");

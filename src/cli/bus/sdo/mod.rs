@@ -87,8 +87,7 @@ enum SdoCommand {
 /// What keeps it from asking.
 pub(super) fn sdo(args: &SdoArgs, as_json: bool, out: &mut impl Write) -> anyhow::Result<ExitCode> {
     let Some(node) = args.node else {
-        let text = "isocnc: which node? give its id: --node ID";
-        return Err(Refusal::new(text, Refusal::json_of_text(text)).wrong_usage().into());
+        return Err(Refusal::usage("which node? give its id: --node ID").into());
     };
     let device = match &args.device {
         None => None,

@@ -11,6 +11,7 @@ mod summary;
 mod tests;
 
 use super::words;
+use crate::operator::refusal::Refusal;
 use anyhow::{Context, ensure};
 use clap::Args;
 use decode::{Content, Decoder, Line};
@@ -57,7 +58,10 @@ const CAPTURE_MAX: u64 = 8 << 30;
 /// The file cannot be read or is no capture.
 pub(super) fn trace(args: &TraceArgs, as_json: bool, out: &mut impl Write) -> anyhow::Result<ExitCode> {
     if let (Some(from), Some(to)) = (args.from, args.to) {
-        ensure!(from <= to, "--from {from} is behind --to {to}");
+        ensure!(
+            from <= to,
+            Refusal::usage(format_args!("--from {from} is behind --to {to}"))
+        );
     }
     let file = args.file.display();
     let octets = files::read(&args.file, CAPTURE_MAX).with_context(|| file.to_string())?;

@@ -9,6 +9,7 @@ mod view;
 
 use crate::api::methods::value_json;
 use crate::host::signals::{StopSignal, exit_code};
+use crate::operator::refusal::Refusal;
 use crate::scope::csv;
 use crate::scope::picture::{self, COLUMNS_MAX, Told};
 use crate::scope::record::{Mode, Step};
@@ -106,7 +107,9 @@ pub(super) fn scope(
     let to_files = args.csv.is_some() || args.svg.is_some() || args.follow;
     if !to_files {
         if !std::io::stdout().is_terminal() || !std::io::stdin().is_terminal() {
-            bail!("scope needs a terminal; without one: --csv FILE, --svg FILE or --follow");
+            bail!(Refusal::usage(
+                "scope needs a terminal; without one: --csv FILE, --svg FILE or --follow"
+            ));
         }
         return screen::screen(machine, pins, wanted);
     }

@@ -46,6 +46,8 @@ const _: () = assert!(MDI_MAX < api::server::PENDING_MAX, "a stop behind them mu
 const INSPECTED_MAX: usize = 2;
 /// An order counts as carried out once what it changed is on the disk; one that takes longer than this is not waited for, ns.
 const DISK_NS: u64 = 2_000_000_000;
+/// How long drives may take to be off behind an acknowledge until an order that switches them on is refused.
+const SETTLES_NS: u64 = 5_000_000_000;
 
 /// What becomes of a program behind its check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -118,6 +120,8 @@ pub(in crate::operator) struct Clients<'scope, 'env> {
     unsettled: Vec<(Ticket, Unsettled)>,
     /// Orders that came before the cycle had taken the one in front of them.
     early: VecDeque<(Ticket, Order)>,
+    /// Since when drives go off behind an acknowledge or a reset, if they do.
+    settles_since_ns: Option<u64>,
     /// Programs that are only looked at.
     inspected: Vec<(Ticket, Cancel, ScopedJoinHandle<'scope, Checked>)>,
     /// Ways of programs that are being drawn.
@@ -184,6 +188,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             is_planning: false,
             unsettled: Vec::new(),
             early: VecDeque::new(),
+            settles_since_ns: None,
             inspected: Vec::new(),
             drawn: Vec::new(),
             ended: None,
@@ -260,12 +265,14 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         if operator.take_stop_pressed() {
             self.stop(operator, now_ns);
         }
+        let settles = operator.live().state == State::Disabling && operator.step() == Step::StandBy;
+        self.settles_since_ns = settles.then(|| self.settles_since_ns.unwrap_or(now_ns));
         // Orders first: a stop reaches a program that would begin in this turn.
         let mut answers = Vec::new();
         self.follow_pins(operator, keeper);
         let mut early = std::mem::take(&mut self.early);
         while let Some((ticket, order)) = early.pop_front().or_else(|| self.inbox.take()) {
-            if self.is_too_early(&order, operator) {
+            if self.is_too_early(&order, operator, now_ns) {
                 self.early.push_back((ticket, order));
                 continue;
             }
@@ -731,9 +738,16 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         operator.step() == Step::StandBy && !self.is_planning && !operator.is_up_to_date() && !is_lost
     }
 
-    /// Whether an order can be judged once the cycle has taken the one before it, within a cycle or two.
-    fn is_too_early(&self, order: &Order, operator: &Operator) -> bool {
-        self.is_settling(operator) && wish(order).is_some_and(|wish| self.may(wish, operator).is_err())
+    /// Whether an order can be judged once the cycle has taken the one before it, within a cycle or two; or, where it switches
+    /// drives on, once they are off behind an acknowledge. What a hand orders does not wait for that.
+    fn is_too_early(&self, order: &Order, operator: &Operator, now_ns: u64) -> bool {
+        let switches_on = matches!(
+            wish(order),
+            Some(Wish::On | Wish::Home | Wish::Mdi | Wish::Start | Wish::Run)
+        );
+        let since_ns = self.settles_since_ns.filter(|_| switches_on);
+        let waits = self.is_settling(operator) || since_ns.is_some_and(|since_ns| now_ns - since_ns < SETTLES_NS);
+        waits && wish(order).is_some_and(|wish| self.may(wish, operator).is_err())
     }
 
     pub(super) fn may(&self, wish: Wish, operator: &Operator) -> Result<(), String> {

@@ -108,7 +108,7 @@ impl Clients<'_, '_> {
             )
         };
         Shown {
-            step: operator.step().name(),
+            step: operator.step_name(),
             power: condition.power.name(),
             activity: condition.activity.name(),
             mode: self.mode.name(),
