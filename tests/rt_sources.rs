@@ -9,67 +9,37 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// Files, and folders with all that is in them.
+/// Rooms of real time, with all that is in them at any depth, and files of other rooms. What is not in real time there stands in
+/// [`START_UP`].
 const REAL_TIME: &[&str] = &[
-    "src/bus/powerlink/publisher.rs",
-    "src/rt/cycle/mod.rs",
-    "src/rt/cycle/orders.rs",
-    "src/rt/cycle/stops.rs",
-    "src/rt/drives/mod.rs",
-    "src/rt/encoder.rs",
-    "src/rt/components.rs",
-    "src/rt/logic/mod.rs",
-    "src/rt/logic/convert.rs",
-    "src/rt/logic/ends.rs",
-    "src/rt/logic/scanner.rs",
-    "src/rt/logic/shared.rs",
+    "src/rt",
+    "components/src",
+    "motion/src/rt",
+    "motion/src/kinematics",
+    "powerlink/src/mn",
+    "ethercat/src/main",
+    "cia402/src/axis",
+    "motion/src/ring.rs",
+    "logic/src/runtime.rs",
+    "logic/src/code.rs",
+    "logic/src/block.rs",
+    "logic/src/arithmetic.rs",
+    "logic/src/scalar.rs",
+    "hal-pins/src/cell.rs",
     "hal-pins/src/scope/sampler.rs",
     "hal-pins/src/scope/ring.rs",
-    "components/src/instance.rs",
-    "src/rt/joint_jog.rs",
-    "src/rt/homing.rs",
-    "src/rt/counter.rs",
-    "src/rt/io_channels.rs",
-    "src/rt/io_pins.rs",
-    "src/host/network_locks.rs",
-    "src/rt/override_pins.rs",
-    "src/rt/overrides.rs",
-    "src/rt/pins.rs",
-    "src/host/spin.rs",
-    "src/rt/spindle.rs",
-    "src/rt/thread.rs",
-    "src/rt/timeout/mod.rs",
-    "src/rt/timeout/watchdog/mod.rs",
     "src/bus/watch.rs",
-    "src/host/wait.rs",
-    "src/host/histogram.rs",
-    "src/rt/cycle_stats.rs",
-    "src/rt/recent.rs",
-    "src/rt/shared.rs",
-    "src/rt/waiting.rs",
-    "src/machine/overruns.rs",
-    "src/host/latency.rs",
     "src/bus/powerlink/mod.rs",
+    "src/bus/powerlink/publisher.rs",
     "src/bus/ethercat/mod.rs",
     "src/bus/ethercat/publisher.rs",
-    "motion/src/rt",
-    "motion/src/rt/joint_compensation",
-    "motion/src/rt/interpolator",
-    "motion/src/rt/otg",
-    "motion/src/rt/dda",
-    "motion/src/rt/jog",
-    "motion/src/rt/jog/world",
-    "motion/src/rt/homing",
-    "motion/src/rt/probe",
-    "motion/src/rt/synced",
-    "motion/src/kinematics",
-    "motion/src/ring.rs",
-    "powerlink/src/mn",
-    "powerlink/src/mn/objects",
-    "ethercat/src/main",
-    "ethercat/src/main/device",
-    "ethercat/src/main/network",
-    "cia402/src/axis",
+    "src/host/histogram.rs",
+    "src/host/latency.rs",
+    "src/host/network_locks.rs",
+    "src/host/spin.rs",
+    "src/host/step_port.rs",
+    "src/host/wait.rs",
+    "src/machine/overruns.rs",
 ];
 
 const FORBIDDEN: [&str; 31] = [
@@ -109,7 +79,8 @@ const FORBIDDEN: [&str; 31] = [
     "std::net",
 ];
 
-/// What runs before real time begins or after it has ended: file, function, why.
+/// What runs before real time begins, after it has ended or in another thread: file, or folder with all that is below it; function,
+/// `*` for all of them; why.
 const START_UP: &[(&str, &str, &str)] = &[
     ("src/bus/powerlink/publisher.rs", "rings", "makes the rings"),
     ("src/bus/ethercat/mod.rs", "new", "makes the bus"),
@@ -136,6 +107,35 @@ const START_UP: &[(&str, &str, &str)] = &[
     ("src/rt/logic/shared.rs", "look", "runs in ordinary threads"),
     ("src/rt/components.rs", "late_reads", "looks at a machine file"),
     ("components/src/instance.rs", "claim", "makes the pins"),
+    (
+        "components/src/",
+        "",
+        "declarations: first values of pins, lists of kinds",
+    ),
+    ("components/src/", "shape", "makes the pins of an instance"),
+    (
+        "components/src/component.rs",
+        "*",
+        "makes kinds and pins; an instance runs by its own `update`",
+    ),
+    ("logic/src/runtime.rs", "new", "makes the memory"),
+    ("logic/src/block.rs", "all", "declares the blocks to the compiler"),
+    ("logic/src/block.rs", "variables", "declares the blocks to the compiler"),
+    ("src/host/step_port.rs", "", "opens a file, in imports"),
+    ("src/host/step_port.rs", "open", "opens the port"),
+    ("src/host/step_port.rs", "octets_and_bits", "looks at a machine file"),
+    ("src/rt/analog.rs", "new", "makes the outputs"),
+    ("src/rt/assemble.rs", "assemble", "makes the cycle"),
+    ("src/rt/desk.rs", "new", "makes the pins"),
+    ("src/rt/external.rs", "new", "makes the pins"),
+    ("src/rt/jog_pins.rs", "new", "makes the pins"),
+    ("src/rt/local_drive.rs", "plans", "looks at a machine file"),
+    ("src/rt/logic/budget.rs", "*", "looks at a program before it runs"),
+    ("src/rt/logic/desk.rs", "*", "the ordinary threads' side"),
+    ("src/rt/loop_pins.rs", "new", "makes the pins"),
+    ("src/rt/step_pins.rs", "new", "makes the pins"),
+    ("src/rt/steps/ticker.rs", "new", "makes the ticker"),
+    ("src/rt/tool_pockets.rs", "default", "makes the cells"),
     ("src/rt/joint_jog.rs", "new", "makes the joints"),
     ("src/rt/homing.rs", "new", "makes the groups"),
     ("src/rt/cycle_stats.rs", "new", "makes empty figures"),
@@ -203,25 +203,38 @@ const START_UP: &[(&str, &str, &str)] = &[
 fn files(root: &Path) -> Vec<PathBuf> {
     let mut files = Vec::new();
     for name in REAL_TIME {
-        let path = root.join(name);
-        if path.is_file() {
-            files.push(path);
-            continue;
-        }
         let before = files.len();
-        for entry in std::fs::read_dir(&path).unwrap_or_else(|error| panic!("{name}: {error}")) {
-            let path = entry.expect("a readable folder").path();
-            let is_test = path.file_stem().is_some_and(|stem| {
-                let stem = stem.to_string_lossy();
-                stem.starts_with("tests") || stem.ends_with("_tests")
-            });
-            if path.extension().is_some_and(|extension| extension == "rs") && !is_test {
-                files.push(path);
-            }
-        }
+        below(&root.join(name), &mut files);
         assert!(files.len() > before, "{name}: no source in it");
     }
     files
+}
+
+/// A source, or all of a folder, at any depth, but for tests.
+fn below(path: &Path, files: &mut Vec<PathBuf>) {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    if stem.starts_with("tests") || stem.ends_with("_tests") {
+        return;
+    }
+    if path.is_dir() {
+        let entries = std::fs::read_dir(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+        let mut entries: Vec<PathBuf> = entries.map(|entry| entry.expect("a readable folder").path()).collect();
+        entries.sort();
+        entries.iter().for_each(|entry| below(entry, files));
+    } else if path.extension().is_some_and(|extension| extension == "rs") {
+        files.push(path.to_owned());
+    }
+}
+
+/// Whether an exception is one for this function of this file.
+fn excepts(exception: &(&str, &str, &str), file: &str, function: &str) -> bool {
+    let (place, known, _) = *exception;
+    let is_place = if place.ends_with('/') {
+        file.starts_with(place)
+    } else {
+        file == place
+    };
+    is_place && (known == "*" || known == function)
 }
 
 /// Name of the function that a line begins.
@@ -244,7 +257,8 @@ fn uses(text: &str) -> Vec<(usize, String, &'static str)> {
         }
         if let Some(name) = function(line) {
             current = name.to_owned();
-        } else if line.starts_with("pub struct") || line.starts_with("impl") || line.starts_with("use ") {
+        } else if line.starts_with(|first: char| first.is_alphabetic() || first == '}') && !line.starts_with("where") {
+            // An item of its own begins, or the one before ends.
             current.clear();
         }
         let code = line.split("//").next().unwrap_or(line);
@@ -263,10 +277,7 @@ fn real_time_sources_name_no_lock_no_allocation_no_file() {
         let name = path.strip_prefix(root).expect("inside").display().to_string();
         let text = std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{name}: {error}"));
         for (line, function, word) in uses(&text) {
-            match START_UP
-                .iter()
-                .find(|(file, known, _)| *file == name && *known == function)
-            {
+            match START_UP.iter().find(|exception| excepts(exception, &name, &function)) {
                 Some((file, known, _)) => _ = needed.insert((*file, *known)),
                 None => found.push(format!("{name}:{line}: `{word}` in `{function}`")),
             }
@@ -287,9 +298,40 @@ fn real_time_sources_name_no_lock_no_allocation_no_file() {
 #[test]
 fn uses_are_found_with_their_function_and_comments_and_tests_are_not() {
     let text = "use std::sync::Mutex;\nimpl X {\n    pub fn step(&self) { // no vec!\n        let a = vec![1];\n    }\n}\n\
+                declare! {\n    in { a: Vec<bool> = vec![false]; }\n}\n\
                 #[cfg(test)]\nmod tests { fn t() { format!(); } }\n";
     assert_eq!(
         uses(text),
-        [(1, String::new(), "Mutex"), (4, "step".to_owned(), "vec!")]
+        [
+            (1, String::new(), "Mutex"),
+            (4, "step".to_owned(), "vec!"),
+            (8, String::new(), "vec!")
+        ]
+    );
+}
+
+/// A file that comes into a room of real time is looked at without anybody naming it.
+#[test]
+fn all_of_a_room_is_real_time_unless_it_is_said_not_to_be() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let found: Vec<String> = files(root)
+        .iter()
+        .map(|path| path.strip_prefix(root).expect("inside").display().to_string())
+        .collect();
+    for file in [
+        "src/rt/jog_pins.rs",
+        "src/rt/steps/ticker.rs",
+        "components/src/pid.rs",
+        "logic/src/runtime.rs",
+        "motion/src/rt/interpolator/mod.rs",
+    ] {
+        assert!(found.iter().any(|known| known == file), "{file}");
+    }
+    assert!(!found.iter().any(|file| file.contains("tests")), "{found:?}");
+    let exception = ("src/rt/logic/", "new", "");
+    assert!(excepts(&exception, "src/rt/logic/a.rs", "new") && !excepts(&exception, "src/rt/a.rs", "new"));
+    assert!(
+        !excepts(&("src/rt/a.rs", "new", ""), "src/rt/a.rs", "step")
+            && excepts(&("src/rt/a.rs", "*", ""), "src/rt/a.rs", "step")
     );
 }
