@@ -108,7 +108,7 @@ fn a_machine_file_from_the_nodes_that_answer(folder: &Path) {
     let checked = isocnc("check", &[]);
     assert!(checked.status.success(), "{}", text(&checked));
     let written = std::fs::read_to_string(&file).expect("the file");
-    for (id, name, device_type) in [(3, "z-drive", "0x00020192"), (10, "io-10", "0x000F0191")] {
+    for (id, name, device_type) in [(3, "z-drive", "0x00020192"), (10, "io", "0x000F0191")] {
         let node = format!("[[bus.node]]\nid = {id}\nname = \"{name}\"\n");
         let node = written
             .split_once(&node)

@@ -633,7 +633,7 @@ fn a_stop_that_comes_before_its_order_ends_what_is_under_way_and_what_waits() {
         assert!((day.place.0[1] - y).abs() < ROUNDING_MM && !day.open.contains_key(&waiting));
         // What is given behind the order is not taken for what was under way.
         day.put(Order::Stop);
-        day.must(Order::Mdi("G1 Y5".into()));
+        day.must(Order::Mdi("G0 Y5".into()));
         day.until("there", |day| day.state == State::Ready && day.place.0[1] == 5.0);
     });
     // A program that is to be run twice is neither counted nor begun again.
