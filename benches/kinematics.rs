@@ -83,6 +83,7 @@ fn main() {
             rapid: false,
             enables: Enables::default(),
             auxiliary: Auxiliary::INITIAL,
+            modes: 0,
         };
         producer.publish(&[Element::Span(span)], &[]);
         let plan = MotionLimits {

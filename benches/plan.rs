@@ -317,6 +317,7 @@ fn five_axes() -> anyhow::Result<()> {
                 rapid: false,
                 enables: Enables::default(),
                 auxiliary: Auxiliary::INITIAL,
+                modes: 0,
             }))
         })
         .collect();

@@ -75,7 +75,7 @@ pub use lexer::{Lexer, Word, Words};
 pub use limits::CheckLimits;
 pub use located::Located;
 pub use machine::{Machine, NoMachine, PinReader, Probed};
-pub use modes::Modes;
+pub use modes::{InForce, Modes};
 pub use print::CanonPrinter;
 pub use resume::{Approach, Resume};
 pub use scan::LINE_OCTETS_MAX;

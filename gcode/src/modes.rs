@@ -1,66 +1,57 @@
-//! What one text leaves in force for the next one: lines of MDI follow each other as those of a program do.
+//! What is in force at a block, and what one text leaves in force for the next one: lines of MDI follow each other as those of a
+//! program do.
 //!
-//! In:  a run that has come to its end. Out: the same modes at the start of another run, and their words for the operator.
+//! In:  a run, under way or at its end. Out: the words in force and the offsets, for the operator; the same modes at the start of another
+//! run.
 //!
 //! Cutter compensation and tool-centre-point control end with a text: the moves that they change belong together.
 
 use crate::code::{Distance, FeedUnit, Retract, plane_name};
 use crate::interpreter::Run;
 use crate::parameter::Parameters;
-use crate::state::{Modal, Saved, State};
-use motion::canon::{LengthUnit, PathMode, Position, SpindleDirection, SpindleMode};
+use crate::state::{Modal, Offsets, Saved, State};
+use motion::canon::{LengthUnit, PathMode, Position, Side, SpindleDirection, SpindleMode};
+use std::sync::mpsc;
 
-/// Modes, length offset, selected tool, parameters that no file keeps.
+/// What blocks run in: modes, selected tool, and where work coordinates lie in the machine.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Modes {
+pub struct InForce {
     modal: Modal,
-    tool_offset: Option<Position>,
     selected: Option<u32>,
-    saved: Vec<Saved>,
-    spindle: u8,
-    system: u8,
     spindles: u8,
-    parameters: Parameters,
+    offsets: Offsets,
+    offset_on: bool,
+    tool_centre_point: bool,
+    /// Side of the cutter compensation; `None`: G40.
+    side: Option<Side>,
 }
 
-impl Modes {
-    fn of(state: &State) -> Modes {
-        Modes {
+impl InForce {
+    fn of(state: &State) -> InForce {
+        InForce {
             modal: state.modal,
-            tool_offset: state.tools.offset_on.then_some(state.offsets.tool),
             selected: state.tools.selected,
-            saved: state.saved.iter().filter(|saved| saved.level == 0).copied().collect(),
-            spindle: state.spindle,
-            system: state.offsets.system,
             spindles: state.settings.spindles,
-            parameters: state.parameters.clone(),
+            offsets: state.offsets,
+            offset_on: state.tools.offset_on,
+            tool_centre_point: state.tool_centre_point,
+            side: state.cutter.map(|cutter| cutter.side),
         }
     }
 
-    /// The machine has switched spindles and coolant off: the next text switches nothing on that it does not name.
+    /// The machine has switched spindles and coolant off, or does not switch them on.
     pub fn switch_off(&mut self) {
-        for spindle in &mut self.modal.spindles {
-            spindle.turning = None;
-        }
-        self.modal.mist = false;
-        self.modal.flood = false;
-        for saved in &mut self.saved {
-            for spindle in &mut saved.modal.spindles {
-                spindle.turning = None;
-            }
-            saved.modal.mist = false;
-            saved.modal.flood = false;
-        }
+        self.modal.switch_off();
     }
 
-    /// Length offset of the tool in force (G43), mm and degrees; `None`: G49.
-    pub fn tool_offset(&self) -> Option<Position> {
-        self.tool_offset
+    /// Machine coordinates of the work coordinates' zero with the length of the tool in force, mm and degrees.
+    pub fn work_zero(&self) -> Position {
+        self.offsets.machine(Position::ZERO)
     }
 
-    /// Work system in force, 1 for G54 to 9 for G59.3.
-    pub fn work_system(&self) -> u8 {
-        self.system
+    /// Rotation of the work coordinates about Z, degrees.
+    pub fn work_rotation_degrees(&self) -> f64 {
+        self.offsets.rotation_degrees
     }
 
     /// The words in force, as in LinuxCNC's list of active codes: one of each modal group, F, S, and T where a tool is selected.
@@ -86,9 +77,17 @@ impl Modes {
             FeedUnit::UnitsPerMinute => "G94",
             FeedUnit::UnitsPerTurn => "G95",
         });
-        push("G40");
-        push(if self.tool_offset.is_some() { "G43" } else { "G49" });
-        push(&system_word(self.system));
+        push(match self.side {
+            None => "G40",
+            Some(Side::Left) => "G41",
+            Some(Side::Right) => "G42",
+        });
+        push(match (self.offset_on, self.tool_centre_point) {
+            (false, _) => "G49",
+            (true, false) => "G43",
+            (true, true) => "G43.4",
+        });
+        push(&system_word(self.offsets.system));
         push(&match modal.path_mode {
             PathMode::ExactPath => "G61".to_owned(),
             PathMode::ExactStop => "G61.1".to_owned(),
@@ -141,6 +140,61 @@ impl Modes {
     }
 }
 
+/// Modes, length offset, selected tool, parameters that no file keeps.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Modes {
+    in_force: InForce,
+    saved: Vec<Saved>,
+    spindle: u8,
+    parameters: Parameters,
+}
+
+impl Modes {
+    fn of(state: &State) -> Modes {
+        Modes {
+            in_force: InForce {
+                side: None,
+                tool_centre_point: false,
+                ..InForce::of(state)
+            },
+            saved: state.saved.iter().filter(|saved| saved.level == 0).copied().collect(),
+            spindle: state.spindle,
+            parameters: state.parameters.clone(),
+        }
+    }
+
+    /// The machine has switched spindles and coolant off: the next text switches nothing on that it does not name.
+    pub fn switch_off(&mut self) {
+        self.in_force.switch_off();
+        for saved in &mut self.saved {
+            saved.modal.switch_off();
+        }
+    }
+
+    /// Length offset of the tool in force (G43), mm and degrees; `None`: G49.
+    pub fn tool_offset(&self) -> Option<Position> {
+        let InForce { offsets, offset_on, .. } = &self.in_force;
+        offset_on.then_some(offsets.tool)
+    }
+
+    /// Work system in force, 1 for G54 to 9 for G59.3.
+    pub fn work_system(&self) -> u8 {
+        self.in_force.offsets.system
+    }
+
+    /// As [`InForce::words`].
+    pub fn words(&self) -> Vec<String> {
+        self.in_force.words()
+    }
+}
+
+/// Who is told of the modes of blocks, and what he was told last.
+pub(crate) struct Told {
+    to: mpsc::Sender<(u32, InForce)>,
+    last: InForce,
+    number: u32,
+}
+
 /// G54 to G59.3.
 fn system_word(system: u8) -> String {
     match system {
@@ -155,6 +209,36 @@ impl Run<'_> {
         Modes::of(&self.state)
     }
 
+    /// The same that tells the modes of its blocks as they are read: at once those in force, and from there on each time they have
+    /// changed, with the number by which [`Source::modes`](motion::canon::Source::modes) of the events names them. The numbers count up
+    /// from 1, and at 1 again behind the greatest. To be called last.
+    pub fn telling_modes(mut self, to: mpsc::Sender<(u32, InForce)>) -> Self {
+        let (last, number) = (InForce::of(&self.state), 1);
+        // Nobody may listen any more.
+        let _ = to.send((number, last.clone()));
+        self.told = Some(Told { to, last, number });
+        self
+    }
+
+    /// Number of the modes in force; 0: nobody is told of them.
+    #[inline]
+    pub(crate) fn modes_number(&self) -> u32 {
+        self.told.as_ref().map_or(0, |told| told.number)
+    }
+
+    /// A line was run: tells its modes if they are others than those of the line before.
+    #[inline]
+    pub(crate) fn tell_modes(&mut self) {
+        let Some(told) = &mut self.told else { return };
+        let now = InForce::of(&self.state);
+        if now != told.last {
+            // 0 is the number of none.
+            told.number = told.number.wrapping_add(1).max(1);
+            told.last.clone_from(&now);
+            let _ = told.to.send((told.number, now));
+        }
+    }
+
     /// The same of a text that need not end with M2, M30 or `%`: lines of MDI.
     pub fn as_mdi(mut self) -> Self {
         self.is_mdi = true;
@@ -165,12 +249,12 @@ impl Run<'_> {
     /// parameters and tools are those of the [`Settings`](crate::Settings), as ever.
     pub fn continuing(mut self, modes: &Modes) -> Self {
         let state = &mut self.state;
-        state.modal = modes.modal;
-        state.tools.selected = modes.selected;
+        state.modal = modes.in_force.modal;
+        state.tools.selected = modes.in_force.selected;
         state.saved.clone_from(&modes.saved);
         state.spindle = modes.spindle;
         state.parameters.take_over(&modes.parameters);
-        if let Some(offset) = modes.tool_offset {
+        if let Some(offset) = modes.tool_offset() {
             state.tools.offset_on = true;
             let mut offsets = state.offsets;
             offsets.tool = offset;
@@ -184,8 +268,10 @@ impl Run<'_> {
 
 #[cfg(test)]
 mod tests {
-    use crate::{Interpreter, Settings};
-    use motion::canon::{Call, Position, SpindleDirection};
+    use super::InForce;
+    use crate::{Interpreter, Settings, Tool};
+    use motion::canon::{Call, Event, Position, SpindleDirection};
+    use std::sync::mpsc;
 
     /// Runs one text after the other, each from the modes and at the place of the one before.
     fn in_turn(texts: &[&str]) -> (Vec<Call>, Vec<String>) {
@@ -270,16 +356,19 @@ mod tests {
         assert!(calls.contains(&Call::StraightFeed { to }), "{calls:?}");
     }
 
-    #[test]
-    fn the_length_of_the_tool_stays_in_force() {
-        let mut settings = Settings::default();
-        let long = crate::Tool {
+    fn long_tool() -> Tool {
+        Tool {
             number: 3,
             pocket: 3,
             offset: Position::xyz(0.0, 0.0, 40.0),
-            ..crate::Tool::default()
-        };
-        settings.tools.set(long).unwrap();
+            ..Tool::default()
+        }
+    }
+
+    #[test]
+    fn the_length_of_the_tool_stays_in_force() {
+        let mut settings = Settings::default();
+        settings.tools.set(long_tool()).unwrap();
         settings.tool_in_spindle = 3;
         settings.start = Position::xyz(0.0, 0.0, 100.0);
         let mut run = Interpreter::new(settings).run(b"G43\n").as_mdi();
@@ -303,6 +392,67 @@ mod tests {
                 "G1", "G17", "G20", "G90", "G91.1", "G94", "G54", "M5", "M9", "M48", "F0",
             ] {
                 assert!(words.iter().any(|found| found == word), "{word}: {words:?}");
+            }
+        }
+    }
+
+    type Numbered = Vec<(u32, InForce)>;
+
+    /// What was told of a text, and the number and line of each move.
+    fn told(text: &str, settings: Settings) -> (Numbered, Vec<(u32, u32)>) {
+        let (to, told) = mpsc::channel();
+        let run = Interpreter::new(settings).run(text.as_bytes()).telling_modes(to);
+        let moves = run.filter_map(|event| {
+            let Event { source, call } = event.unwrap();
+            let is_move = matches!(call, Call::StraightTraverse { .. } | Call::StraightFeed { .. });
+            is_move.then_some((source.modes, source.line))
+        });
+        let moves = moves.collect();
+        (told.try_iter().collect(), moves)
+    }
+
+    #[test]
+    fn each_move_names_the_modes_of_its_block_which_are_told_once() {
+        let mut settings = Settings::default();
+        settings.tools.set(long_tool()).unwrap();
+        settings.tool_in_spindle = 3;
+        settings.work_offsets[1] = Position::xyz(10.0, 0.0, 0.0);
+        settings.work_rotations_degrees[1] = 30.0;
+        let text = "G21 G0 X1\nX2\nX3\nG55 G43 G1 X1 F100 M3 S1500 M8\nX5\nG92 X0\nM70\nG91 X1\nM72\nG90 X1\nM2\n";
+        let (told, moves) = told(text, settings);
+        let numbers: Vec<u32> = told.iter().map(|(number, _)| *number).collect();
+        assert_eq!(numbers, (1..=7).collect::<Vec<u32>>(), "{told:?}");
+        // G92 is the fourth, what M72 restores the sixth, what M2 leaves the last one.
+        assert_eq!(moves, [(2, 1), (2, 2), (2, 3), (3, 4), (3, 5), (5, 8), (6, 10)]);
+        let words = told[2].1.words();
+        for word in ["G1", "G43", "G55", "S1500", "M3", "M8", "F100"] {
+            assert!(words.iter().any(|found| found == word), "{word}: {words:?}");
+        }
+        assert_eq!(told[2].1.work_zero(), Position::xyz(10.0, 0.0, 40.0));
+        assert_eq!(told[2].1.work_rotation_degrees(), 30.0);
+        let [before, after] = [&told[1].1, &told[6].1].map(InForce::words);
+        assert!(before.contains(&"G49".to_owned()) && before.contains(&"M5".to_owned()));
+        assert!(after.contains(&"M9".to_owned()) && after.contains(&"G54".to_owned()));
+    }
+
+    /// They are let go by a later line.
+    #[test]
+    fn moves_that_cutter_compensation_keeps_back_name_the_modes_of_their_own_block() {
+        let text = "G21 G1 X0 Y0 F100\nG41.1 D2 X10\nX20\nF50 Y20\nF60 X40\nG40 X60\nM2\n";
+        let (told, moves) = told(text, Settings::default());
+        for (number, line) in moves {
+            let words = &told[number as usize - 1].1.words();
+            let feed = match line {
+                ..=3 => "F100",
+                4 => "F50",
+                _ => "F60",
+            };
+            let side = if (2..=5).contains(&line) { "G41" } else { "G40" };
+            for word in [feed, side] {
+                assert!(
+                    words.iter().any(|found| found == word),
+                    "line {line}, {word}: {words:?}"
+                );
             }
         }
     }

@@ -606,6 +606,8 @@ pub struct Source {
     pub start: u32,
     /// One past the last octet.
     pub end: u32,
+    /// Number of the modes in force behind the block, where somebody is told of them; 0: nobody is.
+    pub modes: u32,
 }
 
 /// A canonical call and where it comes from.

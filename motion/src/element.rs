@@ -100,6 +100,8 @@ pub struct Span {
     pub enables: Enables,
     /// What the program has told spindle, coolant, tool changer and operator before it.
     pub auxiliary: Auxiliary,
+    /// Number of the modes in force, as [`Source::modes`](crate::canon::Source::modes) says.
+    pub modes: u32,
 }
 
 /// What acts on a move from outside, as the program has it at that block (M48 to M53).
@@ -298,7 +300,8 @@ impl Auxiliary {
             | Action::ProgramStop
             | Action::OptionalStop
             | Action::ProgramEnd
-            | Action::TextEnd => return None,
+            | Action::TextEnd
+            | Action::Modes { .. } => return None,
         })
     }
 
@@ -565,6 +568,11 @@ pub enum Action {
     ProgramEnd,
     /// A text is over without them, by `%` or as a line of MDI: nothing is switched off.
     TextEnd,
+    /// What is done at rest behind it runs in these modes, which no move has brought. There is nothing to do, and nothing waits for it.
+    Modes {
+        /// Number, as [`Source::modes`](crate::canon::Source::modes) says.
+        number: u32,
+    },
 }
 
 impl fmt::Display for Action {
@@ -621,6 +629,7 @@ impl fmt::Display for Action {
             Action::OptionalStop => f.write_str("optional stop (M1)"),
             Action::ProgramEnd => f.write_str("end"),
             Action::TextEnd => f.write_str("end of the text"),
+            Action::Modes { number } => write!(f, "modes {number}"),
         }
     }
 }
@@ -647,6 +656,7 @@ mod tests {
                 rapid: false,
                 enables: Enables::default(),
                 auxiliary: Auxiliary::INITIAL,
+                modes: 0,
             };
             let r = gradient.abs().sqrt();
             let (sinh, cosh) = if gradient > 0.0 {

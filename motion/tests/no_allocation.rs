@@ -112,6 +112,7 @@ fn backward_and_block_by_block_cost_no_allocation() {
                 rapid: false,
                 enables: Enables::INITIAL,
                 auxiliary: Auxiliary::INITIAL,
+                modes: 0,
             };
             s0 = span.place(1e-3);
             Element::Span(span)

@@ -157,10 +157,10 @@ pub struct Shown {
     pub mdi: Vec<String>,
     /// What a machine that waits waits for.
     pub waiting: Option<Waiting>,
-    /// G and M codes in force for MDI.
+    /// G and M codes in force: of what runs, at the block that is executed; else for the next line of MDI.
     pub codes: Vec<String>,
-    /// What is to be subtracted from machine coordinates, and by how much X and Y are then to be turned back, for those of the work
-    /// system in force for MDI.
+    /// What is to be subtracted from machine coordinates, mm and degrees, and by how much X and Y are then to be turned back, for those
+    /// of the work system in force there.
     pub work_offset: Vec<f64>,
     pub work_rotation_degrees: f64,
     /// What to do next for a program to run; `None`: it could be started.

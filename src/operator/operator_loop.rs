@@ -365,6 +365,8 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
         let (told, news) = mpsc::channel();
         let (messages, heard) = mpsc::channel();
         operator.hear_messages(heard);
+        let (modes, modes_heard) = mpsc::channel();
+        self.clients.follow_modes(modes_heard);
         let messages_reached = Arc::new(AtomicU32::new(0));
         let reached = Arc::clone(&messages_reached);
         let live = operator.shared();
@@ -403,6 +405,7 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
                         .within(running_limits(given_up.clone()))
                         .reading_pins(pins)
                         .beginning(&text.begin(position))
+                        .telling_modes(modes)
                         .with_probe(results)
                         .following(live)
                         .telling_path(told)

@@ -43,7 +43,7 @@ use motion::rt::probe::Answer;
 use outline::Lead;
 use path::PathNews;
 use records::Sayings;
-pub use settings::{interpreter_settings, settings_with};
+pub use settings::{interpreter_settings, modes_at_start, settings_with};
 pub use stages::Threads;
 use stages::{After, BATCH, Batch, Failed, Part, Smoothing, Spare, Stage};
 use std::num::NonZero;
@@ -373,6 +373,12 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
     pub fn telling_messages(mut self, to: mpsc::Sender<Option<String>>) -> Feeder<'t, S> {
         self.smoothing.recall().messages = Some(to);
         self
+    }
+
+    /// The same that tells the modes of its blocks as they are read, as [`gcode::Run::telling_modes`] says. To be called behind
+    /// [`Feeder::beginning`].
+    pub fn telling_modes(self, to: mpsc::Sender<(u32, gcode::InForce)>) -> Feeder<'t, S> {
+        self.with_interpreter(|interpreter| interpreter.telling_modes(to))
     }
 
     /// The same that follows the operator, from the next [`Feeder::pump`] on: overrides; in single block, exact stops.

@@ -276,6 +276,7 @@ mod tests {
                 rapid: false,
                 enables: Enables::INITIAL,
                 auxiliary: Auxiliary::INITIAL,
+                modes: 0,
             })
         };
         let mut measure = Measure::new(|| 0.0).judging(&settings);

@@ -58,6 +58,13 @@ pub fn settings_with(config: &Config, tables: &Tables, start: Position) -> gcode
     settings
 }
 
+/// The modes in which a program begins.
+pub fn modes_at_start(config: &Config, tables: &Tables) -> gcode::Modes {
+    gcode::Interpreter::new(settings_with(config, tables, Position::ZERO))
+        .run(b"")
+        .modes()
+}
+
 /// The same without the files that keep tools and parameters.
 pub fn interpreter_settings(config: &Config, start: Position) -> gcode::Settings {
     let program = &config.program;

@@ -701,6 +701,7 @@ impl Pins {
             | Action::ProgramStop
             | Action::OptionalStop
             | Action::TextEnd
+            | Action::Modes { .. }
             | Action::Message { .. } => {}
         }
     }
@@ -752,6 +753,7 @@ impl Pins {
             | Action::SetAnalog { .. }
             | Action::ProgramEnd
             | Action::TextEnd
+            | Action::Modes { .. }
             | Action::Message { .. } => true,
         }
     }

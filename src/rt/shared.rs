@@ -259,6 +259,7 @@ pub struct RtStatus {
     cycles: AtomicU64,
     homed: AtomicU64,
     line: AtomicU32,
+    modes: AtomicU32,
     reversing: AtomicBool,
     single_block: AtomicBool,
     optional_stop: AtomicBool,
@@ -334,6 +335,7 @@ impl RtStatus {
             cycles: AtomicU64::new(0),
             homed: AtomicU64::new(0),
             line: AtomicU32::new(0),
+            modes: AtomicU32::new(0),
             reversing: AtomicBool::new(false),
             single_block: AtomicBool::new(false),
             optional_stop: AtomicBool::new(false),
@@ -377,6 +379,8 @@ pub struct Snapshot {
     pub homed: u64,
     /// Line of the program.
     pub line: u32,
+    /// Number of the modes in force there, as [`Source::modes`](motion::canon::Source::modes) says; 0: none has been told.
+    pub modes: u32,
     /// Whether the program was last sent back along its path.
     pub reversing: bool,
     /// Whether each block ends at rest.
@@ -522,6 +526,7 @@ impl RtStatus {
         self.cycles.store(snapshot.cycles, Relaxed);
         self.homed.store(snapshot.homed, Relaxed);
         self.line.store(snapshot.line, Relaxed);
+        self.modes.store(snapshot.modes, Relaxed);
         self.reversing.store(snapshot.reversing, Relaxed);
         self.single_block.store(snapshot.single_block, Relaxed);
         self.optional_stop.store(snapshot.optional_stop, Relaxed);
@@ -569,6 +574,7 @@ impl RtStatus {
             cycles: self.cycles.load(Relaxed),
             homed: self.homed.load(Relaxed),
             line: self.line.load(Relaxed),
+            modes: self.modes.load(Relaxed),
             reversing: self.reversing.load(Relaxed),
             single_block: self.single_block.load(Relaxed),
             optional_stop: self.optional_stop.load(Relaxed),

@@ -55,7 +55,8 @@ impl Waiting {
             | Action::SetDigital { .. }
             | Action::SetAnalog { .. }
             | Action::ProgramEnd
-            | Action::TextEnd => None,
+            | Action::TextEnd
+            | Action::Modes { .. } => None,
         }
     }
 

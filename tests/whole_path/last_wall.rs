@@ -250,6 +250,7 @@ fn elements(start: Position, wrong: usize) -> Vec<Element> {
             rapid: false,
             enables: Enables::INITIAL,
             auxiliary: Auxiliary::INITIAL,
+            modes: 0,
         })
     };
     let line = |from: f64, to: f64| Piece::line(at(from), at(to)).expect("a line");

@@ -72,7 +72,7 @@ impl Run<'_> {
 
     /// What was made before the error goes out before it; but nothing, if the tool would cut into the contour.
     #[cold]
-    pub(super) fn refuse(&mut self, error: CompensationError) {
+    pub(super) fn refuse(&mut self, error: Box<CompensationError>) {
         match &mut self.compensator {
             Some(compensator) if !error.kind.is_gouge() => {
                 compensator.release(&mut self.compensated);
@@ -80,6 +80,6 @@ impl Run<'_> {
             Some(_) | None => {}
         }
         self.compensated.end();
-        self.refused = Some(self.compensation_error(error));
+        self.refused = Some(self.compensation_error(&error));
     }
 }

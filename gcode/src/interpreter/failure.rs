@@ -129,7 +129,7 @@ impl Run<'_> {
 
     /// The error with the line it is about, which may have been read a while ago.
     #[cold]
-    pub(super) fn compensation_error(&mut self, error: CompensationError) -> Box<Error> {
+    pub(super) fn compensation_error(&mut self, error: &CompensationError) -> Box<Error> {
         let kind = ErrorKind::Compensation(error.kind);
         let source = error.source;
         let octets = self.line_of(source);

@@ -20,6 +20,7 @@ use crate::execute::Flow;
 use crate::flow::{Level, LevelKind, Place, Search, SearchEnd, Subroutine};
 use crate::limits::{CheckLimits, Spent};
 use crate::machine::{Machine, NoMachine, PinReader};
+use crate::modes::Told;
 use crate::o_word::Label;
 use crate::octet::{is_blank, is_empty};
 use crate::parameter::ARGUMENTS_MAX;
@@ -123,6 +124,7 @@ impl Interpreter {
             continues: false,
             stop_before: None,
             is_mdi: false,
+            told: None,
             line: Vec::new(),
             block: Block::default(),
             faults: Faults::new(),
@@ -171,6 +173,8 @@ pub struct Run<'t> {
     pub(crate) stop_before: Option<u32>,
     /// The text need not end with M2, M30 or `%`.
     pub(crate) is_mdi: bool,
+    /// Who is told of the modes of its blocks.
+    pub(crate) told: Option<Told>,
     /// Kept for their memory.
     line: Vec<u8>,
     block: Block,
@@ -302,6 +306,7 @@ impl Run<'_> {
             n_digits: 0,
             start: line.offset as u32,
             end: line.offset.saturating_add(line.length) as u32,
+            modes: 0,
         };
         if self.stop_before == Some(line.number) && self.file == 0 && self.search.is_none() {
             self.stop_before = None;
@@ -536,6 +541,10 @@ impl Iterator for Run<'_> {
                     self.spent.idle_steps = 0;
                 }
                 let source = self.state.sources.pop_front().unwrap_or(self.source);
+                let source = Source {
+                    modes: self.modes_number(),
+                    ..source
+                };
                 let event = Event { source, call };
                 if !self.is_compensated(&event.call) {
                     return Some(Ok(event));
@@ -560,6 +569,7 @@ impl Iterator for Run<'_> {
                 return None;
             }
             self.step();
+            self.tell_modes();
         }
     }
 }

@@ -131,6 +131,17 @@ pub(crate) struct Modal {
     pub(crate) flood: bool,
 }
 
+impl Modal {
+    /// Spindles and coolant are off.
+    pub(crate) fn switch_off(&mut self) {
+        for spindle in &mut self.spindles {
+            spindle.turning = None;
+        }
+        self.mist = false;
+        self.flood = false;
+    }
+}
+
 /// The tool and its neighbours.
 #[derive(Clone, Debug)]
 pub(crate) struct Tools {

@@ -202,7 +202,7 @@ impl Compensator {
     /// A move that a tool of this radius cannot make, or that is not allowed while compensation is on. After an error nothing of the event has happened, and what is held back remains so; but a move that shows a gouge has
     /// been taken with the others.
     #[inline]
-    pub fn push(&mut self, event: Event, out: &mut impl Extend<Event>) -> Result<(), CompensationError> {
+    pub fn push(&mut self, event: Event, out: &mut impl Extend<Event>) -> Result<(), Box<CompensationError>> {
         let source = event.source;
         let result = if let Mode::Off = self.mode {
             self.push_off(event, out)
@@ -210,7 +210,7 @@ impl Compensator {
             self.push_on(event)
                 .and_then(|contour| self.look_ahead(contour, source, out))
         };
-        result.map_err(|kind| CompensationError::new(source, kind))
+        result.map_err(|kind| Box::new(CompensationError::new(source, kind)))
     }
 
     /// Ends compensation, if it is on, where the program ends: what is held back goes out.
@@ -218,14 +218,14 @@ impl Compensator {
     /// # Errors
     ///
     /// The last move does not fit the tool, or a gouge shows at the end.
-    pub fn finish(&mut self, out: &mut impl Extend<Event>) -> Result<(), CompensationError> {
+    pub fn finish(&mut self, out: &mut impl Extend<Event>) -> Result<(), Box<CompensationError>> {
         let source = match &self.mode {
             Mode::Off | Mode::Entry(_) => Source::default(),
             Mode::Beside(beside) => beside.last_source(),
         };
         self.switch_off()
             .and_then(|()| self.look_ahead(Programmed::Nothing, source, out))
-            .map_err(|kind| CompensationError::new(source, kind))?;
+            .map_err(|kind| Box::new(CompensationError::new(source, kind)))?;
         self.straight_exit_due = false;
         self.window = None;
         Ok(())

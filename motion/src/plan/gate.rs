@@ -343,6 +343,7 @@ mod tests {
             rapid: false,
             enables: Enables::INITIAL,
             auxiliary: Auxiliary::INITIAL,
+            modes: 0,
         })
     }
 

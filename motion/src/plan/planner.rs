@@ -158,6 +158,7 @@ impl PathPlanner {
     ///
     /// What cannot be planned, with its place. It concerns this call only, which is then of no effect.
     pub fn push(&mut self, event: &Event) -> Result<(), PlanError> {
+        self.program.use_modes(event.source.modes);
         if let Some(action) = self.program.take_wait(&event.call, &self.settings) {
             self.rest_told(Some(Element::Action {
                 action,
@@ -278,6 +279,11 @@ impl PathPlanner {
             ))));
         }
         self.tell();
+        if let Some(line) = element.as_ref().map(Element::line)
+            && let Some(action) = self.program.take_modes()
+        {
+            self.rest(Some(Element::Action { action, line }));
+        }
         self.rest(element);
     }
 
@@ -327,6 +333,7 @@ fn made_up(owed: &Move, cycle_s: f64) -> Span {
         rapid: owed.rapid,
         enables: owed.enables,
         auxiliary: owed.auxiliary,
+        modes: owed.modes,
     }
 }
 

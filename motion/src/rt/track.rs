@@ -6,7 +6,7 @@
 //! the spindle, a probing move, or a place at which the spindle, say, was told something on the way: what a tool changer or a tap
 //! has done is not undone by going back. RT.
 
-use crate::element::{Auxiliary, Element, Span};
+use crate::element::{Action, Auxiliary, Element, Span};
 use crate::ring::{Consumer, Timed};
 
 #[derive(Clone, Copy, Debug)]
@@ -162,7 +162,11 @@ impl Track {
         self.taken += 1;
         match element {
             Element::Span(_) => self.moved_s += element.duration_s(),
-            Element::Dwell { .. } => {}
+            Element::Dwell { .. }
+            | Element::Action {
+                action: Action::Modes { .. },
+                ..
+            } => {}
             Element::Action { .. } | Element::Synced(_) | Element::Probing(_) => self.floor = self.taken,
         }
         self.floor = self.floor.max(self.taken.saturating_sub(self.passed.len() as u64));

@@ -12,8 +12,11 @@ pub const RATE_MAX_HZ: u64 = 20;
 /// Octets of the system that hold what a subscriber has not read: beyond them, it is told less often.
 pub const UNREAD_MAX: usize = 16 * 1024;
 /// What changes all the time while something moves: told at the rate that was asked for.
-pub const SAMPLED: [&str; 8] = [
+pub const SAMPLED: [&str; 11] = [
     "position_mm",
+    "work_offset_mm",
+    "work_rotation_degrees",
+    "codes",
     "to_go_mm",
     "velocity_mm_s",
     "spindle",

@@ -86,6 +86,7 @@ impl IdealSpindle {
             | Action::TurnSpindle { .. }
             | Action::UserCode { .. }
             | Action::TextEnd
+            | Action::Modes { .. }
             | Action::ProgramStop
             | Action::OptionalStop => true,
         }

@@ -851,6 +851,7 @@ impl<B: CyclicBus> MotionController<B> {
             cycles: self.cycle,
             homed: self.homed(),
             line: self.sample.line,
+            modes: self.sample.modes,
             reversing: self.program.is_some() && self.reverse.is_some(),
             single_block: self.single_block,
             optional_stop: self.optional_stop,

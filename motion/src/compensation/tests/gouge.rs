@@ -268,7 +268,7 @@ fn bottle(neck: f64, depth: f64, angle: f64, moved: Point) -> Vec<Call> {
     calls
 }
 
-fn compensate(settings: Settings, calls: &[Call]) -> Result<Vec<Call>, CompensationError> {
+fn compensate(settings: Settings, calls: &[Call]) -> Result<Vec<Call>, Box<CompensationError>> {
     let (mut compensator, mut out) = (Compensator::with_settings(settings), Vec::new());
     for (line, call) in (1..).zip(calls) {
         let source = Source {

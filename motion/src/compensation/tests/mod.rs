@@ -36,13 +36,7 @@ pub(super) fn run_with(settings: Settings, program: &str) -> Vec<String> {
     }
     if result.is_ok() {
         result = compensator.finish(&mut out);
-    } else if !matches!(
-        result,
-        Err(CompensationError {
-            kind: Kind::Gouge { .. },
-            ..
-        })
-    ) {
+    } else if !matches!(&result, Err(error) if error.kind.is_gouge()) {
         compensator.release(&mut out);
     }
     let mut lines: Vec<String> = out.iter().map(|event| reader::print(&event.call)).collect();

@@ -195,7 +195,7 @@ pub(super) fn moves(calls: &[Call], plane: Plane) -> Vec<Piece> {
     pieces
 }
 
-fn compensate(calls: &[Call]) -> Result<Vec<Call>, CompensationError> {
+fn compensate(calls: &[Call]) -> Result<Vec<Call>, Box<CompensationError>> {
     let (mut compensator, mut out) = (Compensator::new(), Vec::new());
     for call in calls {
         let event = Event {

@@ -29,6 +29,7 @@ struct Part {
     rapid: bool,
     enables: Enables,
     auxiliary: Auxiliary,
+    modes: u32,
 }
 
 /// Consecutive pieces under common limits.
@@ -97,6 +98,7 @@ impl Part {
             rapid: stretch.rapid,
             enables: stretch.enables,
             auxiliary: stretch.auxiliary,
+            modes: stretch.modes,
         }
     }
 }
@@ -224,6 +226,7 @@ impl Run {
             rapid: part.rapid,
             enables: part.enables,
             auxiliary: part.auxiliary,
+            modes: part.modes,
         };
         if is_last && until == phase.duration {
             // The sum of the lengths before it has its rounding; its own end has none.

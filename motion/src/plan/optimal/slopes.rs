@@ -122,6 +122,7 @@ impl Emission<'_> {
                 rapid: stretch.rapid,
                 enables: stretch.enables,
                 auxiliary: stretch.auxiliary,
+                modes: stretch.modes,
             };
             let end = span.place(duration_s);
             self.divided(item, span, end, LONG_S[0]);
@@ -205,6 +206,7 @@ impl Emission<'_> {
             rapid: stretch.rapid,
             enables: stretch.enables,
             auxiliary: stretch.auxiliary,
+            modes: stretch.modes,
         };
         // Simpson's rule is near; where the motion nearly stands still at one end it is not, nor is any other.
         let middle = from.b + length * (from.u + 0.25 * length * gradient);

@@ -35,6 +35,8 @@ pub(super) struct Move {
     pub(super) rapid: bool,
     pub(super) enables: Enables,
     pub(super) auxiliary: Auxiliary,
+    /// As [`Source::modes`](crate::canon::Source::modes) says.
+    pub(super) modes: u32,
     /// At its end.
     pub(super) corner: Corner,
     /// Q of G64: how far the ends of moves in line may be off for these to become one, mm; 0: not at all.
@@ -101,6 +103,9 @@ pub(super) struct Program {
     outputs: Outputs,
     /// Actions that the next move brings about where it begins; at rest if none follows.
     on_the_way: Vec<Element>,
+    /// Number of the modes in force, and of those that a move or a rest has brought.
+    modes: u32,
+    modes_told: u32,
 }
 
 /// Actions for which the machine does not come to rest between two moves, at the most.
@@ -127,7 +132,20 @@ impl Program {
             auxiliary: Auxiliary::INITIAL,
             outputs: Outputs::NONE,
             on_the_way: Vec::new(),
+            modes: 0,
+            modes_told: 0,
         }
+    }
+
+    /// The calls that follow run in the modes of this number.
+    pub(super) fn use_modes(&mut self, number: u32) {
+        self.modes = number;
+    }
+
+    /// The modes in force, if neither a move nor a rest has brought them: told once.
+    pub(super) fn take_modes(&mut self) -> Option<Action> {
+        let number = self.modes;
+        (std::mem::replace(&mut self.modes_told, number) != number).then_some(Action::Modes { number })
     }
 
     /// What an action comes to: where moves are passed on the move, it is done as the next one begins, if it can be.
@@ -175,6 +193,7 @@ impl Program {
     /// A move has begun: it brings about what was said before it.
     pub(super) fn begins(&mut self) {
         self.on_the_way.clear();
+        self.modes_told = self.modes;
     }
 
     /// No move follows before the next rest: what was said is to be done there.

@@ -142,6 +142,7 @@ impl Program {
         self.take_outputs();
         Some(Move {
             auxiliary: self.auxiliary,
+            modes: self.modes,
             ..owed
         })
     }
@@ -205,6 +206,7 @@ impl Program {
                 ..self.enables
             },
             auxiliary: self.auxiliary,
+            modes: self.modes,
             corner,
             naive_cam_mm,
         }

@@ -142,6 +142,7 @@ fn stretch_of(piece: Piece, part: &Move) -> Stretch {
         seam: false,
         enables: part.enables,
         auxiliary: part.auxiliary,
+        modes: part.modes,
     }
 }
 

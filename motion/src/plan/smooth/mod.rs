@@ -54,6 +54,7 @@ pub(super) struct Stretch {
     pub(super) seam: bool,
     pub(super) enables: Enables,
     pub(super) auxiliary: Auxiliary,
+    pub(super) modes: u32,
 }
 
 /// A rounded corner between a rapid move and one at feed.

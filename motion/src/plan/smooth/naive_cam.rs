@@ -124,6 +124,7 @@ mod tests {
                 rapid: false,
                 enables: crate::element::Enables::default(),
                 auxiliary: crate::element::Auxiliary::INITIAL,
+                modes: 0,
                 corner: Corner::Round(0.1),
                 naive_cam_mm: q,
             };

@@ -32,6 +32,7 @@ fn moves(points: &[Position], tolerance: f64) -> Vec<Move> {
             rapid: false,
             enables: Enables::default(),
             auxiliary: Auxiliary::INITIAL,
+            modes: 0,
             corner: Corner::Round(tolerance),
             naive_cam_mm: 0.0,
         })
@@ -344,6 +345,7 @@ fn nearly_tangent_arcs_are_joined() {
         rapid: false,
         enables: Enables::default(),
         auxiliary: Auxiliary::INITIAL,
+        modes: 0,
         corner: Corner::Round(0.01),
         naive_cam_mm: 0.0,
     };
@@ -417,6 +419,7 @@ fn bends(bends: &[Bend], axes: [[f64; 3]; 2], tolerance: f64) -> Vec<Move> {
             rapid: false,
             enables: Enables::default(),
             auxiliary: Auxiliary::INITIAL,
+            modes: 0,
             corner: Corner::Round(tolerance),
             naive_cam_mm: 0.0,
         }));

@@ -10,6 +10,7 @@ mod corners;
 mod gate;
 mod joint_space;
 mod led;
+mod modes;
 mod never_slower;
 mod on_the_way;
 mod override_tests;

@@ -415,6 +415,10 @@ impl Interpolator {
             match self.track.current() {
                 None if self.sample.state == SampleState::Finished => break,
                 None => {}
+                Some(&Element::Action {
+                    action: Action::Modes { number },
+                    ..
+                }) => self.sample.modes = number,
                 Some(Element::Action { .. }) => break,
                 Some(Element::Synced(_)) => {
                     self.step_synced(scale, spindle);

@@ -46,6 +46,8 @@ pub struct Sample {
     pub outputs: Option<Outputs>,
     /// Auxiliary functions of the move.
     pub auxiliary: Auxiliary,
+    /// Number of the modes in force, as [`Source::modes`](crate::canon::Source::modes) says; 0: none has been told.
+    pub modes: u32,
     /// A tap is on its way back: the spindle is to turn the other way, this much as fast as programmed.
     pub reversal: Option<f64>,
     /// A move in step with the spindle is under way, or waits for it: as fast as the axes can follow it, turns/s.
@@ -69,6 +71,7 @@ impl Sample {
             on_the_way: None,
             outputs: None,
             auxiliary: Auxiliary::INITIAL,
+            modes: 0,
             reversal: None,
             turns_s_max: None,
             fault: None,
@@ -106,6 +109,15 @@ impl Interpolator {
                 self.sample.line = line;
                 self.sample.state = SampleState::Dwelling;
             }
+            // Where a way back rests just there.
+            Some(Element::Action {
+                action: Action::Modes { number },
+                line,
+            }) => {
+                self.sample.line = line;
+                self.sample.modes = number;
+                self.sample.state = SampleState::Moving;
+            }
             Some(Element::Action { action, line }) => {
                 self.sample.line = line;
                 // What the move before it has said comes first.
@@ -133,6 +145,7 @@ impl Interpolator {
         self.sample.rapid = span.rapid;
         self.sample.enables = span.enables;
         self.sample.auxiliary = span.auxiliary;
+        self.sample.modes = span.modes;
     }
 
     pub(super) fn show_probing(&mut self, probing: &Probing) {

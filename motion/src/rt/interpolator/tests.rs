@@ -43,6 +43,7 @@ pub(super) fn there(from_mm: f64, line: u32) -> [Element; 4] {
             rapid: false,
             enables: Enables::default(),
             auxiliary: Auxiliary::INITIAL,
+            modes: 0,
         };
         (s0, v0, a0) = (span.place(t), span.speed(t), a0 + jerk * t);
         Element::Span(span)

@@ -463,6 +463,7 @@ fn a_block_too_short_to_stop_in_is_passed_and_the_one_behind_it_is_not() {
             rapid: false,
             enables: Enables::INITIAL,
             auxiliary: Auxiliary::INITIAL,
+            modes: 0,
         };
         (s0, v0, a0) = (span.place(duration_s), span.speed(duration_s), a0 + jerk * duration_s);
         Element::Span(span)

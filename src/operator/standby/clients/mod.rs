@@ -1,7 +1,9 @@
 //! What clients want of the machine: each order is judged by the table of [`crate::machine::permission`], then carried out.
 
+mod executed;
 mod shown;
 
+use executed::Executed;
 pub(in crate::operator) use shown::outcome_word;
 
 use super::check::{Checked, Part, Subject, examine};
@@ -30,12 +32,12 @@ use crate::program::{Begin, Overview, changed, home};
 use crate::rt::shared::{Command, Snapshot};
 use crate::rt::waiting;
 use crate::rt::way_back::SLOW_MM;
-use gcode::Modes;
+use gcode::{InForce, Modes};
 use motion::cancel::Cancel;
 use motion::canon::{Axis, Position};
 use serde_json::{Value, json};
 use std::collections::VecDeque;
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, mpsc};
 use std::thread::{Scope, ScopedJoinHandle};
 use std::time::Duration;
 
@@ -112,6 +114,10 @@ pub(in crate::operator) struct Clients<'scope, 'env> {
     is_streamed_over: bool,
     /// Those in force for the next line of MDI; `None`: as at the start of a program.
     modes: Option<Arc<Modes>>,
+    /// Those of what runs.
+    executed: Option<Executed>,
+    /// Those at the start of a program, and what they were taken of.
+    initial: Option<(Tables, Modes)>,
     /// How often the machine had switched spindle and coolant off by the last look, and when the last program began.
     switched_off: [u64; 2],
     /// Some planner still works for the program that was the last one.
@@ -184,6 +190,8 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             streamed: None,
             is_streamed_over: false,
             modes: None,
+            executed: None,
+            initial: None,
             switched_off: [0; 2],
             is_planning: false,
             unsettled: Vec::new(),
@@ -206,15 +214,24 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         self.part.as_ref()
     }
 
+    /// What runs from now on tells the modes of its blocks there.
+    pub(in crate::operator) fn follow_modes(&mut self, heard: mpsc::Receiver<(u32, InForce)>) {
+        let is_dry = self.part.as_ref().is_some_and(|part| part.dry_feed_min().is_some());
+        self.executed = Some(Executed::new(heard, is_dry));
+    }
+
     /// A program is over, and has left these modes if it came to its end. What follows the stop of a program begins as a program
     /// does; a line of MDI that was given up leaves those before it.
     pub(in crate::operator) fn adopt_modes(&mut self, modes: Option<Modes>) {
+        self.executed = None;
         let [now, at_begin] = self.switched_off;
         let is_given_up = modes.is_none();
+        let is_dry = self.part.as_ref().is_some_and(|part| part.dry_feed_min().is_some());
         if !is_given_up || !self.part.as_ref().is_some_and(|part| part.is_mdi()) {
             self.modes = modes.map(Arc::new);
         }
-        if now != at_begin {
+        // A dry run has not switched on what its text says.
+        if now != at_begin || is_dry {
             self.switch_modes_off();
         }
         if is_given_up {
@@ -231,6 +248,18 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         if let Some(modes) = &mut self.modes {
             Arc::make_mut(modes).switch_off();
         }
+    }
+
+    /// Hands take over where they move something, and what is held has its orders again once it is on its way back.
+    fn follow_mode(&mut self, operator: &Operator) {
+        self.mode = match self.condition(operator).activity {
+            Activity::Jogging | Activity::Away => Mode::Manual,
+            Activity::Running | Activity::Held | Activity::Returning => match &self.part {
+                Some(part) if part.is_mdi() => Mode::Mdi,
+                _ => Mode::Auto,
+            },
+            Activity::Idle | Activity::Checking | Activity::Homing | Activity::Stopping => self.mode,
+        };
     }
 
     fn refuse_queue(&mut self, why: &str) {
@@ -267,6 +296,12 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         }
         let settles = operator.live().state == State::Disabling && operator.step() == Step::StandBy;
         self.settles_since_ns = settles.then(|| self.settles_since_ns.unwrap_or(now_ns));
+        // Before the cycle has taken the start of a program, it shows where the one before was.
+        if let Some(executed) = &mut self.executed {
+            let live = operator.live();
+            executed.follow(if operator.is_up_to_date() { live.modes } else { 0 });
+        }
+        self.follow_mode(operator);
         // Orders first: a stop reaches a program that would begin in this turn.
         let mut answers = Vec::new();
         self.follow_pins(operator, keeper);

@@ -1,6 +1,7 @@
 //! How the machine is: for clients, and for the table of orders.
 
-use super::{Clients, Mode, Typed};
+use super::executed::Executed;
+use super::{Clients, Typed};
 use crate::api::orders::{MESSAGES, Shown, ShownProgram, ShownText, Waiting};
 use crate::machine::permission::{Activity, Condition, Power, Wish, permit};
 use crate::machine::sequence::{Outcome, Step};
@@ -9,8 +10,7 @@ use crate::machine::tables::lock;
 use crate::operator::console::Operator;
 use crate::operator::standby::check::Part;
 use crate::operator::table_writer::Keeper;
-use crate::program::Overview;
-use gcode::Modes;
+use crate::program::{Overview, modes_at_start};
 use motion::canon::Axis;
 use std::sync::Arc;
 
@@ -66,7 +66,8 @@ impl Clients<'_, '_> {
     }
 
     /// `is_settled`: the last job has ended, and what came of it is on the disk.
-    pub(super) fn shown(&self, operator: &Operator, keeper: &Keeper<'_, '_>, is_settled: bool) -> Shown {
+    pub(super) fn shown(&mut self, operator: &Operator, keeper: &Keeper<'_, '_>, is_settled: bool) -> Shown {
+        let in_force = self.in_force();
         let condition = self.condition(operator);
         let live = operator.live();
         let program = match &self.part {
@@ -89,23 +90,18 @@ impl Clients<'_, '_> {
             result: last.filter(|_| is_last).map(outcome_word),
         };
         let mut mdi = Vec::new();
-        if let Some(part) = self.part.as_ref().filter(|part| part.is_mdi())
-            && condition.activity != Activity::Idle
-            && self.mode == Mode::Mdi
-        {
-            mdi.push(part.line.clone());
-        }
+        let line = self
+            .part
+            .as_ref()
+            .filter(|part| part.is_mdi() && operator.has_program());
+        mdi.extend(line.map(|part| part.line.clone()));
         mdi.extend(self.mdi.iter().map(|(_, typed)| match typed {
             Typed::Line(line) => line.clone(),
             Typed::Lines(lines, _) => lines.lines().next().unwrap_or_default().to_owned(),
         }));
-        let (block_delete, tool, rotation_degrees) = {
+        let (block_delete, tool) = {
             let tables = lock(self.tables);
-            (
-                tables.block_delete,
-                tables.tool_in_spindle(),
-                tables.work_rotation_degrees(),
-            )
+            (tables.block_delete, tables.tool_in_spindle())
         };
         Shown {
             step: operator.step_name(),
@@ -128,9 +124,9 @@ impl Clients<'_, '_> {
                 text: waiting.text(),
                 release: waiting.release(),
             }),
-            codes: self.modes.as_deref().map(Modes::words).unwrap_or_default(),
-            work_offset: self.work_offset(rotation_degrees),
-            work_rotation_degrees: rotation_degrees,
+            codes: in_force.codes,
+            work_offset: in_force.work_offset,
+            work_rotation_degrees: in_force.work_rotation_degrees,
             next: permit(Wish::Start, &condition).err().map(|refusal| refusal.next),
             block_delete,
             tool,
@@ -143,14 +139,45 @@ impl Clients<'_, '_> {
         }
     }
 
-    /// Where work coordinates are 0, in the machine: of a system that is turned, G92 is turned with it.
-    fn work_offset(&self, rotation_degrees: f64) -> Vec<f64> {
-        let [origin, mut g92] = lock(self.tables).work_offset(self.config.unit);
-        let (sin, cos) = rotation_degrees.to_radians().sin_cos();
+    /// What is in force: of what runs, at the block that is executed; else for the next line of MDI, with the tables as they are.
+    fn in_force(&mut self) -> ShownModes {
+        if let Some(executed) = self.executed.as_ref().and_then(Executed::now) {
+            return ShownModes {
+                codes: executed.words(),
+                work_offset: executed.work_zero().0.to_vec(),
+                work_rotation_degrees: executed.work_rotation_degrees(),
+            };
+        }
+        let tables = lock(self.tables);
+        let modes = match &self.modes {
+            Some(modes) => &**modes,
+            None => {
+                let initial = match self.initial.take() {
+                    Some(initial) if initial.0 == *tables => initial,
+                    _ => (tables.clone(), modes_at_start(self.config, &tables)),
+                };
+                &self.initial.insert(initial).1
+            }
+        };
+        let work_rotation_degrees = tables.work_rotation_degrees();
+        let [origin, mut g92] = tables.work_offset(self.config.unit);
+        // Of a system that is turned, G92 is turned with it.
+        let (sin, cos) = work_rotation_degrees.to_radians().sin_cos();
         (g92.0[0], g92.0[1]) = (g92.0[0] * cos - g92.0[1] * sin, g92.0[0] * sin + g92.0[1] * cos);
-        let tool = self.modes.as_deref().and_then(Modes::tool_offset).unwrap_or_default();
-        Axis::ALL.map(|axis| origin[axis] + g92[axis] + tool[axis]).to_vec()
+        let tool = modes.tool_offset().unwrap_or_default();
+        ShownModes {
+            codes: modes.words(),
+            work_offset: Axis::ALL.map(|axis| origin[axis] + g92[axis] + tool[axis]).to_vec(),
+            work_rotation_degrees,
+        }
     }
+}
+
+/// What is in force, as clients see it: fields of [`Shown`].
+struct ShownModes {
+    codes: Vec<String>,
+    work_offset: Vec<f64>,
+    work_rotation_degrees: f64,
 }
 
 pub(in crate::operator) fn outcome_word(outcome: Outcome) -> &'static str {

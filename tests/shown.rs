@@ -1,0 +1,149 @@
+//! What clients are shown is what the machine is at: modes and offsets of the block that is executed, the mode, the program that Start
+//! runs, the length of the tool in force.
+
+mod common;
+
+use common::Control;
+use serde_json::Value;
+use std::process::Stdio;
+
+/// Half a minute of motion.
+const LONG: &str = "G21 G90 G94 G54 G64 P0.01\nG0 X5 Y5\nG1 X200 F400\nM2\n";
+
+/// A control whose drives are on and whose joints are homed.
+fn ready(name: &str) -> Control {
+    let control = Control::start(name, Stdio::null());
+    control.wait_for("the network", |status| status["power"] == "off");
+    control.ask(&["home"]).unwrap();
+    control
+}
+
+fn codes(status: &Value) -> Vec<&str> {
+    let codes = status["codes"].as_array().unwrap().iter();
+    codes.map(|code| code.as_str().unwrap()).collect()
+}
+
+fn assert_codes(status: &Value, wanted: &[&str]) {
+    let found = codes(status);
+    assert!(wanted.iter().all(|word| found.contains(word)), "{wanted:?}: {found:?}");
+}
+
+fn number(status: &Value, what: &str, axis: usize) -> f64 {
+    status[what][axis].as_f64().unwrap()
+}
+
+/// Waits until the program waits in this line for the operator.
+fn waits_in(control: &Control, line: u32) -> Value {
+    control.wait_for("the stop", |status| {
+        status["waiting"]["for"] == "operator" && status["line"] == line
+    })
+}
+
+#[test]
+fn modes_offsets_and_length_are_those_of_the_block_that_is_executed() {
+    let control = Control::start("shown-modes", Stdio::null());
+    let off = control.wait_for("the network", |status| status["power"] == "off");
+    assert_codes(
+        &off,
+        &["G80", "G17", "G21", "G90", "G54", "G49", "M5", "M9", "S0", "F0"],
+    );
+    control.ask(&["home"]).unwrap();
+    control.ask(&["offset", "set", "G55", "X", "30"]).unwrap();
+    control.ask(&["tool", "set", "3", "--length", "40"]).unwrap();
+    let program = control.program(
+        "modes.ngc",
+        "G21 G90 G94 G54 G64 P0.01\nG0 X5 Y5\nM0\nG55 G43 H3 S1500 M3 M8 F300\nG1 X10\nM0\nG10 L2 P2 X32\nG92 X5\nM0\nG92.1\nM2\n",
+    );
+    let before = control.ask(&["status"]).unwrap();
+    control
+        .ask(&["program", "run", "--no-wait", program.to_str().unwrap()])
+        .unwrap();
+    // All of the program has been read by now, and this is what the machine is at.
+    let first = waits_in(&control, 3);
+    assert_codes(&first, &["G0", "G54", "G49", "M5", "M9", "S0", "F0"]);
+    assert_eq!(first["work_offset_mm"], before["work_offset_mm"]);
+    control.ask(&["resume"]).unwrap();
+    let second = waits_in(&control, 6);
+    assert_codes(&second, &["G1", "G55", "G43", "S1500", "M3", "M8", "F300"]);
+    assert_eq!(number(&second, "work_offset_mm", 0), 30.0);
+    assert_eq!(number(&second, "position_mm", 0), 40.0);
+    let z = number(&second, "work_offset_mm", 2);
+    control.ask(&["resume"]).unwrap();
+    let third = waits_in(&control, 9);
+    // The origin is 2 mm on, and what was X10 reads 5.
+    assert_eq!(number(&third, "work_offset_mm", 0), 35.0);
+    control.ask(&["resume"]).unwrap();
+    let end = control.wait_for("the end", |status| {
+        status["program"]["result"] == "completed" && status["activity"] == "idle"
+    });
+    assert_codes(&end, &["G54", "M5", "M9", "F0"]);
+    assert_eq!(number(&end, "work_offset_mm", 0), number(&before, "work_offset_mm", 0));
+    // The length stays in force, as for the next line of MDI.
+    control.ask(&["mdi", "G55"]).unwrap();
+    let after = control.ask(&["status"]).unwrap();
+    assert_codes(&after, &["G55", "G43"]);
+    assert_eq!(
+        (number(&after, "work_offset_mm", 2), number(&after, "work_offset_mm", 0)),
+        (z, 32.0)
+    );
+}
+
+/// What follows the stop of a program begins as a program does, which is shown.
+#[test]
+fn a_program_that_is_stopped_leaves_codes_as_a_program_begins() {
+    let control = ready("shown-stopped");
+    let program = control.program("stopped.ngc", "G21 G90 G54\nG91 G43 H3 F300 M8\nM0\nM2\n");
+    control
+        .ask(&["program", "run", "--no-wait", program.to_str().unwrap()])
+        .unwrap();
+    assert_codes(&waits_in(&control, 3), &["G91", "G43", "M8", "F300"]);
+    control.ask(&["stop"]).unwrap();
+    let stopped = control.wait_for("the stop", |status| status["activity"] == "idle");
+    assert_codes(&stopped, &["G90", "G49", "M9", "F0", "G54"]);
+}
+
+/// Else the next line of MDI would switch on what the dry run has not.
+#[test]
+fn a_dry_run_shows_spindle_and_coolant_off_and_leaves_them_off() {
+    let control = ready("shown-dry");
+    let program = control.program("dry.ngc", "%\nG21 G90 G54\nS900 M3 M8 F300\nG1 X5\nM0\nX6\n%\n");
+    control.ask(&["program", "load", program.to_str().unwrap()]).unwrap();
+    control
+        .ask(&["program", "start", "--dry-run", "2000", "--no-wait"])
+        .unwrap();
+    assert_codes(&waits_in(&control, 5), &["G1", "M5", "M9", "S900"]);
+    control.ask(&["resume"]).unwrap();
+    control.wait_for("the end", |status| {
+        status["program"]["result"] == "completed" && status["activity"] == "idle"
+    });
+    control.ask(&["mdi", "G0 X1"]).unwrap();
+    let after = control.ask(&["status"]).unwrap();
+    assert_codes(&after, &["M5", "M9"]);
+    assert_eq!(
+        (&after["spindle"]["on"], &after["coolant"]["flood"]),
+        (&false.into(), &false.into())
+    );
+}
+
+#[test]
+fn the_mode_is_that_of_the_program_again_once_it_returns_from_a_jog() {
+    let control = ready("shown-mode");
+    let program = control.program("long.ngc", LONG);
+    control
+        .ask(&["program", "run", "--no-wait", program.to_str().unwrap()])
+        .unwrap();
+    let running = control.wait_for("running", |status| status["state"] == "running" && status["line"] == 3);
+    assert_eq!(running["mode"], "auto");
+    control.ask(&["hold"]).unwrap();
+    assert_eq!(control.ask(&["status"]).unwrap()["mode"], "auto");
+    control.ask(&["jog", "Z", "2", "--speed", "50"]).unwrap();
+    let away = control.wait_for("away", |status| status["activity"] == "away");
+    assert_eq!(away["mode"], "manual");
+    control.ask(&["resume"]).unwrap();
+    let held = control.wait_for("on the path", |status| status["activity"] == "held");
+    assert_eq!(held["mode"], "auto");
+    control.ask(&["resume"]).unwrap();
+    let running = control.wait_for("running", |status| status["activity"] == "running");
+    assert_eq!(running["mode"], "auto");
+    control.ask(&["stop"]).unwrap();
+}
