@@ -4,7 +4,8 @@
 mod common;
 
 use common::Control;
-use serde_json::Value;
+use isocnc::api::client::{Client, ClientError};
+use serde_json::{Value, json};
 use std::process::Stdio;
 
 /// Half a minute of motion.
@@ -146,4 +147,110 @@ fn the_mode_is_that_of_the_program_again_once_it_returns_from_a_jog() {
     let running = control.wait_for("running", |status| status["activity"] == "running");
     assert_eq!(running["mode"], "auto");
     control.ask(&["stop"]).unwrap();
+}
+
+fn client(control: &Control) -> Client {
+    Client::connect(Some(&control.machine)).unwrap()
+}
+
+fn refusal(answer: Result<Value, ClientError>) -> String {
+    match answer {
+        Err(ClientError::Refused(error)) => error.message,
+        other => panic!("{other:?}"),
+    }
+}
+
+/// Asserts that this program is shown everywhere, and not how another one has ended; gives its revision.
+fn assert_shown(client: &mut Client, loaded: &Value, first_line: &str) -> Value {
+    let status = client.call("status", json!({})).unwrap();
+    for (of_program, of_answer) in [
+        ("name", "program"),
+        ("revision", "revision"),
+        ("lines", "lines"),
+        ("planned_time_s", "planned_time_s"),
+    ] {
+        assert_eq!(status["program"][of_program], loaded[of_answer], "{of_program}");
+    }
+    assert_eq!(status["program"]["result"], Value::Null);
+    assert_eq!(status["program"]["dry_run"], false);
+    assert_eq!(status["last_program"]["name"], loaded["program"]);
+    let text = client
+        .call("program.text", json!({ "from_line": 1, "lines": 1 }))
+        .unwrap();
+    assert_eq!(text["lines"], json!([first_line]));
+    assert_eq!(text["revision"], loaded["revision"]);
+    loaded["revision"].clone()
+}
+
+#[test]
+fn what_was_loaded_last_is_shown_from_the_answer_on_and_is_what_a_start_runs() {
+    let control = ready("shown-loaded");
+    let mut hand = client(&control);
+    let [first, second] = [("first", 10), ("second", 20)].map(|(name, x)| {
+        json!({ "name": name, "text": format!("({name})\nG21 G90 G94 G54 G64 P0.01\nG0 X{x}\nG1 X{} F3000\nM2\n", x + 2) })
+    });
+    let ended = |hand: &mut Client, name: &str, x: f64| {
+        let status = control.wait_for("the end", |status| {
+            status["activity"] == "idle" && status["program"]["result"] == "completed"
+        });
+        assert_eq!(status["program"]["name"], name);
+        assert_eq!(
+            number(&status, "position_mm", 0) - number(&status, "work_offset_mm", 0),
+            x
+        );
+        let report = hand.call("program.report", json!({})).unwrap();
+        assert_eq!(report["program"], name);
+    };
+    let loaded = hand.call("program.load", first.clone()).unwrap();
+    let of_first = assert_shown(&mut hand, &loaded, "(first)");
+    hand.call("program.start", json!({ "revision": of_first })).unwrap();
+    ended(&mut hand, "first", 12.0);
+
+    // Another one behind a run, a dry run, and one in mid program.
+    for start in [
+        json!({}),
+        json!({ "dry_run_feed_mm_min": 2000 }),
+        json!({ "from_line": 4, "yes": true }),
+    ] {
+        let loaded = hand.call("program.load", first.clone()).unwrap();
+        let of_first = assert_shown(&mut hand, &loaded, "(first)");
+        hand.call("program.start", start.clone()).unwrap();
+        ended(&mut hand, "first", 12.0);
+        let loaded = hand.call("program.load", second.clone()).unwrap();
+        let of_second = assert_shown(&mut hand, &loaded, "(second)");
+        assert_ne!(of_first, of_second);
+        // Whoever still sees the one before starts nothing.
+        for start in [
+            json!({ "revision": of_first }),
+            json!({ "revision": of_first, "from_line": 4, "yes": true }),
+        ] {
+            let said = refusal(hand.call("program.start", start));
+            assert!(said.contains("another program is loaded by now: second"), "{said}");
+        }
+        assert_shown(&mut hand, &loaded, "(second)");
+        hand.call("program.start", json!({ "revision": of_second })).unwrap();
+        ended(&mut hand, "second", 22.0);
+    }
+
+    // Lines of MDI change nothing of it.
+    let loaded = hand.call("program.load", first).unwrap();
+    hand.call("mdi", json!({ "line": "G0 X5" })).unwrap();
+    control.wait_for("the line", |status| status["activity"] == "idle");
+    assert_shown(&mut hand, &loaded, "(first)");
+}
+
+/// Joints home first: what is loaded meanwhile would be shown in the place of what is about to run.
+#[test]
+fn nothing_is_loaded_in_the_place_of_a_program_that_is_about_to_run() {
+    let control = Control::start("shown-about", Stdio::null());
+    control.wait_for("the network", |status| status["power"] == "off");
+    let mut hand = client(&control);
+    hand.call("program.run", json!({ "name": "long", "text": LONG }))
+        .unwrap();
+    control.wait_for("homing", |status| status["activity"] == "homing");
+    let said = refusal(hand.call("program.load", json!({ "name": "other", "text": "M2\n" })));
+    assert!(said.starts_with("a program is about to run"), "{said}");
+    let running = control.wait_for("the program", |status| status["activity"] == "running");
+    assert_eq!(running["program"]["name"], "long");
+    hand.call("stop", json!({})).unwrap();
 }

@@ -444,6 +444,7 @@ fn result(gives: Gives) -> Value {
         Gives::Octets => object(json!({ "value": text() })),
         Gives::Outlook => object(json!({
             "program": text(),
+            "revision": whole(),
             "lines": whole(),
             "planned_time_s": number(),
             "real_time_factor": real_time_factor(),

@@ -47,6 +47,8 @@ pub enum Order {
         runs: u32,
         /// Dry, with this feed, mm/min or degrees/min.
         dry_feed_min: Option<f64>,
+        /// Only if the program that is loaded is the one of this [`ShownProgram::revision`].
+        revision: Option<u64>,
     },
     /// Switch drives on, home what is not homed, load and run a program.
     Run(Source),
@@ -146,7 +148,7 @@ pub struct Shown {
     pub activity: &'static str,
     /// Whose orders the machine follows, or followed last: `manual`, `mdi` or `auto`.
     pub mode: &'static str,
-    /// The program that is loaded, under way, or was the last one.
+    /// The program that is under way; else the one that is loaded, which is the one to start.
     pub program: Option<ShownProgram>,
     /// Its text.
     #[serde(skip)]

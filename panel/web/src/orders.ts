@@ -44,7 +44,7 @@ export function reset(status: Status): Promise<unknown> {
 }
 
 /** What the control says is the next step, as an order of the panel. */
-export function nextStep(status: Status): { method: string; word: "power-on" | "reset" | "acknowledge" | "home-all" | "start" } | null {
+export function nextStep(status: Status): { method: string; word: "power-on" | "reset" | "acknowledge" | "home-all" } | null {
   switch (status.next) {
     case "isocnc on":
       return { method: "on", word: "power-on" };
@@ -54,8 +54,6 @@ export function nextStep(status: Status): { method: string; word: "power-on" | "
       return { method: "alarm.acknowledge", word: "acknowledge" };
     case "isocnc home":
       return { method: "home", word: "home-all" };
-    case "isocnc program start":
-      return { method: "program.start", word: "start" };
     default:
       return null;
   }

@@ -3,6 +3,7 @@ import { useEffect, useState } from "preact/hooks";
 import { type Key, dateAndTime, fixed, language, setLanguage, t, timeOfDay, word } from "./i18n";
 import { keys } from "./keys";
 import { nextStep, refuses, reset } from "./orders";
+import { StartButton } from "./start";
 import { ask, clientName, connection, controlOf, dismiss, getStore, logIn, order, say, setStore, tellRefused, token, useStatus, useStore } from "./store";
 import type { Entry } from "./types";
 import { Button, Dialog, Field, Icon, type IconName } from "./ui";
@@ -294,13 +295,13 @@ function dateOrTime(unix_s: number): string {
 
 export function Actions() {
   const power = useStatus((s) => s.power) ?? "";
-  const dim = useStore((s) => Object.fromEntries(["program start", "hold", "resume", "stop", "reset"].map((what) => [what, refuses(s.status, what)])));
+  const dim = useStore((s) => Object.fromEntries(["hold", "resume", "stop", "reset"].map((what) => [what, refuses(s.status, what)])));
   const on = power === "on" || power === "switching";
   return (
     <footer class="actions" role="group">
       <Button id="power" icon="power" kind={on ? "tall lit" : "tall"} pressed={on} label={t(on ? "power-off" : "power-on")} onClick={() => switchDrives(on)} />
       <Button id="reset" icon="reset" kind={dim["reset"] ? "tall" : "tall warn"} dim={dim["reset"]} label={t("reset")} onClick={() => getStore().status && void reset(getStore().status!)} />
-      <Button id="start" icon="start" kind="tall go" dim={dim["program start"]} label={t("start")} onClick={() => void startProgram()} />
+      <StartButton />
       <Button id="resume" icon="resume" kind="tall go" dim={dim["resume"]} label={t("resume")} onClick={() => void resume()} />
       <Button id="hold" icon="hold" kind="tall wait" dim={dim["hold"]} label={t("hold")} onClick={() => void order("hold")} />
       <Button id="stop" icon="stop" kind="tall halt" label={t("stop")} onClick={() => void order("stop")} />
@@ -320,19 +321,6 @@ function switchDrives(on: boolean): void {
 
 /** Two taps in this time are one. */
 const DOUBLE_MS = 600;
-
-/** Settings of the next start, as the page of programs has them. */
-export const startWith: { repeat: number; dry_run_feed_mm_min: number | null } = { repeat: 1, dry_run_feed_mm_min: null };
-
-export async function startProgram(from_line?: number, yes?: boolean): Promise<void> {
-  const { repeat, dry_run_feed_mm_min } = startWith;
-  await order("program.start", {
-    ...(repeat > 1 ? { repeat } : {}),
-    ...(dry_run_feed_mm_min ? { dry_run_feed_mm_min } : {}),
-    ...(from_line !== undefined ? { from_line } : {}),
-    ...(yes ? { yes } : {}),
-  });
-}
 
 async function resume(): Promise<void> {
   const answer = await order<{ returns?: string[] }>("resume");

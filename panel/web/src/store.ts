@@ -1,5 +1,5 @@
 /** What the panel knows, and how its parts hear of a change. */
-import { useEffect, useState } from "preact/hooks";
+import { useEffect, useRef, useState } from "preact/hooks";
 import { Connection, Refused } from "./rpc";
 import { t } from "./i18n";
 import type { Status } from "./types";
@@ -31,6 +31,16 @@ export interface Store {
   toasts: Toast[];
   /** Keys of the keyboard jog. */
   keysOn: boolean;
+  startWith: StartWith;
+}
+
+/** Settings of the next start, as they were typed or picked: the button for it shows them. */
+export interface StartWith {
+  repeat: string;
+  /** Feed of a dry run, mm/min; nothing: none. */
+  dry: string;
+  /** Where it is to begin, in the program of this revision. */
+  line: { line: number; revision: number | undefined } | null;
 }
 
 let store: Store = {
@@ -45,6 +55,7 @@ let store: Store = {
   role: "operate",
   toasts: [],
   keysOn: false,
+  startWith: { repeat: "1", dry: "", line: null },
 };
 const listeners = new Set<() => void>();
 
@@ -66,20 +77,21 @@ const same = (a: unknown, b: unknown): boolean => a === b || JSON.stringify(a) =
 
 /** Draws a component again when what it takes of the store has changed. */
 export function useStore<T>(select: (store: Store) => T): T {
-  const [value, setValue] = useState(() => select(store));
+  const [, setDrawn] = useState(0);
+  // What is taken may hang on what the component has drawn last.
+  const chosen = useRef(select);
+  chosen.current = select;
+  const last = useRef<T>(null as T);
+  const now = select(store);
+  if (!same(last.current, now)) last.current = now;
   useEffect(() => {
-    let last = value;
     const update = () => {
-      const now = select(store);
-      if (!same(last, now)) {
-        last = now;
-        setValue(() => now);
-      }
+      if (!same(last.current, chosen.current(store))) setDrawn((n) => n + 1);
     };
     update();
     return subscribe(update);
   }, []);
-  return value;
+  return last.current;
 }
 
 /** Of the status; null before the first one. */

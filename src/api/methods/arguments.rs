@@ -235,11 +235,16 @@ pub(super) fn start(params: &Params) -> Result<Order, RpcError> {
         let what = format!("parameter \"dry_run_feed_mm_min\": expected a feed above 0, got {feed}");
         return Err(RpcError::new(code::INVALID_PARAMS, what));
     }
+    let revision = match params.has("revision") {
+        true => Some(params.number("revision", 0, u64::MAX)?),
+        false => None,
+    };
     Ok(Order::Start {
         from_line,
         yes,
         runs,
         dry_feed_min,
+        revision,
     })
 }
 

@@ -25,7 +25,7 @@ use serde_json::Value;
 
 /// Version of what is served here: the first number changes when something is gone or means something else, the second when
 /// something is new.
-pub const API_VERSION: &str = "2.5";
+pub const API_VERSION: &str = "2.6";
 
 /// What can be asked for.
 pub struct Method {
@@ -450,8 +450,10 @@ pub const METHODS: &[Method] = &[
             optional("yes", Kind::Flag),
             optional("repeat", Kind::Whole(1, u32::MAX as u64)),
             optional("dry_run_feed_mm_min", Kind::Number),
+            optional("revision", Kind::Whole(0, u64::MAX)),
         ],
-        does: "runs the program that is loaded; drives are on and joints homed before. Before a line (\"from_line\"): refused with what \
+        does: "runs the program that is loaded; drives are on and joints homed before. \"revision\": of the program that is meant, as \
+               \"program.load\" and \"status\" tell it; refused where another one is loaded. Before a line (\"from_line\"): refused with what \
                that means, one sentence a line, until \"yes\" is true. \"repeat\": so many times in all, each behind the end of the \
                one before. \"dry_run_feed_mm_min\": dry, all moves at feed at this one (degrees/min where only rotary axes move), \
                spindles and coolant off, no part counted",

@@ -246,7 +246,11 @@ impl App {
             KeyCode::Char('o') => send("on"),
             KeyCode::Char('O') => send("off"),
             KeyCode::Char('H') => send("home"),
-            KeyCode::Char('S') => send("program.start"),
+            // The one that is on the screen.
+            KeyCode::Char('S') => match self.at("program/revision") {
+                Value::Null => send("program.start"),
+                revision => vec![Act::Send("program.start", json!({ "revision": revision }))],
+            },
             KeyCode::Char('a') => send("alarm.acknowledge"),
             KeyCode::Char('t') => send("tool.changed"),
             KeyCode::Char('b') => {
@@ -511,6 +515,18 @@ mod tests {
         );
         let ctrl_c = KeyEvent::new(KeyCode::Char('c'), KeyModifiers::CONTROL);
         assert_eq!(app.key(ctrl_c, 0), [Act::Quit]);
+    }
+
+    #[test]
+    fn a_start_names_the_program_that_is_on_the_screen() {
+        let mut app = app();
+        assert_eq!(press(&mut app, KeyCode::Char('S'), 0), send("program.start", json!({})));
+        let shown = json!({ "program": { "name": "part.ngc", "revision": 7 } });
+        app.hear(News::Changed(shown.as_object().cloned().unwrap()), 2000);
+        assert_eq!(
+            press(&mut app, KeyCode::Char('S'), 2000),
+            send("program.start", json!({ "revision": 7 }))
+        );
     }
 
     #[test]

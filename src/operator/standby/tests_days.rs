@@ -274,6 +274,7 @@ impl Day<'_, '_, '_, '_> {
                     yes: true,
                     runs: 1,
                     dry_feed_min: self.random.once_in(4).then_some(2000.0),
+                    revision: None,
                 },
             },
             State::Running => match self.random.below(7) {
@@ -345,12 +346,14 @@ impl Day<'_, '_, '_, '_> {
                 yes: false,
                 runs: 1,
                 dry_feed_min: None,
+                revision: None,
             },
             13 => Order::Start {
                 from_line: Some(1 + self.random.below(17) as u32),
                 yes: self.random.once_in(2),
                 runs: 1,
                 dry_feed_min: None,
+                revision: None,
             },
             14 | 15 => Order::Run(part()),
             18 => self.lines(),
@@ -368,6 +371,7 @@ impl Day<'_, '_, '_, '_> {
                 yes: true,
                 runs: 2,
                 dry_feed_min: Some(self.random.within(1.0, 5000.0)),
+                revision: None,
             },
             _ => Order::Stop,
         }
@@ -642,6 +646,7 @@ fn a_stop_that_comes_before_its_order_ends_what_is_under_way_and_what_waits() {
         day.must(Order::Load(part()));
         let programs = day.run.operator.programs();
         day.must(Order::Start {
+            revision: None,
             from_line: None,
             yes: false,
             runs: 2,

@@ -5,6 +5,7 @@ import { PathView } from "../path/path-view";
 import { ProgramText } from "../program-text";
 import { refuses } from "../orders";
 import { about } from "../shell";
+import { pickedLine } from "../start";
 import { order, useStatus, useStore } from "../store";
 import { LETTERS, type Status } from "../types";
 import { Button, Card, Choice, Icon } from "../ui";
@@ -255,6 +256,7 @@ function Codes() {
 
 function Program() {
   const program = useStatus((s) => s.program);
+  const picked = useStore(pickedLine);
   return (
     <Card
       kind="program"
@@ -268,7 +270,7 @@ function Program() {
           {t("lines", { n: program.lines })} {program.dry_run && <em class="tag">{t("dry-run")}</em>}
         </p>
       )}
-      <ProgramText follow />
+      <ProgramText follow picked={picked ?? undefined} />
     </Card>
   );
 }

@@ -5,8 +5,8 @@ import { machine } from "../machine";
 import { PathView } from "../path/path-view";
 import { ProgramText } from "../program-text";
 import { Sha256 } from "../sha256";
-import { startProgram, startWith } from "../shell";
-import { ask, authorised, order, say, tellRefused, useStatus } from "../store";
+import { pickLine, pickedLine } from "../start";
+import { type StartWith, ask, authorised, getStore, order, say, setStore, tellRefused, useStatus, useStore } from "../store";
 import type { Entry } from "../types";
 import { Button, Card, Dialog, Field } from "../ui";
 
@@ -117,59 +117,19 @@ function Files() {
   );
 }
 
-function StartSettings({ picked }: { picked: number | null }) {
-  const [repeat, setRepeat] = useState(String(startWith.repeat));
-  const [dry, setDry] = useState(startWith.dry_run_feed_mm_min === null ? "" : String(startWith.dry_run_feed_mm_min));
-  const [means, setMeans] = useState<string | null>(null);
-  const program = useStatus((s) => s.program);
-  const fromLine = async () => {
-    try {
-      await ask("program.start", { from_line: picked });
-    } catch (error) {
-      // What it means is asked; whatever else is in the way is a refusal.
-      const [, means] = /^(.*)\nif that is right: .*$/s.exec((error as Error).message) ?? [];
-      if (means === undefined) tellRefused(error);
-      else setMeans(means);
-    }
-  };
+function StartSettings() {
+  const { repeat, dry } = useStore((s) => s.startWith);
+  const line = useStore(pickedLine);
+  const program = useStatus((s) => s.program !== null);
+  const change = (values: Partial<StartWith>) => setStore({ startWith: { ...getStore().startWith, ...values } });
   if (!program) return null;
   return (
     <Card title={t("start-settings")}>
       <div class="row">
-        <Field
-          numeric
-          label={t("repeat")}
-          value={repeat}
-          onInput={(text) => {
-            setRepeat(text);
-            const n = parseNumber(text);
-            startWith.repeat = Number.isInteger(n) && n > 0 ? n : 1;
-          }}
-        />
-        <Field
-          numeric
-          label={t("dry-run-feed")}
-          value={dry}
-          onInput={(text) => {
-            setDry(text);
-            const feed = parseNumber(text);
-            startWith.dry_run_feed_mm_min = feed > 0 ? feed : null;
-          }}
-        />
-        <Button id="from-line" icon="start" dim={picked === null} label={picked === null ? t("pick-line") : t("from-line", { line: picked })} onClick={() => picked !== null && void fromLine()} />
+        <Field numeric id="repeat" label={t("repeat")} value={repeat} onInput={(repeat) => change({ repeat })} />
+        <Field numeric id="dry-run-feed" label={t("dry-run-feed")} value={dry} onInput={(dry) => change({ dry })} />
+        {line === null ? <p class="muted">{t("pick-line")}</p> : <Button id="from-line" icon="close" label={t("from-line", { line })} title={t("from-line-off")} onClick={() => pickLine(null)} />}
       </div>
-      {means !== null && picked !== null && (
-        <Dialog id="from-line-dialogue" title={t("from-line", { line: picked })} onClose={() => setMeans(null)}>
-          <ul class="means">
-            {means.split("\n").map((line, i) => (
-              <li key={i}>{line}</li>
-            ))}
-          </ul>
-          <footer>
-            <Button id="from-line-yes" kind="go tall" icon="start" label={t("start")} onClick={() => void startProgram(picked, true).then(() => setMeans(null))} />
-          </footer>
-        </Dialog>
-      )}
     </Card>
   );
 }
@@ -241,8 +201,7 @@ function Reports() {
 
 export function Programs() {
   const program = useStatus((s) => s.program);
-  const [picked, setPicked] = useState<number | null>(null);
-  useEffect(() => setPicked(null), [program?.name, program?.revision]);
+  const picked = useStore(pickedLine);
   return (
     <div class="page programs">
       <div class="column">
@@ -251,14 +210,14 @@ export function Programs() {
           <Files />
         </Card>
         <Card kind="program" id="program" label={t("program")} title={program?.name ?? t("no-program")} tools={program && <span class="muted">{t("lines", { n: program.lines })} · {duration(program.planned_time_s)}</span>}>
-          <ProgramText onPick={setPicked} picked={picked ?? undefined} />
+          <ProgramText onPick={pickLine} picked={picked ?? undefined} />
         </Card>
       </div>
       <div class="column">
         <Card kind="path-card">
           <PathView />
         </Card>
-        <StartSettings picked={picked} />
+        <StartSettings />
         <Parts />
         <Reports />
       </div>

@@ -528,6 +528,8 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                         order => self.begin(Job::Home(order), Mode::Manual, operator, now_ns),
                     })
             }
+            // It would be shown in the place of what is about to run.
+            Order::Load(_) if operator.has_program() => Err("a program is about to run: wait for it, or isocnc stop".into()),
             // Beside homing and jogs, too.
             Order::Load(_) if self.checking.is_some() => {
                 Err("another program is being checked: wait for it, or isocnc stop".into())
@@ -545,10 +547,15 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                 yes,
                 runs,
                 dry_feed_min,
+                revision,
             } => {
                 let Some(part) = self.loaded.clone() else {
                     return Some(Err("no program is loaded".into()));
                 };
+                if revision.is_some_and(|revision| revision != part.revision) {
+                    let why = format!("another program is loaded by now: {}: look at it, then start it", part.name);
+                    return Some(Err(why));
+                }
                 let dry_feed_s = dry_feed_min.map(|feed| feed / 60.0);
                 let subject = match from_line {
                     Some(line) => Subject::FromLine {
@@ -991,6 +998,7 @@ fn outlook(part: &Part) -> Value {
     let warning = Some(warnings(part).join("\n")).filter(|warning| !warning.is_empty());
     json!({
         "program": part.name,
+        "revision": part.revision,
         "lines": part.overview.lines,
         "planned_time_s": part.overview.time_s,
         "real_time_factor": part.overview.real_time,

@@ -70,12 +70,13 @@ impl Clients<'_, '_> {
         let in_force = self.in_force();
         let condition = self.condition(operator);
         let live = operator.live();
-        let program = match &self.part {
-            Some(part) if !part.is_mdi() => Some(part),
-            _ => self.loaded.as_ref(),
-        };
-        // Of the one that is loaded, once it has run.
-        let has_run = |part: &Arc<Part>| self.part.as_ref().is_some_and(|last| Arc::ptr_eq(last, part));
+        // What was loaded last is what a start begins: it is shown from then on, and how it was begun while it runs.
+        let under_way = self
+            .part
+            .as_ref()
+            .filter(|part| !part.is_mdi() && operator.has_program());
+        let program = under_way.or(self.loaded.as_ref());
+        let has_run = |part: &Arc<Part>| self.part.as_ref().is_some_and(|last| last.revision == part.revision);
         let last = operator.program_outcome().filter(|_| !operator.has_program());
         let is_under_way = operator.step() == Step::Program;
         let dry_run = self.part.as_ref().is_some_and(|part| part.dry_feed_min().is_some());
