@@ -254,3 +254,45 @@ fn nothing_is_loaded_in_the_place_of_a_program_that_is_about_to_run() {
     assert_eq!(running["program"]["name"], "long");
     hand.call("stop", json!({})).unwrap();
 }
+
+#[test]
+fn a_length_that_is_touched_off_while_it_is_in_force_counts_at_once() {
+    let control = ready("shown-length");
+    let read = |status: &Value| number(status, "position_mm", 2) - number(status, "work_offset_mm", 2);
+    let status = || control.ask(&["status"]).unwrap();
+    let near = |found: f64, wanted: f64| assert!((found - wanted).abs() < 1e-6, "{found}, wanted {wanted}");
+    control.ask(&["tool", "set", "3", "--length", "40"]).unwrap();
+    control.ask(&["mdi", "G43 H3"]).unwrap();
+    control.ask(&["touch-off", "Z", "1.5", "--tool", "3"]).unwrap();
+    near(read(&status()), 1.5);
+    assert_codes(&status(), &["G43"]);
+    // The next move goes by it: 2 mm down, and not by the 40 mm of before.
+    let before = number(&status(), "position_mm", 2);
+    control.ask(&["mdi", "G0 Z-0.5"]).unwrap();
+    near(number(&status(), "position_mm", 2), before - 2.0);
+    near(read(&status()), -0.5);
+    // So does a length that is typed.
+    let tools = control.ask(&["tool", "list"]).unwrap();
+    let length = tools["tools"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .find(|tool| tool["tool"] == 3)
+        .unwrap()["length"]
+        .as_f64()
+        .unwrap();
+    control
+        .ask(&["tool", "set", "3", "--length", &format!("{}", length + 0.25)])
+        .unwrap();
+    near(read(&status()), -0.75);
+    // Not that of another tool, nor one that is off.
+    control.ask(&["tool", "set", "4", "--length", "11"]).unwrap();
+    near(read(&status()), -0.75);
+    control.ask(&["mdi", "G49"]).unwrap();
+    let off = read(&status());
+    control.ask(&["touch-off", "Z", "3", "--tool", "3"]).unwrap();
+    near(read(&status()), off);
+    assert_codes(&status(), &["G49"]);
+    control.ask(&["mdi", "G43 H3"]).unwrap();
+    near(read(&status()), 3.0);
+}

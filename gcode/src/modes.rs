@@ -6,6 +6,7 @@
 //!
 //! Cutter compensation and tool-centre-point control end with a text: the moves that they change belong together.
 
+use crate::ToolTable;
 use crate::code::{Distance, FeedUnit, Retract, plane_name};
 use crate::interpreter::Run;
 use crate::parameter::Parameters;
@@ -21,6 +22,8 @@ pub struct InForce {
     spindles: u8,
     offsets: Offsets,
     offset_on: bool,
+    /// As [`Tools::offset_of`](crate::state::Tools::offset_of).
+    offset_of: Option<u32>,
     tool_centre_point: bool,
     /// Side of the cutter compensation; `None`: G40.
     side: Option<Side>,
@@ -34,6 +37,7 @@ impl InForce {
             spindles: state.settings.spindles,
             offsets: state.offsets,
             offset_on: state.tools.offset_on,
+            offset_of: state.tools.offset_of,
             tool_centre_point: state.tool_centre_point,
             side: state.cutter.map(|cutter| cutter.side),
         }
@@ -171,6 +175,20 @@ impl Modes {
         }
     }
 
+    /// The table has another offset for a tool: where that of this tool is in force (G43), the new one is from now on, also in the state
+    /// that M70 has saved. Nothing moves: the axes read otherwise.
+    pub fn use_offset_of(&mut self, number: u32, tools: &ToolTable) {
+        let Some(offset) = tools.by_number(number).map(|tool| tool.offset) else {
+            return;
+        };
+        if self.in_force.offset_of == Some(number) {
+            self.in_force.offsets.tool = offset;
+        }
+        for saved in self.saved.iter_mut().filter(|saved| saved.offset_of == Some(number)) {
+            saved.tool_offset = Some(offset);
+        }
+    }
+
     /// Length offset of the tool in force (G43), mm and degrees; `None`: G49.
     pub fn tool_offset(&self) -> Option<Position> {
         let InForce { offsets, offset_on, .. } = &self.in_force;
@@ -256,6 +274,7 @@ impl Run<'_> {
         state.parameters.take_over(&modes.parameters);
         if let Some(offset) = modes.tool_offset() {
             state.tools.offset_on = true;
+            state.tools.offset_of = modes.in_force.offset_of;
             let mut offsets = state.offsets;
             offsets.tool = offset;
             state.set_offsets(offsets);
@@ -381,6 +400,47 @@ mod tests {
             .continuing(&modes);
         assert!(run.by_ref().all(|event| event.is_ok()));
         assert_eq!(run.snapshot().work_offsets[0], Position::xyz(0.0, 0.0, 60.0));
+    }
+
+    /// G43 with H or without; not where another tool's, a given one (G43.1), a sum (G43.2) or none is in force.
+    #[test]
+    fn a_length_that_was_measured_anew_counts_at_once_where_it_is_in_force() {
+        for (text, length) in [
+            ("G43\n", 55.0),
+            ("G43 H3\n", 55.0),
+            ("G43 H3\nM70\nG49\nM72\n", 55.0),
+            ("G43 H4\n", 7.0),
+            ("G43.1 Z40\n", 40.0),
+            ("G43 H3\nG43.2 H4\n", 47.0),
+            ("G49\n", 0.0),
+        ] {
+            let mut settings = Settings::default();
+            let other = Tool {
+                number: 4,
+                pocket: 4,
+                offset: Position::xyz(0.0, 0.0, 7.0),
+                ..Tool::default()
+            };
+            settings.tools.set(long_tool()).unwrap();
+            settings.tools.set(other).unwrap();
+            settings.tool_in_spindle = 3;
+            let mut run = Interpreter::new(settings).run(text.as_bytes()).as_mdi();
+            assert!(run.by_ref().all(|event| event.is_ok()), "{text}");
+            let (mut settings, mut modes) = (run.snapshot(), run.modes());
+            let mut measured = long_tool();
+            measured.offset = Position::xyz(0.0, 0.0, 55.0);
+            settings.tools.set(measured).unwrap();
+            modes.use_offset_of(3, &settings.tools);
+            let run = Interpreter::new(settings)
+                .run(b"G90 G21 G0 Z0\n")
+                .as_mdi()
+                .continuing(&modes);
+            let offset = run.filter_map(|event| match event.unwrap().call {
+                Call::SetToolLengthOffset { offset } => Some(offset),
+                _ => None,
+            });
+            assert_eq!(offset.last(), Some(Position::xyz(0.0, 0.0, length)), "{text}");
+        }
     }
 
     #[test]

@@ -68,7 +68,7 @@ enum ToolCommand {
     /// The tool table
     #[command(after_help = "Example: isocnc tool list")]
     List,
-    /// Set length, diameter or both of a tool; one in use changes with its next G43
+    /// Set length, diameter or both of a tool; a length whose G43 is in force counts at once
     #[command(after_help = "Example: isocnc tool set 5 --length 12.3 --diameter 6")]
     Set {
         /// Number

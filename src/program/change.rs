@@ -1,7 +1,8 @@
 //! What an operator sets by hand: touched-off axes, offsets, tools.
 //!
 //! In:  what is to change, where the machine stands, the modes of MDI.
-//! Out: offsets, parameters and tools as they are then. Nothing moves, and no mode changes.
+//! Out: offsets, parameters and tools as they are then. Nothing moves, and no mode changes; the length of a tool whose G43 is in force is
+//! for who keeps the modes to follow ([`Change::tool`]).
 //!
 //! The interpreter carries it out (G10), so that a touch-off from outside and one in a program are the same.
 
@@ -38,6 +39,14 @@ impl Change {
                 Some(*axis)
             }
             Change::Rotation { .. } | Change::Tool { .. } => None,
+        }
+    }
+
+    /// The tool whose measures it sets.
+    pub fn tool(&self) -> Option<u32> {
+        match self {
+            Change::TouchOffTool { tool, .. } | Change::Tool { number: tool, .. } => Some(*tool),
+            Change::TouchOffWork { .. } | Change::Offset { .. } | Change::Rotation { .. } => None,
         }
     }
 }

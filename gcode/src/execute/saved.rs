@@ -35,6 +35,7 @@ impl State {
             modal: self.modal,
             system: self.offsets.system,
             tool_offset: self.tools.offset_on.then_some(self.offsets.tool),
+            offset_of: self.tools.offset_of,
             tool_centre_point: self.tool_centre_point,
             cutter: self.cutter,
             level,
@@ -111,6 +112,7 @@ impl State {
             let offset = saved.tool_offset.unwrap_or(motion::canon::Position::ZERO);
             self.use_tool_frame(offset, saved.tool_centre_point, calls);
             self.tools.offset_on = saved.tool_offset.is_some();
+            self.tools.offset_of = saved.offset_of;
         }
         if saved.system != self.offsets.system {
             self.use_system(saved.system, calls);

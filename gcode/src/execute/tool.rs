@@ -73,6 +73,7 @@ impl State {
                 if self.settings.keep_tool_offset && self.tools.offset_on {
                     self.use_tool_offset(self.tool().offset, calls);
                     self.tools.offset_on = tool.number != 0;
+                    self.tools.offset_of = self.tools.offset_on.then_some(tool.number);
                 }
             }
             ToolCode::SetNumber => {
@@ -148,22 +149,26 @@ impl State {
         };
         let of_tool = |state: &State| match block.word_value(b'H') {
             // H0 is the tool in the spindle.
-            None | Some(0.0) => Ok(state.tool().offset),
-            Some(number) => {
-                let tool = state
-                    .tool_or_spindle(number)
-                    .map_err(|kind| block.span(b'H').fault(kind))?;
-                Ok(tool.offset)
-            }
+            None | Some(0.0) => Ok(state.tool()),
+            Some(number) => state
+                .tool_or_spindle(number)
+                .map_err(|kind| block.span(b'H').fault(kind)),
         };
+        let mut offset_of = None;
         let offset = match code.value {
             LengthOffset::Off => Position::ZERO,
-            LengthOffset::Tool => of_tool(self)?,
+            LengthOffset::Tool => {
+                let tool = of_tool(self)?;
+                offset_of = Some(tool.number);
+                tool.offset
+            }
             LengthOffset::ToolCentrePoint if !self.settings.kinematics.has_tcp() => {
                 return Err((code.span, ErrorKind::NoToolCentrePoint));
             }
             LengthOffset::ToolCentrePoint => {
-                let offset = of_tool(self)?;
+                let tool = of_tool(self)?;
+                offset_of = Some(tool.number);
+                let offset = tool.offset;
                 let across = Axis::ALL
                     .into_iter()
                     .find(|&axis| axis != Axis::Z && offset[axis] != 0.0);
@@ -190,7 +195,7 @@ impl State {
                     }
                     offset
                 }
-                (false, Some(_)) => plus(self.offsets.tool, of_tool(self)?),
+                (false, Some(_)) => plus(self.offsets.tool, of_tool(self)?.offset),
                 (true, Some(_)) => return Err((block.span(b'H'), ErrorKind::AddedOffsetTwice)),
                 (false, None) => return Err((code.span, ErrorKind::AddedOffsetMissing)),
             },
@@ -202,6 +207,7 @@ impl State {
         }
         self.use_tool_frame(offset, code.value == LengthOffset::ToolCentrePoint, calls);
         self.tools.offset_on = code.value != LengthOffset::Off;
+        self.tools.offset_of = offset_of;
         Ok(())
     }
 

@@ -155,6 +155,8 @@ pub(crate) struct Tools {
     pub(crate) selected: Option<u32>,
     /// G43 to G43.4 is in effect, not G49.
     pub(crate) offset_on: bool,
+    /// The tool whose offset that is, as the table had it; `None`: it is of no tool, or not of one alone (G43.1, G43.2, G49).
+    pub(crate) offset_of: Option<u32>,
 }
 
 impl Tools {
@@ -219,6 +221,8 @@ pub(crate) struct Saved {
     pub(crate) system: u8,
     /// `None`: G49.
     pub(crate) tool_offset: Option<Position>,
+    /// As [`Tools::offset_of`].
+    pub(crate) offset_of: Option<u32>,
     /// G43.4.
     pub(crate) tool_centre_point: bool,
     /// `None`: G40.
@@ -293,6 +297,7 @@ impl State {
             line: Some(1),
             selected: None,
             offset_on: false,
+            offset_of: None,
         };
         if settings.tool_in_spindle != 0 {
             tools.line = tools.line_of(settings.tool_in_spindle);

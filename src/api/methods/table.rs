@@ -659,7 +659,8 @@ pub const METHODS: &[Method] = &[
             optional("length", Kind::Number),
             optional("diameter", Kind::Number),
         ],
-        does: "\"length\" or \"diameter\" of a \"tool\", or both, in the unit of the machine; one that the table lacks is added",
+        does: "\"length\" or \"diameter\" of a \"tool\", or both, in the unit of the machine; one that the table lacks is added. A length \
+               whose G43 is in force counts at once",
         gives: Gives::Kept,
         runs: Runs::Order(|_, call| arguments::tool(call.params).map(Order::Change)),
         ..ORDER

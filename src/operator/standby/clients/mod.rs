@@ -596,6 +596,10 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                 let changed = changed(self.config, &lock(self.tables), at, self.modes.as_deref(), &change);
                 match changed {
                     Ok(left) => {
+                        // Reading and motion follow the length that is in force.
+                        if let (Some(tool), Some(modes)) = (change.tool(), &mut self.modes) {
+                            Arc::make_mut(modes).use_offset_of(tool, &left.tools);
+                        }
                         keeper.hand_in(left);
                         self.unsettled.push((ticket, Unsettled::new(keeper, operator, now_ns)));
                         return None;
