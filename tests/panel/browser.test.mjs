@@ -42,6 +42,13 @@ async function open({ width = 1280, height = 800, hash = "", context = browser }
     if (!request.url().startsWith(url) && !/^(data:|blob:http:\/\/127\.0\.0\.1)/.test(request.url())) troubles.push(`fetches ${request.url()}`);
   });
   await page.evaluateOnNewDocument(() => {
+    // What the page orders, for whoever asks what it has sent.
+    window.sent = [];
+    const { send } = WebSocket.prototype;
+    WebSocket.prototype.send = function (text) {
+      window.sent.push(JSON.parse(text));
+      return send.call(this, text);
+    };
     document.addEventListener("securitypolicyviolation", (event) => console.error(`policy: ${event.violatedDirective} ${event.blockedURI}`));
   });
   await page.goto(url + hash);
@@ -236,14 +243,24 @@ function colours(page) {
   });
 }
 
-test("a jog stops when the connection is lost, and when the page is hidden", { skip, timeout: 120_000 }, async () => {
+test("a jog stops when the connection is lost, and when the page is hidden", { skip, timeout: 120_000 }, async (jog) => {
   const page = await open({ hash: "#/setup" });
+  // Held on, it would keep those behind it from all that moves.
+  jog.after(() => page.isClosed() || page.close());
   if ((await state()) === "disabled") await ask("on");
   await until("on", async () => (await state()) === "ready");
   await ask("home").catch(() => {});
   await until("homed", atHome);
   const ways = [
     ["released", () => page.mouse.up()],
+    // Slid off, and back again: only a new press moves anything.
+    [
+      "slid off",
+      async (box) => {
+        await page.mouse.move(box.x + box.width + 20, box.y + 10, { steps: 3 });
+        await page.mouse.move(box.x + 12, box.y + 12);
+      },
+    ],
     ["offline", () => page.setOfflineMode(true)],
     ["blur", () => page.evaluate(() => window.dispatchEvent(new Event("blur")))],
     ["closed", () => page.close({ runBeforeUnload: false })],
@@ -258,7 +275,7 @@ test("a jog stops when the connection is lost, and when the page is hidden", { s
     await new Promise((wake) => setTimeout(wake, 700));
     assert.equal(await state(), "jogging", way);
     const { cycles } = await ask("status");
-    await lose();
+    await lose(box);
     const rest = await until(`${way}: rest`, async () => {
       const status = await ask("status");
       return status.state === "ready" && status;
@@ -274,6 +291,21 @@ test("a jog stops when the connection is lost, and when the page is hidden", { s
     }
   }
 });
+
+/** Drives on and joints homed, whatever was before. */
+async function ready() {
+  if ((await state()) === "disabled") await ask("on");
+  await until("on", async () => (await state()) === "ready");
+  if ((await ask("status")).homed.length < 3) await ask("home");
+  await until("homed", atHome);
+}
+
+const ordered = (page, method) => page.evaluate((method) => window.sent.filter((one) => one.method === method).map(({ params }) => params), method);
+const isDim = (page, name) => page.$eval(id(name), (button) => button.classList.contains("dim"));
+const enter = async (page, text) => {
+  await page.keyboard.type(text);
+  await page.keyboard.press("Enter");
+};
 
 test("the connection is lost: said after a second, crossed out after two, and nothing is sent again", { skip, timeout: 120_000 }, async () => {
   const page = await open();
@@ -303,7 +335,10 @@ async function goTo(x) {
 
 const figures = (page, name) => page.$eval(id(`figures-${name}`), ({ dataset }) => [Number(dataset.least), Number(dataset.greatest)]);
 const fill = async (page, name, text) => {
-  await page.$eval(id(name), (input) => (input.value = ""));
+  await page.$eval(id(name), (input) => {
+    input.value = "";
+    input.dispatchEvent(new Event("input", { bubbles: true }));
+  });
   await page.type(id(name), text);
 };
 
@@ -690,6 +725,9 @@ test("pages look as they did, have no serious finding of axe, are no wider than 
     assert.deepEqual(all, []);
   };
   await pages.test("a tool is to be changed", async () => {
+    // One that is in the spindle is not asked for.
+    await ask("mdi", { line: "M61 Q0" });
+    await until("it", async () => (await ask("status")).tool === 0);
     await ask("program.start");
     await until("a tool", async () => (await ask("status")).waiting?.for === "tool-change");
     await everywhere("tool-dialogue");
@@ -703,6 +741,192 @@ test("pages look as they did, have no serious finding of axe, are no wider than 
     await ask("estop.reset");
     await until("drives off", async () => (await state()) === "disabled");
   });
+});
+
+test("what is set for the next start is shown at Start, which runs the program that is shown", { skip, timeout: 120_000 }, async () => {
+  await ready();
+  const text = "G21 G90 G54 F1800\nG0 X5\nG1 X6\nG1 X7\nM2\n";
+  await ask("program.load", { name: "first", text });
+  const page = await openAs(SIZES[0], "en", "dark", "#/programs");
+  await page.waitForFunction(() => document.querySelector("[data-testid=program] h2")?.textContent === "first");
+  const withStart = () => page.$eval(id("start"), (button) => button.querySelector("[data-testid=start-with]")?.textContent ?? "");
+  assert.equal(await withStart(), "");
+  await fill(page, "repeat", "3");
+  await fill(page, "dry-run-feed", "5o0");
+  for (const where of ["operate", "machine"]) {
+    await go(page, where);
+    assert.equal(await withStart(), "dry run 5o0 · 3 ×", where);
+  }
+  // What cannot be read is no plain run.
+  await click(page, "start");
+  await page.waitForFunction(() => /5o0/.test(document.querySelector("[data-testid=toast]")?.textContent));
+  assert.deepEqual(await ordered(page, "program.start"), []);
+  assert.equal((await ask("status")).activity, "idle");
+  await go(page, "programs");
+  await fill(page, "repeat", "1");
+  await fill(page, "dry-run-feed", "");
+
+  // A picked line is where Start begins, and is asked for; that of another program is none.
+  const pick = () => page.$eval(".program-text [data-line='4']", (line) => line.click());
+  await page.waitForFunction(() => document.querySelector(".program-text [data-line='4'] code")?.textContent === "G1 X7");
+  await pick();
+  await page.waitForFunction(() => document.querySelector("[data-testid=start-with]")?.textContent === "line 4");
+  await click(page, "start");
+  await page.waitForSelector(id("from-line-dialogue"));
+  await close(page);
+  assert.equal((await ask("status")).activity, "idle");
+  const second = await ask("program.load", { name: "second", text: text.replace("X7", "X9") });
+  await page.waitForFunction(() => document.querySelector("[data-testid=program] h2")?.textContent === "second");
+  await page.waitForFunction(() => document.querySelector(".program-text [data-line='4'] code")?.textContent === "G1 X9");
+  assert.equal(await withStart(), "");
+  await click(page, "start");
+  await until("the end", async () => {
+    const { program, activity } = await ask("status");
+    return activity === "idle" && program.result === "completed";
+  });
+  assert.equal((await ordered(page, "program.start")).at(-1).revision, second.revision);
+  // The next one is shown in the place of the one that has run.
+  await ask("program.load", { name: "third", text });
+  await go(page, "operate");
+  await page.waitForFunction(() => document.querySelector("[data-testid=program] h2")?.textContent === "third");
+  await go(page, "programs");
+  await page.waitForFunction(() => document.querySelector(".program-text [data-line='4'] code")?.textContent === "G1 X7");
+  await page.close();
+});
+
+test("the positions are those that were chosen", { skip, timeout: 60_000 }, async () => {
+  await ready();
+  const before = (await ask("offset.list")).systems[0].origin.X;
+  await ask("offset.set", { system: "G54", axis: "X", value: 12 });
+  const page = await openAs(SIZES[0], "en", "dark");
+  const x = (wanted) => page.waitForFunction((wanted) => Math.abs(Number(document.querySelector("[data-testid=dro-x]").textContent) - wanted) < 0.002, {}, wanted);
+  const { position_mm, work_offset_mm } = await ask("status");
+  assert.equal(work_offset_mm[0], 12);
+  await x(position_mm[0] - 12);
+  await click(page, "dro-machine");
+  await x(position_mm[0]);
+  await ask("offset.set", { system: "G54", axis: "X", value: before });
+  await page.close();
+});
+
+test("a number is typed over the one that is there, Enter sets it, and sends nothing that its button would not", { skip, timeout: 60_000 }, async () => {
+  await ready();
+  // One that is in the table with a measure, so that it is shown.
+  await ask("tool.set", { tool: 5, length: 3 });
+  const page = await open({ hash: "#/setup" });
+  const typed = () => page.evaluate(() => ({ id: document.activeElement.dataset.testid, all: document.activeElement.selectionEnd - document.activeElement.selectionStart === document.activeElement.value.length }));
+  const edits = [
+    ["part-offsets", "offset.set", () => page.$eval(".grid tbody tr:nth-child(2) td button", (button) => button.click()), async () => (await ask("offset.list")).systems[1].origin.X, { value: 0 }],
+    [
+      "part-tools",
+      "tool.set",
+      () => page.$$eval(".grid tbody tr", (rows) => rows.find((row) => row.querySelector("th").textContent === "T5").querySelector("td:nth-child(3) button").click()),
+      async () => (await ask("tool.list")).tools.find(({ tool }) => tool === 5).length,
+      { length: 0 },
+    ],
+  ];
+  for (const [part, method, edit, now, reset] of edits) {
+    await click(page, part);
+    await page.waitForSelector(".grid tbody tr td button");
+    await edit();
+    await page.waitForSelector(id("edit-dialogue"));
+    assert.deepEqual(await typed(), { id: "edit-value", all: true });
+    await enter(page, "12.5");
+    await until(`${method} of what was typed`, async () => (await now()) === 12.5);
+    await page.waitForFunction(() => !document.querySelector("[data-testid=edit-dialogue]"));
+    await edit();
+    await page.waitForSelector(id("edit-dialogue"));
+    await enter(page, "1,2,3");
+    assert.ok(await page.$(id("edit-dialogue")), "it waits for a number");
+    assert.equal((await ordered(page, method)).length, 1);
+    await close(page);
+    await ask(method, { ...(await ordered(page, method))[0], ...reset, request_id: undefined });
+  }
+  await click(page, "part-mdi-part");
+  await page.focus(id("mdi"));
+  await page.keyboard.press("Enter");
+  assert.deepEqual(await ordered(page, "mdi"), []);
+  await enter(page, "G53 G0 X30");
+  await until("the line", async () => Math.abs((await ask("status")).position_mm[0] - 30) < 0.01);
+  await page.close();
+});
+
+test("joints that are homed are homed again by somebody who was asked", { skip, timeout: 60_000 }, async () => {
+  await ready();
+  const page = await open({ hash: "#/setup" });
+  for (const name of ["home-all", "home-1"]) {
+    await click(page, name);
+    await page.waitForSelector(id("home-dialogue"));
+    assert.deepEqual(await ordered(page, "home"), []);
+    // A key that somebody is just pressing is no answer.
+    await page.keyboard.press("Enter");
+    await page.waitForFunction(() => !document.querySelector("[data-testid=home-dialogue]"));
+  }
+  assert.deepEqual(await ordered(page, "home"), []);
+  await click(page, "home-1");
+  await click(page, "home-yes");
+  await until("it homes", async () => (await ordered(page, "home")).length === 1);
+  assert.deepEqual((await ordered(page, "home"))[0].joints, [1]);
+  await until("homed", atHome);
+  await page.close();
+});
+
+test("a phone has every order of the foot, and what is said stays on any screen with its button", { skip, timeout: 120_000 }, async () => {
+  await ready();
+  for (const [width, height] of SIZES) {
+    const page = await open({ width, height, hash: "#/setup" });
+    const seen = await page.$$eval(".actions button", (all) =>
+      all.map((button) => {
+        const { left, right, top, bottom } = button.getBoundingClientRect();
+        const whole = left >= 0 && right <= innerWidth && top >= 0 && bottom <= innerHeight && button.contains(document.elementFromPoint((left + right) / 2, (top + bottom) / 2));
+        return { name: button.dataset.testid, whole, width: right - left };
+      }),
+    );
+    assert.deepEqual(seen.filter(({ whole }) => whole).map(({ name }) => name), ["power", "reset", "start", "resume", "hold", "stop"], `${width}`);
+    assert.equal(Math.max(...seen.map(({ width }) => width)), seen.at(-1).width, "stop is the largest");
+    // Refused with a line that no screen has room for, in words that have no space.
+    for (const feed of [101, 102, 103]) {
+      await page.$eval(
+        id("mdi"),
+        (input, line) => {
+          input.value = line;
+          input.dispatchEvent(new Event("input", { bubbles: true }));
+        },
+        `G1 X[${"1+".repeat(80)}] (${"long".repeat(12)}) F${feed} Q1`,
+      );
+      await click(page, "mdi-send");
+      await page.waitForFunction((feed) => [...document.querySelectorAll(".toast")].some((toast) => toast.textContent.includes(`F${feed} Q1`)), {}, feed);
+    }
+    const beyond = await page.$$eval(".toast", (all) =>
+      all.filter((toast) => toast.offsetParent).filter((toast) => {
+        const button = toast.querySelector("button");
+        const { left, right, top, bottom } = button.getBoundingClientRect();
+        return left < 0 || right > innerWidth || top < 0 || bottom > innerHeight || !button.contains(document.elementFromPoint((left + right) / 2, (top + bottom) / 2));
+      }).length,
+    );
+    assert.equal(beyond, 0, `${width}: toasts whose button is not on the screen`);
+    const lines = await page.$$eval(".history button", (all) => all.map((button) => button.getBoundingClientRect()).filter(({ left, right }) => left < 0 || right > innerWidth + 1).length);
+    assert.equal(lines, 0, `${width}: lines of the history beyond the screen`);
+    await picture(page, `toasts-${width}`);
+    await page.close();
+  }
+});
+
+test("buttons that order nothing without a connection do not look as if they did", { skip, timeout: 120_000 }, async () => {
+  await ready();
+  const page = await open({ hash: "#/setup" });
+  const alive = ["power", "home-all", "mdi-send", "jog-x-plus"];
+  await page.waitForFunction((names) => names.every((name) => !document.querySelector(`[data-testid="${name}"]`).classList.contains("dim")), {}, alive);
+  control.kill("SIGSTOP");
+  await page.waitForFunction(() => document.querySelector("[data-testid=jog-x-plus]").classList.contains("dim"), { timeout: 10_000 });
+  assert.ok(await isDim(page, "mdi-send"));
+  assert.ok(!(await isDim(page, "power")), "off is given to a machine that nobody sees");
+  // Given up: nothing can be sent.
+  await page.waitForFunction((names) => names.every((name) => document.querySelector(`[data-testid="${name}"]`).classList.contains("dim")), { timeout: 20_000 }, [...alive, "stop", "hold"]);
+  await picture(page, "lost-setup");
+  control.kill("SIGCONT");
+  await page.waitForFunction((names) => names.every((name) => !document.querySelector(`[data-testid="${name}"]`).classList.contains("dim")), { timeout: 30_000 }, alive);
+  await page.close();
 });
 
 test("nothing went wrong in any page: no error, no breach of the policy, nothing fetched from elsewhere", { skip }, () => {

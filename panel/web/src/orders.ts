@@ -1,10 +1,11 @@
 /** Orders as buttons give them, and which of them the control would take at the moment. */
-import { order } from "./store";
+import { ALWAYS, type Store, order } from "./store";
 import type { Status } from "./types";
 
-/** Whether the control would refuse it: the button is dim then. The control itself decides, and says why. */
-export function refuses(status: Status | null, what: string): boolean {
-  if (!status) return true;
+/** Whether it would not be sent, or refused by the control: the button is dim then. The control itself decides, and says why. */
+export function refuses({ status, connected, age }: Store, what: string): boolean {
+  if (!status || !connected) return true;
+  if (age > 0 && !ALWAYS.has(what)) return true;
   // Taken, and without effect.
   if (what === "hold" && ["held", "away"].includes(status.activity)) return true;
   if (status.orders) return (status.orders[what] ?? null) !== null;
@@ -32,6 +33,11 @@ export function refuses(status: Status | null, what: string): boolean {
     default:
       return false;
   }
+}
+
+/** Whether the machine is at a line of the program that is shown: also while a hand has moved it away from where that is held. */
+export function isInProgram({ program, mode, activity, mdi }: Status): boolean {
+  return program !== null && activity !== "idle" && (mode === "auto" || (activity === "away" && mdi.length === 0));
 }
 
 export function jointCount(status: Status): number {

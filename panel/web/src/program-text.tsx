@@ -1,6 +1,7 @@
 /** The text of the program around the line that runs. Of long programs only what is shown is fetched. */
 import { useEffect, useRef, useState } from "preact/hooks";
 import { t } from "./i18n";
+import { isInProgram } from "./orders";
 import { ask, getStore, useStatus, useStore } from "./store";
 import { Button } from "./ui";
 
@@ -45,7 +46,7 @@ export function ProgramText({ follow, onPick, picked }: { follow?: boolean; onPi
   const asks = useStore((s) => s.methods.has("program.text"));
   const key = useStatus((s) => (s.program ? JSON.stringify([s.program.name, s.program.lines, s.program.revision]) : "")) ?? "";
   const total = useStatus((s) => s.program?.lines ?? 0) ?? 0;
-  const current = useStatus((s) => (s.program && s.mode === "auto" && s.activity !== "idle" ? s.line : 0)) ?? 0;
+  const current = useStatus((s) => (isInProgram(s) ? s.line : 0)) ?? 0;
   useEffect(() => {
     const observer = new ResizeObserver(([entry]) => setRows(Math.max(3, Math.floor(entry!.contentRect.height / ROW_PX))));
     observer.observe(element.current!);

@@ -6,7 +6,7 @@ import { nextStep, refuses, reset } from "./orders";
 import { StartButton } from "./start";
 import { ask, clientName, connection, controlOf, dismiss, getStore, logIn, order, say, setStore, tellRefused, token, useStatus, useStore } from "./store";
 import type { Entry } from "./types";
-import { Button, Dialog, Field, Icon, type IconName } from "./ui";
+import { Button, Dialog, Field, Form, Icon, type IconName } from "./ui";
 import { useEveryHalfSecond } from "./hooks";
 import { inWords } from "./words";
 
@@ -96,7 +96,7 @@ function ForcedDialog({ onClose }: { onClose: () => void }) {
             <span>
               <b>{variable}</b> = {value} <small>{program}</small>
             </span>
-            {may && <Button label={t("release")} onClick={() => void order("logic.release", { program, variable })} />}
+            {may && <Button label={t("release")} orders="logic.release" onClick={() => void order("logic.release", { program, variable })} />}
           </li>
         ))}
         {forced.length === 0 && <li>{t("forced-none")}</li>}
@@ -200,12 +200,14 @@ function ControlDialog({ onClose }: { onClose: () => void }) {
     <Dialog id="control-dialogue" title={t("control-dialogue")} onClose={onClose}>
       <p>{t("control-explained")}</p>
       {control?.taken && who !== "mine" && <p class="strong">{t("control-held", { name: control.name })}</p>}
-      <Field label={t("control-name")} value={name} onInput={setName} />
-      <footer>
-        {who === "mine" && <Button id="control-release" label={t("control-release")} onClick={() => void order("control.release").then(onClose)} />}
-        {who === "other" && <Button id="control-force" kind="warn" label={t("control-force", { name: control?.name ?? "" })} onClick={() => void take(true)} />}
-        {who !== "other" && <Button id="control-take" kind="go" label={t("control-take")} onClick={() => void take(false)} />}
-      </footer>
+      <Form onSend={() => void take(false)}>
+        <Field label={t("control-name")} value={name} onInput={setName} />
+        <footer>
+          {who === "mine" && <Button id="control-release" label={t("control-release")} orders="control.release" onClick={() => void order("control.release").then(onClose)} />}
+          {who === "other" && <Button id="control-force" kind="warn" label={t("control-force", { name: control?.name ?? "" })} orders="control.take" onClick={() => void take(true)} />}
+          {who !== "other" && <Button id="control-take" kind="go" label={t("control-take")} orders="control.take" submit />}
+        </footer>
+      </Form>
     </Dialog>
   );
 }
@@ -269,7 +271,7 @@ function Alarm() {
             {entry?.alarm && <small>{about(entry)}</small>}
           </div>
           {(power === "alarm" || step?.method === "alarm.acknowledge") && (
-            <Button id="acknowledge" kind="warn" icon="check" label={t("acknowledge")} onClick={() => void order("alarm.acknowledge")} />
+            <Button id="acknowledge" kind="warn" icon="check" label={t("acknowledge")} orders="alarm.acknowledge" onClick={() => void order("alarm.acknowledge")} />
           )}
         </>
       )}
@@ -295,16 +297,16 @@ function dateOrTime(unix_s: number): string {
 
 export function Actions() {
   const power = useStatus((s) => s.power) ?? "";
-  const dim = useStore((s) => Object.fromEntries(["hold", "resume", "stop", "reset"].map((what) => [what, refuses(s.status, what)])));
+  const nothing = useStore((s) => refuses(s, "reset"));
   const on = power === "on" || power === "switching";
   return (
     <footer class="actions" role="group">
-      <Button id="power" icon="power" kind={on ? "tall lit" : "tall"} pressed={on} label={t(on ? "power-off" : "power-on")} onClick={() => switchDrives(on)} />
-      <Button id="reset" icon="reset" kind={dim["reset"] ? "tall" : "tall warn"} dim={dim["reset"]} label={t("reset")} onClick={() => getStore().status && void reset(getStore().status!)} />
+      <Button id="power" icon="power" kind={on ? "tall lit" : "tall"} pressed={on} label={t(on ? "power-off" : "power-on")} orders={on ? "off" : "on"} onClick={() => switchDrives(on)} />
+      <Button id="reset" icon="reset" kind={nothing ? "tall" : "tall warn"} label={t("reset")} orders="reset" onClick={() => getStore().status && void reset(getStore().status!)} />
       <StartButton />
-      <Button id="resume" icon="resume" kind="tall go" dim={dim["resume"]} label={t("resume")} onClick={() => void resume()} />
-      <Button id="hold" icon="hold" kind="tall wait" dim={dim["hold"]} label={t("hold")} onClick={() => void order("hold")} />
-      <Button id="stop" icon="stop" kind="tall halt" label={t("stop")} onClick={() => void order("stop")} />
+      <Button id="resume" icon="resume" kind="tall go" label={t("resume")} orders="resume" onClick={() => void resume()} />
+      <Button id="hold" icon="hold" kind="tall wait" label={t("hold")} orders="hold" onClick={() => void order("hold")} />
+      <Button id="stop" icon="stop" kind="tall halt" label={t("stop")} orders="stop" onClick={() => void order("stop")} />
     </footer>
   );
 }
@@ -359,7 +361,7 @@ export function ToolDialogue() {
       )}
       <p class="muted">{t("in-spindle", { tool: now ? `T${now}` : t("tool-none") })}</p>
       <footer>
-        <Button id="tool-changed" kind="go tall" icon="check" label={t(wanted ? "tool-changed" : "tool-removed")} onClick={() => void order("tool.changed")} />
+        <Button id="tool-changed" kind="go tall" icon="check" label={t(wanted ? "tool-changed" : "tool-removed")} orders="tool.changed" onClick={() => void order("tool.changed")} />
       </footer>
     </Dialog>
   );
@@ -375,10 +377,12 @@ export function TokenDialogue() {
     <Dialog id="token-dialogue" title={t("token-dialogue")}>
       <p class="strong">{t(token ? "token-wrong" : "token-missing")}</p>
       <p>{t("token-explained")}</p>
-      <Field id="token" label={t("token")} value={text} onInput={setText} onEnter={() => wanted && logIn(wanted)} />
-      <footer>
-        <Button id="log-in" kind="go" label={t("log-in")} disabled={!wanted} onClick={() => logIn(wanted)} />
-      </footer>
+      <Form onSend={() => logIn(wanted)}>
+        <Field id="token" label={t("token")} value={text} onInput={setText} />
+        <footer>
+          <Button id="log-in" kind="go" label={t("log-in")} disabled={!wanted} submit />
+        </footer>
+      </Form>
     </Dialog>
   );
 }
@@ -416,7 +420,7 @@ function NextStep() {
   return (
     <div class="next">
       <span>{t("next-step")}</span>
-      <Button id="next" kind="go" label={t(step.word as Key)} onClick={() => void order(step.method)} />
+      <Button id="next" kind="go" label={t(step.word as Key)} orders={step.method} onClick={() => void order(step.method)} />
     </div>
   );
 }

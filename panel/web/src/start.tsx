@@ -1,7 +1,6 @@
 /** The start of the program: which, how, and from where; all of it is shown at its button. */
 import { useState } from "preact/hooks";
 import { parseNumber, t } from "./i18n";
-import { refuses } from "./orders";
 import { type Store, ask, getStore, isBlind, order, say, setStore, tellRefused, useStore } from "./store";
 import { Button, Dialog } from "./ui";
 
@@ -43,12 +42,11 @@ export function pickLine(line: number | null): void {
 
 /** The button, with all that is not as usual at the start that it would give. */
 export function StartButton() {
-  const dim = useStore((s) => refuses(s.status, "program start"));
   const { words, wrong } = useStore((s) => (s.status?.program ? asked(s) : { words: [], wrong: null }));
   const [means, setMeans] = useState<string[] | null>(null);
   return (
     <>
-      <Button id="start" icon="start" kind={words.length ? "tall go with" : "tall go"} dim={dim || wrong !== null} onClick={() => void startProgram(setMeans)}>
+      <Button id="start" icon="start" kind={words.length ? "tall go with" : "tall go"} orders="program start" dim={wrong !== null} onClick={() => void startProgram(setMeans)}>
         <span class="label">{t("start")}</span>
         {words.length > 0 && (
           <small class="label" data-testid="start-with">
@@ -74,7 +72,7 @@ function FromLine({ means, onClose }: { means: string[]; onClose: () => void }) 
         ))}
       </ul>
       <footer>
-        <Button id="from-line-yes" kind="go tall" icon="start" label={t("start")} onClick={() => void begin(true).then(onClose)} />
+        <Button id="from-line-yes" kind="go tall" icon="start" label={t("start")} orders="program start" onClick={() => void begin(true).then(onClose)} />
       </footer>
     </Dialog>
   );

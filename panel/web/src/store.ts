@@ -219,8 +219,8 @@ export function ask<T>(method: string, params: Record<string, unknown> = {}): Pr
 /** Nothing has come for a second: what is shown may be old, and an order may be carried out much later than it is given. */
 export const isBlind = (): boolean => store.age > 0 || !store.connected;
 
-/** What is given also to a machine that nobody sees. */
-const ALWAYS = new Set(["stop", "hold", "estop", "off"]);
+/** What is given also to a machine that nobody sees, as long as there is a connection. */
+export const ALWAYS: ReadonlySet<string> = new Set(["stop", "hold", "estop", "off"]);
 
 /** Orders; what is refused is told. The answer, or undefined. */
 export async function order<T = unknown>(method: string, params: Record<string, unknown> = {}): Promise<T | undefined> {

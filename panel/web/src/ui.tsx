@@ -1,7 +1,9 @@
 /** Buttons, dialogues and the like, as all pages have them. */
 import type { ComponentChildren } from "preact";
-import { useEffect, useRef } from "preact/hooks";
+import { useLayoutEffect, useRef } from "preact/hooks";
 import { t } from "./i18n";
+import { refuses } from "./orders";
+import { useStore } from "./store";
 
 // Outlines on a grid of 24.
 const ICONS = {
@@ -51,20 +53,25 @@ type ButtonProps = {
   kind?: string;
   /** What the button stands for is on. */
   pressed?: boolean;
-  /** The control would refuse it at the moment; pressed all the same it says why. */
+  /** What it orders of the control: dim while that would not be carried out; pressed all the same it says why. */
+  orders?: string;
+  /** Dim for another reason. */
   dim?: boolean;
   disabled?: boolean;
+  /** It sends the form that it is in. */
+  submit?: boolean;
   title?: string;
   onClick?: () => void;
   children?: ComponentChildren;
 };
 
-export function Button({ id, label, icon, kind = "", pressed, dim, disabled, title, onClick, children }: ButtonProps) {
+export function Button({ id, label, icon, kind = "", pressed, orders, dim, disabled, submit, title, onClick, children }: ButtonProps) {
+  const refused = useStore((s) => orders !== undefined && refuses(s, orders));
   return (
     <button
-      type="button"
+      type={submit ? "submit" : "button"}
       data-testid={id}
-      class={`button ${kind}${dim ? " dim" : ""}`}
+      class={`button ${kind}${dim || refused ? " dim" : ""}`}
       aria-pressed={pressed}
       aria-label={children || !label ? undefined : label}
       disabled={disabled}
@@ -91,12 +98,16 @@ export function Dialog({
   children: ComponentChildren;
 }) {
   const element = useRef<HTMLDialogElement>(null);
-  useEffect(() => {
+  // Before anything is typed.
+  useLayoutEffect(() => {
     // Not modal: hold and stop stay within reach.
     element.current?.show();
-    // What asks for a person's hand is not answered by a key that somebody is just pressing.
-    const first = onClose && element.current?.querySelector<HTMLElement>("input, footer button, button");
+    // Where something is to be typed, typing takes the place of what is there. What asks for a person's hand is not answered by a key
+    // that somebody is just pressing: a dialogue that may be closed offers that, another one nothing.
+    const field = element.current?.querySelector("input");
+    const first = field ?? (onClose && element.current?.querySelector("button"));
     (first ?? element.current)?.focus();
+    field?.select();
   }, []);
   return (
     <dialog ref={element} data-testid={id} aria-label={title} class="dialog" tabIndex={-1}>
@@ -168,12 +179,26 @@ export function Card({
   );
 }
 
+/** Fields and the button that sends them: Enter in a field is that button, and nothing where it is disabled. */
+export function Form({ kind = "", onSend, children }: { kind?: string; onSend: () => void; children: ComponentChildren }) {
+  return (
+    <form
+      class={`form ${kind}`}
+      onSubmit={(event) => {
+        event.preventDefault();
+        onSend();
+      }}
+    >
+      {children}
+    </form>
+  );
+}
+
 /** A field for a number or a word, with its label. */
 export function Field({
   label,
   value,
   onInput,
-  onEnter,
   kind = "",
   id,
   numeric,
@@ -181,7 +206,6 @@ export function Field({
   label: string;
   value: string;
   onInput: (value: string) => void;
-  onEnter?: () => void;
   kind?: string;
   id?: string;
   numeric?: boolean;
@@ -196,7 +220,6 @@ export function Field({
         autocomplete="off"
         spellcheck={false}
         onInput={(event) => onInput(event.currentTarget.value)}
-        onKeyDown={(event) => event.key === "Enter" && onEnter?.()}
       />
     </label>
   );

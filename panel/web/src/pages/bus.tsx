@@ -3,7 +3,7 @@ import { useEffect, useState } from "preact/hooks";
 import { useSmall } from "../hooks";
 import { fixed, t } from "../i18n";
 import { ask, connection, order, useStatus, useStore } from "../store";
-import { Button, Card, Choice, Field, Icon } from "../ui";
+import { Button, Card, Choice, Field, Form, Icon } from "../ui";
 import { Measurements } from "./measurements";
 
 interface Node {
@@ -139,11 +139,11 @@ function Objects({ node }: { node: Node }) {
           </ul>
         </>
       )}
-      <div class="row">
+      <Form kind="row" onSend={() => void order<{ value: string }>("bus.sdo_read", object).then((answer) => answer && setRead(answer.value))}>
         <Field id="sdo-index" label={`${t("index")} (hex)`} value={index} onInput={setIndex} />
         <Field id="sdo-sub" label={t("sub-index")} value={sub} onInput={setSub} numeric />
-        <Button id="sdo-read" label={t("read")} disabled={!sound} onClick={() => void order<{ value: string }>("bus.sdo_read", object).then((answer) => answer && setRead(answer.value))} />
-      </div>
+        <Button id="sdo-read" label={t("read")} orders="bus.sdo_read" disabled={!sound} submit />
+      </Form>
       {read !== null && (
         <p data-testid="sdo-value" class="strong">
           {meaning(read)} <code>{read}</code>
@@ -151,7 +151,7 @@ function Objects({ node }: { node: Node }) {
       )}
       <div class="row">
         <Field label={t("octets-hex")} value={value} onInput={setValue} />
-        <Button kind="warn" label={t("write")} disabled={!sound || !/^([0-9a-f]{2})+$/i.test(value)} onClick={() => void order("bus.sdo_write", { ...object, value })} />
+        <Button kind="warn" label={t("write")} orders="bus.sdo_write" disabled={!sound || !/^([0-9a-f]{2})+$/i.test(value)} onClick={() => void order("bus.sdo_write", { ...object, value })} />
       </div>
     </Card>
   );

@@ -133,6 +133,7 @@ function Overrides() {
 function Override({ what, id, min, max }: (typeof OVERRIDES)[number]) {
   const told = useStatus((s) => s.override[`${what}_percent`]) ?? 100;
   const acts = useStatus((s) => (what === "feed" ? s.override.feed_acts : what === "spindle" ? s.override.spindle_acts : true)) ?? true;
+  const refused = useStore((s) => refuses(s, "override"));
   const [wanted, setWanted] = useState<number | null>(null);
   const shown = wanted ?? Math.round(told);
   const set = (value: number) => {
@@ -145,7 +146,7 @@ function Override({ what, id, min, max }: (typeof OVERRIDES)[number]) {
       <span class="what" id={`${id}-label`}>
         {t(what)}
       </span>
-      <Button kind="small" icon="minus" onClick={() => set(shown - 10)}>
+      <Button kind="small" icon="minus" orders="override" onClick={() => set(shown - 10)}>
         <span class="hidden">{`${t(what)}: ${t("less")}`}</span>
       </Button>
       <input
@@ -157,12 +158,13 @@ function Override({ what, id, min, max }: (typeof OVERRIDES)[number]) {
         value={shown}
         aria-labelledby={`${id}-label`}
         aria-valuetext={`${shown} %`}
+        disabled={refused}
         onInput={(event) => set(Number(event.currentTarget.value))}
       />
-      <Button kind="small" icon="plus" onClick={() => set(shown + 10)}>
+      <Button kind="small" icon="plus" orders="override" onClick={() => set(shown + 10)}>
         <span class="hidden">{`${t(what)}: ${t("more")}`}</span>
       </Button>
-      <Button kind={shown === 100 ? "small percent" : "small percent changed"} id={`${id}-reset`} onClick={() => set(100)} title={acts ? t("override-reset", { what: t(what) }) : t("override-off")}>
+      <Button kind={shown === 100 ? "small percent" : "small percent changed"} id={`${id}-reset`} orders="override" onClick={() => set(100)} title={acts ? t("override-reset", { what: t(what) }) : t("override-off")}>
         {shown} %<span class="hidden">{t("override-reset", { what: t(what) })}</span>
       </Button>
     </div>
@@ -189,14 +191,13 @@ function send(what: string, value: number, done: () => void): void {
 
 function Switches() {
   const on = useStatus((s) => ({ single_block: s.single_block, optional_stop: s.optional_stop, block_delete: s.block_delete }));
-  const waiting = useStatus((s) => !refuses(s, "skip"));
   return (
     <Card kind="switches">
       {(["single-block", "optional-stop", "block-delete"] as const).map((name) => {
         const method = name.replace("-", "_") as "single_block" | "optional_stop" | "block_delete";
-        return <Button key={name} id={name} kind="toggle" pressed={on?.[method] ?? false} label={t(name)} onClick={() => void order(method, { on: !on?.[method] })} />;
+        return <Button key={name} id={name} kind="toggle" pressed={on?.[method] ?? false} label={t(name)} orders={method} onClick={() => void order(method, { on: !on?.[method] })} />;
       })}
-      <Button id="skip" kind="toggle" dim={!waiting} label={t("skip")} onClick={() => void order("skip")} />
+      <Button id="skip" kind="toggle" orders="skip" label={t("skip")} onClick={() => void order("skip")} />
     </Card>
   );
 }

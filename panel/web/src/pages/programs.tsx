@@ -8,7 +8,7 @@ import { Sha256 } from "../sha256";
 import { pickLine, pickedLine } from "../start";
 import { type StartWith, ask, authorised, getStore, order, say, setStore, tellRefused, useStatus, useStore } from "../store";
 import type { Entry } from "../types";
-import { Button, Card, Dialog, Field } from "../ui";
+import { Button, Card, Dialog, Field, Form } from "../ui";
 
 interface Outlook {
   program: string;
@@ -77,7 +77,7 @@ function Upload() {
           event.currentTarget.value = "";
         }}
       />
-      <Button id="upload-button" kind="go tall" icon="upload" label={share === null ? t("upload") : `${Math.round(100 * share)} %`} onClick={() => input.current?.click()} />
+      <Button id="upload-button" kind="go tall" icon="upload" orders="program load" label={share === null ? t("upload") : `${Math.round(100 * share)} %`} onClick={() => input.current?.click()} />
       <p class="muted">{t("upload-drag")}</p>
     </div>
   );
@@ -105,12 +105,12 @@ function Files() {
     <ul class="files" aria-label={t("files")}>
       {files.map((file) => (
         <li key={file.name}>
-          <button type="button" class="button line" onClick={() => void order("program.load", { file: file.name })}>
+          <Button kind="line" orders="program load" onClick={() => void order("program.load", { file: file.name })}>
             <b>{file.name}</b>
             <small>
               {fixed(file.octets / 1000, 1)} kB · {dateAndTime(file.modified_unix_s)}
             </small>
-          </button>
+          </Button>
         </li>
       ))}
     </ul>
@@ -141,15 +141,15 @@ function Parts() {
   const wanted = parseNumber(target);
   return (
     <Card title={t("parts")}>
-      <div class="row">
+      <Form kind="row" onSend={() => void order("parts.set", { target: wanted })}>
         <p class="count">
           <b>{parts.count}</b>
           {parts.target ? ` ${t("of")} ${parts.target}` : ""}
         </p>
-        <Button label={t("parts-zero")} onClick={() => void order("parts.set", { count: 0 })} />
+        <Button label={t("parts-zero")} orders="parts.set" onClick={() => void order("parts.set", { count: 0 })} />
         <Field numeric label={t("parts-target")} value={target} onInput={setTarget} />
-        <Button label={t("set")} disabled={!Number.isInteger(wanted)} onClick={() => void order("parts.set", { target: wanted })} />
-      </div>
+        <Button label={t("set")} orders="parts.set" disabled={!Number.isInteger(wanted)} submit />
+      </Form>
     </Card>
   );
 }

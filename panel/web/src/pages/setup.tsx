@@ -1,13 +1,13 @@
 /** Jogging, MDI, zero points, tools, probing, spindle and coolant by hand. */
 import { useEffect, useState } from "preact/hooks";
 import { type Key, fixed, parseNumber, t } from "../i18n";
-import { press, release, step } from "../jog";
+import { isHeld, press, release, step } from "../jog";
 import { SPEEDS_PERCENT, STEPS_MM, jogSettings } from "../jog-settings";
 import { refuses } from "../orders";
 import { useSmall } from "../hooks";
-import { ask, order, say, tellRefused, useStatus } from "../store";
+import { ask, order, say, tellRefused, useStatus, useStore } from "../store";
 import { LETTERS, type Status } from "../types";
-import { Button, Card, Choice, Dialog, Field } from "../ui";
+import { Button, Card, Choice, Dialog, Field, Form } from "../ui";
 import { Dro, inWork } from "./operate";
 
 // ------------------------------------------------------------------------------------------------ jog
@@ -30,7 +30,7 @@ const CROSS: [string, [string, 1 | -1][]][] = [
 
 function JogButton({ label, moves, fast }: { label: string; moves: [string, 1 | -1][]; fast?: boolean }) {
   const axes = useStatus((s) => s.axes.map((axis) => axis.axis)) ?? [];
-  const dim = useStatus((s) => refuses(s, "jog")) ?? true;
+  const dim = useStore((s) => refuses(s, "jog"));
   if (!moves.length || !moves.every(([axis]) => axes.includes(axis))) return <span aria-hidden="true" />;
   const name = moves.map(([axis, sign]) => `${axis.toLowerCase()}-${sign > 0 ? "plus" : "minus"}`).join("-");
   const begin = () => {
@@ -50,6 +50,10 @@ function JogButton({ label, moves, fast }: { label: string; moves: [string, 1 | 
         event.currentTarget.setPointerCapture(event.pointerId);
         begin();
       }}
+      onPointerMove={(event) => {
+        // A hand that slides off the button has left it; it comes back by a new press.
+        if (isHeld() && !isOver(event)) end();
+      }}
       onPointerUp={end}
       onPointerCancel={end}
       onLostPointerCapture={end}
@@ -66,6 +70,12 @@ function JogButton({ label, moves, fast }: { label: string; moves: [string, 1 | 
       {label}
     </button>
   );
+}
+
+/** Whether the pointer is over the element that hears of it, which has it captured. */
+function isOver({ currentTarget, clientX, clientY }: { currentTarget: HTMLElement; clientX: number; clientY: number }): boolean {
+  const { left, right, top, bottom } = currentTarget.getBoundingClientRect();
+  return clientX >= left && clientX <= right && clientY >= top && clientY <= bottom;
 }
 
 function Jog() {
@@ -116,15 +126,35 @@ function workOf(s: Status, letter: string): number {
 
 function Home() {
   const joints = useStatus((s) => s.axes.flatMap((axis) => axis.joints.map((joint) => ({ joint, axis: axis.axis, homed: s.homed.includes(joint) })))) ?? [];
-  const dim = useStatus((s) => refuses(s, "home")) ?? true;
+  // Joints that are homed, and are to be homed again; none: all.
+  const [again, setAgain] = useState<number[] | null>(null);
+  const home = (wanted: number[], homed: boolean) => (homed ? setAgain(wanted) : void order("home", wanted.length ? { joints: wanted } : {}));
   return (
     <Card title={t("homing")}>
       <div class="row">
-        <Button id="home-all" kind="go tall" icon="home" dim={dim} label={t("home-all")} onClick={() => void order("home")} />
+        <Button id="home-all" kind="go tall" icon="home" orders="home" label={t("home-all")} onClick={() => home([], joints.every(({ homed }) => homed))} />
         {joints.map(({ joint, axis, homed }) => (
-          <Button key={joint} id={`home-${joint}`} icon={homed ? "check" : "home"} dim={dim} label={`${axis} (${joint})`} onClick={() => void order("home", { joints: [joint] })} />
+          <Button key={joint} id={`home-${joint}`} icon={homed ? "check" : "home"} orders="home" label={`${axis} (${joint})`} onClick={() => home([joint], homed)} />
         ))}
       </div>
+      {again && (
+        <Dialog id="home-dialogue" title={t("home-again")} onClose={() => setAgain(null)}>
+          <p>{again.length ? t("home-again-one", { axis: joints.find(({ joint }) => joint === again[0])?.axis ?? "" }) : t("home-again-all")}</p>
+          <footer>
+            <Button
+              id="home-yes"
+              kind="go tall"
+              icon="home"
+              orders="home"
+              label={t("home-again")}
+              onClick={() => {
+                setAgain(null);
+                home(again, false);
+              }}
+            />
+          </footer>
+        </Dialog>
+      )}
     </Card>
   );
 }
@@ -144,10 +174,10 @@ function Mdi() {
   };
   return (
     <Card title="MDI" kind="mdi">
-      <div class="row wide">
-        <Field id="mdi" label={t("mdi-line")} value={line} onInput={setLine} onEnter={() => void send()} />
-        <Button id="mdi-send" kind="go" icon="start" label={t("run")} onClick={() => void send()} />
-      </div>
+      <Form kind="row wide" onSend={() => void send()}>
+        <Field id="mdi" label={t("mdi-line")} value={line} onInput={setLine} />
+        <Button id="mdi-send" kind="go" icon="start" orders="mdi" label={t("run")} submit />
+      </Form>
       {waiting.length > 0 && (
         <p class="muted">
           {t("queue")}: {waiting.join(" · ")}
@@ -188,7 +218,6 @@ function useOffsets(): [Systems | null, () => void] {
 
 function TouchOff() {
   const axes = useStatus((s) => s.axes) ?? [];
-  const dim = useStatus((s) => refuses(s, "touch-off")) ?? true;
   const [values, setValues] = useState<Record<string, string>>({});
   const [systems, fetch] = useOffsets();
   const active = systems?.systems.find((one) => one.active);
@@ -204,6 +233,14 @@ function TouchOff() {
           const origin = active?.origin[axis];
           return (
             <li key={axis}>
+              <Form
+                onSend={() =>
+                  void order<{ warning?: string }>("touch_off", { axis, value }).then((answer) => {
+                    if (answer?.warning) say("note", answer.warning);
+                    fetch();
+                  })
+                }
+              >
               <Field numeric id={`touch-off-value-${axis.toLowerCase()}`} label={`${axis}, ${systems?.unit ?? ""}`} value={values[axis] ?? "0"} onInput={(text) => setValues({ ...values, [axis]: text })} />
               <p class="preview">
                 {Number.isNaN(value) ? (
@@ -219,19 +256,8 @@ function TouchOff() {
                   </>
                 )}
               </p>
-              <Button
-                id={`touch-off-${axis.toLowerCase()}`}
-                label={t("set")}
-                kind="go"
-                dim={dim}
-                disabled={Number.isNaN(value)}
-                onClick={() =>
-                  void order<{ warning?: string }>("touch_off", { axis, value }).then((answer) => {
-                    if (answer?.warning) say("note", answer.warning);
-                    fetch();
-                  })
-                }
-              />
+              <Button id={`touch-off-${axis.toLowerCase()}`} label={t("set")} kind="go" orders="touch-off" disabled={Number.isNaN(value)} submit />
+              </Form>
             </li>
           );
         })}
@@ -253,19 +279,21 @@ function Edit({ edited, onClose }: { edited: Edited; onClose: () => void }) {
   const set = () => void edited.set(value).then((answer) => answer !== undefined && onClose());
   return (
     <Dialog id="edit-dialogue" title={edited.title} onClose={onClose}>
-      <Field numeric label={t("value")} value={text} onInput={setText} onEnter={set} id="edit-value" />
-      <p class="preview">
-        {Number.isNaN(value) ? (
-          t("no-number")
-        ) : (
-          <>
-            {edited.value} → <b>{fixed(value, 4)}</b>
-          </>
-        )}
-      </p>
-      <footer>
-        <Button id="edit-set" kind="go" label={t("set")} disabled={Number.isNaN(value)} onClick={set} />
-      </footer>
+      <Form onSend={set}>
+        <Field numeric label={t("value")} value={text} onInput={setText} id="edit-value" />
+        <p class="preview">
+          {Number.isNaN(value) ? (
+            t("no-number")
+          ) : (
+            <>
+              {edited.value} → <b>{fixed(value, 4)}</b>
+            </>
+          )}
+        </p>
+        <footer>
+          <Button id="edit-set" kind="go" label={t("set")} orders="offset set, tool set" disabled={Number.isNaN(value)} submit />
+        </footer>
+      </Form>
     </Dialog>
   );
 }
@@ -441,7 +469,7 @@ function ProbeForm({ name, args, onClose }: { name: string; args: string[]; onCl
       )}
       <code>{line}</code>
       <footer>
-        <Button id="probe-run" kind="go tall" icon="start" label={t("run")} disabled={numbers.some(Number.isNaN)} onClick={() => void order("mdi", { line }).then((answer) => answer !== undefined && onClose())} />
+        <Button id="probe-run" kind="go tall" icon="start" label={t("run")} orders="mdi" disabled={numbers.some(Number.isNaN)} onClick={() => void order("mdi", { line }).then((answer) => answer !== undefined && onClose())} />
       </footer>
     </Dialog>
   );
@@ -451,7 +479,6 @@ function Spindle() {
   const [speed, setSpeed] = useState("1000");
   const spindle = useStatus((s) => s.spindle);
   const coolant = useStatus((s) => s.coolant);
-  const dim = useStatus((s) => refuses(s, "mdi")) ?? true;
   const rpm = parseNumber(speed);
   const mdi = (line: string) => () => void order("mdi", { line });
   return (
@@ -459,15 +486,15 @@ function Spindle() {
       {spindle && (
         <div class="row">
           <Field numeric label={`${t("spindle")}, 1/min`} value={speed} onInput={setSpeed} />
-          <Button id="spindle-forward" dim={dim} label={`M3 ${t("forward")}`} disabled={Number.isNaN(rpm)} onClick={mdi(`M3 S${rpm}`)} />
-          <Button id="spindle-backward" dim={dim} label={`M4 ${t("backward")}`} disabled={Number.isNaN(rpm)} onClick={mdi(`M4 S${rpm}`)} />
-          <Button id="spindle-stop" dim={dim} label={`M5 ${t("stop")}`} onClick={mdi("M5")} />
+          <Button id="spindle-forward" orders="mdi" label={`M3 ${t("forward")}`} disabled={Number.isNaN(rpm)} onClick={mdi(`M3 S${rpm}`)} />
+          <Button id="spindle-backward" orders="mdi" label={`M4 ${t("backward")}`} disabled={Number.isNaN(rpm)} onClick={mdi(`M4 S${rpm}`)} />
+          <Button id="spindle-stop" orders="mdi" label={`M5 ${t("stop")}`} onClick={mdi("M5")} />
         </div>
       )}
       <div class="row">
-        <Button kind="toggle" pressed={coolant?.flood ?? false} dim={dim} label={`M8 ${t("flood")}`} onClick={mdi("M8")} />
-        <Button kind="toggle" pressed={coolant?.mist ?? false} dim={dim} label={`M7 ${t("mist")}`} onClick={mdi("M7")} />
-        <Button dim={dim} label={`M9 ${t("coolant-off")}`} onClick={mdi("M9")} />
+        <Button kind="toggle" pressed={coolant?.flood ?? false} orders="mdi" label={`M8 ${t("flood")}`} onClick={mdi("M8")} />
+        <Button kind="toggle" pressed={coolant?.mist ?? false} orders="mdi" label={`M7 ${t("mist")}`} onClick={mdi("M7")} />
+        <Button orders="mdi" label={`M9 ${t("coolant-off")}`} onClick={mdi("M9")} />
       </div>
     </Card>
   );

@@ -6,7 +6,7 @@ import { fixed, parseNumber, t } from "../i18n";
 import { COLOURS, type Cursors, Plot } from "../plot";
 import { Rows, Scope } from "../scope";
 import { ask, connection, order, tellRefused, useStore } from "../store";
-import { Button, Card, Choice, Dialog, Field, Icon } from "../ui";
+import { Button, Card, Choice, Dialog, Field, Form, Icon } from "../ui";
 
 interface Pin {
   name: string;
@@ -76,14 +76,14 @@ function SetPin({ pin, onClose }: { pin: Pin; onClose: () => void }) {
       <p class="muted">{t("pin-explained")}</p>
       {pin.type === "bit" ? (
         <div class="row">
-          <Button id="pin-on" kind="warn" label={t("on")} onClick={() => send(true)} />
-          <Button id="pin-off" kind="warn" label={t("off")} onClick={() => send(false)} />
+          <Button id="pin-on" kind="warn" orders="hal.set" label={t("on")} onClick={() => send(true)} />
+          <Button id="pin-off" kind="warn" orders="hal.set" label={t("off")} onClick={() => send(false)} />
         </div>
       ) : (
-        <div class="row">
+        <Form kind="row" onSend={() => send(number)}>
           <Field id="pin-value" label={`${t("value")}${pin.unit ? `, ${pin.unit}` : ""}`} value={text} onInput={setText} numeric />
-          <Button id="pin-set" kind="warn" label={t("set")} disabled={Number.isNaN(number)} onClick={() => send(number)} />
-        </div>
+          <Button id="pin-set" kind="warn" label={t("set")} orders="hal.set" disabled={Number.isNaN(number)} submit />
+        </Form>
       )}
     </Dialog>
   );
@@ -264,14 +264,14 @@ function Oscilloscope({ pins }: { pins: string[] }) {
         />
       }
     >
-      <div class="row">
+      <Form kind="row" onSend={() => setTrigger(typed.trim())}>
         <Button id="scope-run" icon={running ? "hold" : "start"} pressed={running} label={running ? t("scope-stop") : t("scope-run")} onClick={() => setRunning(!running)} />
-        <Field id="trigger" label={t("trigger")} value={typed} onInput={setTyped} onEnter={() => setTrigger(typed.trim())} />
-        <Button id="trigger-set" label={t("set")} onClick={() => setTrigger(typed.trim())} disabled={typed.trim() === trigger} />
+        <Field id="trigger" label={t("trigger")} value={typed} onInput={setTyped} />
+        <Button id="trigger-set" label={t("set")} disabled={typed.trim() === trigger} submit />
         <Button pressed={single} label={t("scope-single")} disabled={!trigger} onClick={() => setSingle(!single)} />
         <Button pressed={own} label={t("scope-own")} onClick={() => setOwn(!own)} />
         <Button id="scope-csv" label="CSV" disabled={rows.time.length === 0} onClick={save} />
-      </div>
+      </Form>
       {pins.length === 0 && <p class="muted">{t("scope-explained")}</p>}
       <p class="state-of-scope" data-testid="scope-state" data-rows={rows.time.length} data-lost={scope?.lost ?? 0} role="status">
         {state}

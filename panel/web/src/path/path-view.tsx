@@ -2,6 +2,7 @@
 import { useEffect, useRef, useState } from "preact/hooks";
 import { t } from "../i18n";
 import { machine } from "../machine";
+import { isInProgram } from "../orders";
 import { getStore, subscribe } from "../store";
 import type { Status } from "../types";
 import { Button } from "../ui";
@@ -154,7 +155,7 @@ class Path {
     const { status } = getStore();
     if (!status || !this.picture) return;
     this.load(status);
-    const runs = ["running", "held", "away", "returning", "stopping"].includes(status.activity) && status.mode === "auto";
+    const runs = ["running", "held", "away", "returning", "stopping"].includes(status.activity) && isInProgram(status);
     if (runs && !this.ran) this.data.restart();
     if (runs && this.data.count > 1 && this.loaded === nameOf(status) && status.activity !== "away" && status.activity !== "returning") {
       const place = xyz(status.position_mm);
