@@ -78,7 +78,13 @@ pub fn prepare_process(rt: &Rt) -> Result<Process, Refusal> {
     let mut findings = Vec::new();
     findings.extend(findings::kernel(read_to_string("/sys/kernel/realtime").ok().as_deref()));
     findings.extend(findings::timers());
-    let cpu = cpu::choose(rt.cpu, &cpu::online(), &cpu::isolated(), &other_controls(), &mut findings);
+    let cpu = cpu::choose(
+        rt.cpu,
+        &cpu::online(),
+        &cpu::isolated(),
+        &other_controls(),
+        &mut findings,
+    );
     cpu::keep_off(cpu);
     if rt.lock_memory {
         findings.extend(memory::lock());
@@ -151,7 +157,13 @@ pub fn enter_thread(role: Role, process: &Process) -> Vec<Finding> {
 
 /// The core of a machine file that names none: the last isolated one, else the last one online, that no other control has.
 pub fn usual_core() -> usize {
-    cpu::choose(None, &cpu::online(), &cpu::isolated(), &other_controls(), &mut Vec::new())
+    cpu::choose(
+        None,
+        &cpu::online(),
+        &cpu::isolated(),
+        &other_controls(),
+        &mut Vec::new(),
+    )
 }
 
 fn other_controls() -> Vec<OtherControl> {
