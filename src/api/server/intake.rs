@@ -18,7 +18,7 @@ use nix::poll::{PollFd, PollFlags, ppoll};
 use nix::sys::eventfd::{EfdFlags, EventFd};
 use nix::sys::time::TimeSpec;
 use std::collections::VecDeque;
-use std::io::{ErrorKind, Read};
+use std::io::{self, ErrorKind, Read};
 use std::net::Shutdown;
 use std::os::fd::AsFd;
 use std::os::unix::net::UnixStream;
@@ -129,14 +129,14 @@ pub(super) struct Arrival {
     pub(super) guest: Option<(Role, String)>,
 }
 
-/// Where the service takes connections over.
+/// Where the service takes connections over, and hears of those that were refused.
 #[derive(Debug)]
-pub struct Arrivals(pub(super) Receiver<Arrival>);
+pub struct Arrivals(pub(super) Receiver<io::Result<Arrival>>);
 
 /// The socket thread's side.
 #[derive(Debug)]
 pub struct Intake {
-    arrivals: Sender<Arrival>,
+    arrivals: Sender<io::Result<Arrival>>,
     guests: Guests,
     /// Ends a wait of the service.
     wake: Option<Arc<EventFd>>,
@@ -252,12 +252,19 @@ impl Intake {
         let before = talkers.len();
         while talkers.len() < CONNECTIONS_MAX {
             let Some(socket) = socket else { break };
-            let Ok((stream, _)) = socket.listener().accept() else {
-                break;
+            let stream = match socket.listener().accept() {
+                Ok((stream, _)) => stream,
+                Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) => break,
+                Err(_) => {
+                    // It stays at the door, and no wait would last: this process has no room for another file.
+                    std::thread::sleep(PERIOD);
+                    break;
+                }
             };
             match stream.set_nonblocking(true).and_then(|()| check_peer(&stream)) {
                 Ok(()) => self.take(stream, None, talkers),
-                Err(cause) => tracing::warn!(%cause, "connection refused"),
+                // Told by the service: a terminal may hold up whoever writes to it. Nobody hears it where that has ended.
+                Err(cause) => _ = self.arrivals.send(Err(cause)),
             }
         }
         while talkers.len() < CONNECTIONS_MAX {
@@ -276,7 +283,7 @@ impl Intake {
             guest,
         };
         // Nobody serves any more.
-        if self.arrivals.send(arrival).is_ok() {
+        if self.arrivals.send(Ok(arrival)).is_ok() {
             talkers.push(Talker::new(connection));
         }
     }

@@ -153,8 +153,13 @@ fn wait(wake: Option<&EventFd>, clients: &[Client]) {
 /// Takes over those that have arrived.
 fn let_in(arrivals: &Arrivals, clients: &mut Vec<Client>, service: &mut impl Serve, next_ticket: &mut Ticket) {
     for _ in 0..TAKEN_PER_TURN {
-        let Ok(Arrival { connection, guest }) = arrivals.0.try_recv() else {
-            return;
+        let Arrival { connection, guest } = match arrivals.0.try_recv() {
+            Ok(Ok(arrival)) => arrival,
+            Ok(Err(cause)) => {
+                tracing::warn!(%cause, "connection refused");
+                continue;
+            }
+            Err(_) => return,
         };
         match &guest {
             Some((_, name)) if clients.iter().filter(|client| client.is_guest).count() >= GUESTS_MAX => {

@@ -382,10 +382,10 @@ fn where_all_wait_for_an_answer_the_longest_silent_one_goes_and_is_forsaken() {
     let (arrive, inside) = channel();
     let connection = Arc::new(Connection::new(near, None));
     arrive
-        .send(Arrival {
+        .send(Ok(Arrival {
             connection,
             guest: None,
-        })
+        }))
         .unwrap();
     let_in(&Arrivals(inside), &mut clients, &mut echo, &mut ticket);
     assert_eq!((clients.len(), echo.forsaken.as_slice()), (CLIENTS_MAX, &[0][..]));
