@@ -638,7 +638,9 @@ fn a_stop_that_comes_before_its_order_ends_what_is_under_way_and_what_waits() {
         // What is given behind the order is not taken for what was under way.
         day.put(Order::Stop);
         day.must(Order::Mdi("G0 Y5".into()));
-        day.until("there", |day| day.state == State::Ready && day.place.0[1] == 5.0);
+        day.until("run", |day| day.state == State::Running);
+        day.until("at rest", |day| day.state == State::Ready);
+        assert!((day.place.0[1] - y).abs() > 1.0, "{:?} from {y}", day.place);
     });
     // A program that is to be run twice is neither counted nor begun again.
     stand_by(&config, 8, |day| {
