@@ -398,7 +398,8 @@ fn run_on(
             let at_once = methods.at_once();
             std::thread::Builder::new()
                 .name("socket".into())
-                .stack_size(STACK_SIZE)
+                // It parses a line at the most, and all of it is locked.
+                .stack_size(STACK_SIZE / 4)
                 .spawn_scoped(scope, move || {
                     capabilities::give_up_or_warn(Work::Ordinary);
                     intake.run(socket, &at_once, stop);
