@@ -9,7 +9,7 @@ use super::smooth::{Passed, Smoother, Stretch};
 use super::workers::Workers;
 use super::{PlanError, PlannerKind, Programmed, Settings, classic, travel};
 use crate::canon::{Event, Position};
-use crate::element::{Element, Span, Synced};
+use crate::element::{Element, Synced};
 use crate::kinematics::ToolFrame;
 use crate::path::Piece;
 use crate::ring::Sink;
@@ -265,18 +265,9 @@ impl PathPlanner {
     /// Rest, where the program is, at which what no move has brought about is done first.
     fn rest_told(&mut self, element: Option<Element>) {
         if let Some(owed) = self.program.take_owed() {
-            self.program.begins();
-            self.ideal.push(Programmed {
-                piece: owed.piece,
-                feed: owed.feed,
-                line: owed.line,
-                rapid: owed.rapid,
-            });
-            let piece = owed.piece.in_frame(self.frame);
-            self.rest(Some(Element::Span(made_up(
-                &Move { piece, ..owed },
-                self.settings.cycle_s,
-            ))));
+            self.smoother.flush(&self.settings, &mut self.passed);
+            self.passed.push(Passed::Stop);
+            self.moved(owed);
         }
         self.tell();
         if let Some(line) = element.as_ref().map(Element::line)
@@ -314,26 +305,6 @@ impl PathPlanner {
             }
             self.smoothed.push(Smoothed(What::Passed(passed)));
         }
-    }
-}
-
-/// A way that is no move, from rest to rest: so short that any machine follows, and too short for anything to be computed on it. Its
-/// speed is a parabola over four cycles.
-fn made_up(owed: &Move, cycle_s: f64) -> Span {
-    let (length, duration_s) = (owed.piece.length(), 4.0 * cycle_s);
-    Span {
-        piece: owed.piece,
-        s0: 0.0,
-        v0: 0.0,
-        a0: 6.0 * length / (duration_s * duration_s),
-        jerk: -12.0 * length / (duration_s * duration_s * duration_s),
-        gradient: 0.0,
-        duration_s,
-        line: owed.line,
-        rapid: owed.rapid,
-        enables: owed.enables,
-        auxiliary: owed.auxiliary,
-        modes: owed.modes,
     }
 }
 
