@@ -6,6 +6,8 @@ import type { Status } from "./types";
 export function refuses({ status, connected, age }: Store, what: string): boolean {
   if (!status || !connected) return true;
   if (age > 0 && !ALWAYS.has(what)) return true;
+  // It always does something: of an idle machine, it ends what a line of MDI has switched on.
+  if (what === "stop") return false;
   // Taken, and without effect.
   if (what === "hold" && ["held", "away"].includes(status.activity)) return true;
   if (status.orders) return (status.orders[what] ?? null) !== null;
@@ -20,8 +22,6 @@ export function refuses({ status, connected, age }: Store, what: string): boolea
       return !["held", "away"].includes(activity) && waiting?.for !== "operator" && !status.single_block;
     case "skip":
       return !["operator", "dwell", "input"].includes(waiting?.for ?? "");
-    case "stop":
-      return !on || activity === "idle";
     case "reset":
       return !["estop", "estop, chain open", "alarm"].includes(power);
     case "jog":
