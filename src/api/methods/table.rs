@@ -51,8 +51,8 @@ pub(super) enum Runs {
     /// Brings the machine to rest: the cycle takes it as soon as it is read from the socket, whatever other threads do; then the
     /// operator as an order.
     AtOnce(AtOnce),
-    /// On the service thread, which serves nobody else meanwhile: looks at what lies in memory or puts something there. Reads no
-    /// file, compiles nothing, waits for nobody.
+    /// On the service thread, which serves nobody else meanwhile: looks at what lies in memory or puts something there. Compiles
+    /// nothing and waits for nobody; of files, it takes parts of an upload.
     Quick(fn(&mut Methods, &mut Call<'_>) -> Result<Value, RpcError>),
     /// The same, for something that others do: its answer comes once they have.
     Later(fn(&mut Methods, &mut Call<'_>) -> Answer),

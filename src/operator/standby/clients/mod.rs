@@ -1,6 +1,7 @@
 //! What clients want of the machine: each order is judged by the table of [`crate::machine::permission`], then carried out.
 
 mod executed;
+mod given_up;
 mod shown;
 
 use executed::Executed;
@@ -260,17 +261,6 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             },
             Activity::Idle | Activity::Checking | Activity::Homing | Activity::Stopping => self.mode,
         };
-    }
-
-    fn refuse_queue(&mut self, why: &str) {
-        let early = self.early.drain(..).map(|(ticket, _)| ticket);
-        for ticket in self.mdi.drain(..).map(|(ticket, _)| ticket).chain(early) {
-            self.inbox.answer(ticket, Err(RpcError::new(code::REFUSED, why)));
-        }
-        let streamed = self.streamed.take().map(|streamed| streamed.end(Some(why)));
-        for (ticket, answer) in streamed.into_iter().flatten() {
-            self.inbox.answer(ticket, answer);
-        }
     }
 
     /// Waits for an order of a client, this long at the most.
@@ -676,46 +666,6 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         Some(done.map(|()| json!({})))
     }
 
-    /// An end of all that is under way or about to begin.
-    pub(in crate::operator) fn stop(&mut self, operator: &mut Operator, now_ns: u64) {
-        self.refuse_queue("stopped before it began");
-        self.give_up_check();
-        operator.stop(now_ns);
-    }
-
-    /// Whoever wants a stop while a program is being checked does not want it to begin behind that. False: there is none.
-    pub(in crate::operator) fn give_up_check(&mut self) -> bool {
-        let Some(checking) = &mut self.checking else {
-            return false;
-        };
-        checking.cancel.cancel();
-        let Some(ticket) = checking.wanted.take() else {
-            return false;
-        };
-        let what = "stopped before it began";
-        self.inbox.answer(ticket, Err(RpcError::new(code::REFUSED, what)));
-        true
-    }
-
-    /// A machine must not begin to move for somebody who has given up waiting for it.
-    pub(super) fn withdraw(&mut self, ticket: Ticket) {
-        self.mdi.retain(|(wanted, _)| *wanted != ticket);
-        if let Some(streamed) = &mut self.streamed {
-            streamed.withdraw(ticket);
-        }
-        self.early.retain(|(wanted, _)| *wanted != ticket);
-        self.unsettled.retain(|(wanted, _)| *wanted != ticket);
-        for (_, cancel, _) in self.inspected.iter().filter(|(wanted, ..)| *wanted == ticket) {
-            cancel.cancel();
-        }
-        if let Some(checking) = &mut self.checking
-            && checking.wanted == Some(ticket)
-        {
-            checking.wanted = None;
-            checking.cancel.cancel();
-        }
-    }
-
     /// Has the way of the program that is loaded drawn in a thread of its own.
     fn draw(&mut self, path: PathOrder, operator: &Operator) -> Answer {
         self.drawn.retain(|(_, thread)| !thread.is_finished());
@@ -754,19 +704,6 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                 cancel.cancel();
                 Err(format!("the path cannot be drawn now: {cause}"))
             }
-        }
-    }
-
-    /// Nobody wants a picture any more.
-    pub(in crate::operator) fn give_up_drawing(&mut self) {
-        for (_, cancel, thread) in self.inspected.drain(..) {
-            cancel.cancel();
-            let _ = thread.join();
-        }
-        for (cancel, thread) in self.drawn.drain(..) {
-            cancel.cancel();
-            // Whatever became of it: it only looked.
-            let _ = thread.join();
         }
     }
 
