@@ -576,7 +576,7 @@ async function differs(page, name) {
 }
 
 /** What times, counters and other fonts may come to. */
-const DIFFERENT_MAX = 0.06;
+const DIFFERENT_MAX = 0.04;
 const AXE = skip ? "" : readFileSync(join(modules, "axe-core/axe.min.js"), "utf8");
 
 /** What is wrong with how a page looks: compared with the committed picture, judged by axe, too wide, too small for a finger. */

@@ -28,7 +28,8 @@ pub(super) fn list(list: &str) -> Vec<usize> {
 }
 
 /// The wanted core; left out, the last isolated one, else the last one: interrupts and the kernel's own work prefer the
-/// first. One that another control has only where there is no other, and not core 0 instead.
+/// first. One that another control has only where there is no other: two threads of one real-time priority do not share
+/// a core, the one waits until the other sleeps.
 pub(super) fn choose(
     wanted: Option<usize>,
     online: &[usize],
@@ -39,8 +40,7 @@ pub(super) fn choose(
     let last = online.last().copied().unwrap_or(0);
     let is_free = |cpu: &usize| others.iter().all(|other| other.cpu != *cpu);
     let isolated = || isolated.iter().rev().filter(|cpu| online.contains(cpu)).copied();
-    let rest = || online.iter().rev().filter(|cpu| **cpu != 0).copied();
-    let free = isolated().find(is_free).or_else(|| rest().find(is_free));
+    let free = isolated().chain(online.iter().rev().copied()).find(is_free);
     let best = match wanted {
         None => free,
         Some(_) => None,
