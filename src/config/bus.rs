@@ -88,7 +88,7 @@ pub(super) fn bus(
         link: own.link,
         async_slot_timeout_us: own.async_slot_timeout_us,
         pres_lost_max: own.lost_max,
-        soc_lost_max: own.soc_lost_max,
+        soc_lost_max: Some(own.soc_lost_max),
         multiplex_cycles: own.multiplex_cycles,
         async_mtu: own.async_mtu,
         prescaler: own.prescaler,

@@ -17,8 +17,10 @@ pub struct Bus {
     /// Polls lost in a row that are ridden out; EtherCAT: cycles in a row without data of a device.
     pub pres_lost_max: u32,
     /// SoCs lost in a row that the nodes ride out with their last set-point before they stop by themselves (1C0B:3), counted where
-    /// the order of frames shows them. Without any frames they are counted after as many cycles more (1C14).
-    pub soc_lost_max: u32,
+    /// the order of frames shows them. Without any frames they are counted after as many cycles more (1C14). `None`: any number,
+    /// polls too; where an answer is missing the machine stands still in the control as it does at the far end. For a
+    /// simulated machine on a busy PC.
+    pub soc_lost_max: Option<u32>,
     /// Cycles of a multiplexed round (1F98:7); 0: none.
     pub multiplex_cycles: u8,
     /// Longest ASnd, octets after the Ethernet header (1F98:8); it fits the asynchronous slot.

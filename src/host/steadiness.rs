@@ -78,11 +78,10 @@ impl Steadiness {
                 config.bus.pres_lost_max
             ));
         }
-        if stalls && config.bus.soc_lost_max < SOC_LOST {
-            keys.push(format!(
-                "bus.soc_lost_max = {SOC_LOST} (is {})",
-                config.bus.soc_lost_max
-            ));
+        if let Some(lost_max) = config.bus.soc_lost_max.filter(|lost_max| *lost_max < SOC_LOST)
+            && stalls
+        {
+            keys.push(format!("bus.soc_lost_max = {SOC_LOST} (is {lost_max})"));
         }
         if let Some(cycle_us) = self.kept_cycle_us(config.cycle_us)
             && cycle_us > config.cycle_us

@@ -43,8 +43,10 @@ const PAUSE: Duration = Duration::from_millis(10);
 const PLANNER_PAUSE: Duration = Duration::from_millis(5);
 /// A cycle thread that has ended leaves this long to see what it ended with, ns.
 const ENDED_NS: u64 = 500_000_000;
-/// A cycle thread without a cycle for this long is given up, ns.
+/// A cycle thread without a cycle for this long, ns, and through so many turns of this loop, is given up. A PC that stood still
+/// (a virtual machine that its host did not run) goes on where it was.
 const DEAD_NS: u64 = 5_000_000_000;
+const DEAD_TURNS: u32 = 100;
 /// A control that is silenced says so for this long before it ends, ns.
 const SILENCED_NS: u64 = 500_000_000;
 /// A time-out thread that has not looked for this long, ns, and through so many cycles and turns of this loop, hangs. It looks
@@ -156,7 +158,7 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
         cycle_thread_lives: &dyn Fn() -> bool,
     ) -> anyhow::Result<Option<f64>> {
         let mut service = Service::from_environment();
-        let (mut cycles, mut cycles_since_ns) = (0, monotonic_ns());
+        let (mut cycles, mut cycles_since_ns, mut turns) = (0, monotonic_ns(), 0);
         let mut silenced_ns = None;
         loop {
             let now_ns = monotonic_ns();
@@ -170,10 +172,10 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
                 break;
             }
             if live.cycles != cycles {
-                (cycles, cycles_since_ns) = (live.cycles, now_ns);
+                (cycles, cycles_since_ns, turns) = (live.cycles, now_ns, 0);
             } else if now_ns - cycles_since_ns > ENDED_NS && !cycle_thread_lives() {
                 break;
-            } else if now_ns - cycles_since_ns > DEAD_NS {
+            } else if now_ns - cycles_since_ns > DEAD_NS && turns > DEAD_TURNS {
                 // It cannot be joined either: the end of the process is what is left.
                 let _ = writeln!(
                     std::io::stderr(),
@@ -182,6 +184,7 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
                 );
                 std::process::exit(i32::from(EXIT_RESTART));
             }
+            turns += 1;
             if self.session.signal.caught().is_some() {
                 service.stopping();
             }

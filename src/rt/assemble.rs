@@ -77,6 +77,7 @@ pub fn assemble<B: CyclicBus>(
         homer: Homer::new(config),
         pins,
         overruns: Overruns::new(config.rt.overruns_warn, config.rt.overruns_stop),
+        waits_for_answers: config.bus.soc_lost_max.is_none(),
         mandatory: config.bus.nodes.iter().map(|node| node.mandatory).collect(),
         cycle_s,
     };

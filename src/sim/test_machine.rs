@@ -115,7 +115,7 @@ pub(super) fn test_config() -> Config {
             link: BusLink::Raw,
             async_slot_timeout_us: 150,
             pres_lost_max: 3,
-            soc_lost_max: 3,
+            soc_lost_max: Some(3),
             multiplex_cycles: 0,
             async_mtu: 1500,
             prescaler: 2,

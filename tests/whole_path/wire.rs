@@ -23,6 +23,26 @@ fn lost_answers_up_to_the_limit_are_counted_and_ridden_out() {
 }
 
 #[test]
+fn where_nodes_bear_any_loss_everything_waits_for_an_answer_and_goes_on_where_it_was() {
+    let mut config = machine();
+    (config.bus.soc_lost_max, config.bus.pres_lost_max) = (None, 1000);
+    let run_with = |lost: u32| {
+        rehearse_on(&config, NetConfig::clean(2), PART, |run| {
+            reach_midst(run);
+            let now_ns = run.now_ns();
+            run.net().at(now_ns, Disturbance::DropPres { node: 2, count: lost });
+            assert_eq!(finish(run), Outcome::Completed);
+            assert_eq!(run.operator.alarms(), []);
+            assert_part_cut(run);
+            (commands(run), run.now_ns())
+        })
+    };
+    let ((clean, clean_ns), (late, late_ns)) = (run_with(0), run_with(400));
+    assert!(late == clean);
+    assert_eq!(late_ns - clean_ns, 400_000_000);
+}
+
+#[test]
 fn more_lost_answers_than_the_limit_stop_all_joints_on_the_path() {
     rehearse_part(NetConfig::clean(3), PART, |run| {
         let causes = fails_in_order(run, Disturbance::DropPres { node: 2, count: 5 }, &[0, 2]);

@@ -109,6 +109,8 @@ pub struct CycleParts {
     pub overruns: Overruns,
     /// For each node: whether the machine cannot run without it.
     pub mandatory: Box<[bool]>,
+    /// Nothing goes on in a cycle in which an answer is missing.
+    pub waits_for_answers: bool,
     /// Cycle time, s.
     pub cycle_s: f64,
 }
@@ -254,6 +256,12 @@ impl<B: CyclicBus> MotionController<B> {
         self.laps.begin();
         let report = self.bus.exchange(deadline_ns, &mut self.parts.inputs);
         self.laps.end(Part::Bus);
+        if report.lost > 0 && self.parts.waits_for_answers {
+            // Who was not heard may have heard nothing: the same commands once more.
+            self.bus.publish(self.cycle);
+            self.cycle += 1;
+            return report;
+        }
         self.parts.steps.read(report.sent_ns, &mut self.parts.inputs);
         self.parts.analog.read(&mut self.parts.inputs);
         let (bus, analog, nodes) = (&self.bus, &self.parts.analog, self.parts.nodes);

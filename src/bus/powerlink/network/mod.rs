@@ -105,15 +105,18 @@ impl Configuration<'_> {
         self.write(0x1006, 0, config.cycle_us);
         // A node that waits for the SoC by its clock begins to count after that; one that sees by the order of frames that a SoC
         // is missing counts at once.
-        self.set(0x1C14, 0, bus.soc_lost_max * config.cycle_us * 1000);
-        self.set(0x1C0B, 3, LOSS_COUNT * bus.soc_lost_max.max(1));
+        let tolerance_ns = bus.soc_lost_max.map(|lost_max| lost_max * config.cycle_us * 1000);
+        self.set(0x1C14, 0, tolerance_ns.unwrap_or(u32::MAX));
+        // 0 switches a watch off.
+        let socs = bus.soc_lost_max.map_or(0, |lost_max| lost_max.max(1));
+        self.set(0x1C0B, 3, LOSS_COUNT * socs);
         // Polls that get lost on the wire are judged by the control, which misses the answers. To a node, a control too late to
         // poll is one too late for its SoC; by default it would bear only one within eight cycles. A node that is never polled
-        // must not wait for polls: 0 switches the watch off.
-        let polls_lost_max = match node.exchange {
-            Exchange::AsyncOnly => 0,
-            Exchange::Polled | Exchange::Multiplexed(_) | Exchange::Chained => {
-                bus.soc_lost_max.max(bus.pres_lost_max + 1)
+        // must not wait for polls.
+        let polls_lost_max = match (node.exchange, bus.soc_lost_max) {
+            (Exchange::AsyncOnly, _) | (_, None) => 0,
+            (Exchange::Polled | Exchange::Multiplexed(_) | Exchange::Chained, Some(lost_max)) => {
+                lost_max.max(bus.pres_lost_max + 1)
             }
         };
         self.set(0x1C0D, 3, LOSS_COUNT * polls_lost_max);

@@ -111,7 +111,7 @@ fn a_node_without_polls_does_not_wait_for_them() {
 fn all_watches_over_the_cycle_follow_the_socs_that_may_be_lost() {
     let mut config = demo();
     for (lost_max, thresholds) in [(0, [8, 32]), (3, [24, 32]), (100, [800, 800])] {
-        config.bus.soc_lost_max = lost_max;
+        config.bus.soc_lost_max = Some(lost_max);
         config.bus.pres_lost_max = 3;
         let plan = &plan(&config)[0];
         let cycle_ns = u64::from(config.cycle_us) * 1000;
@@ -121,4 +121,9 @@ fn all_watches_over_the_cycle_follow_the_socs_that_may_be_lost() {
             (vec![thresholds[0]], vec![thresholds[1]])
         );
     }
+    // 0 switches them off.
+    config.bus.soc_lost_max = None;
+    let plan = &plan(&config)[0];
+    assert_eq!([0x1C0B, 0x1C0D].map(|counter| values(plan, counter, 3)), [[0], [0]]);
+    assert_eq!(values(plan, 0x1C14, 0), [u64::from(u32::MAX)]);
 }

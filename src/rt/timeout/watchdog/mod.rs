@@ -92,6 +92,8 @@ impl Limits {
 
     /// The limits of a machine whose cycle runs on this grid, `rt` as it was found best for this PC.
     pub fn for_machine(bus: &Bus, rt: &Rt, cycle: Grid) -> Limits {
+        // Where nodes bear any loss, none has given up when the thread is given up: that is for a simulated machine.
+        let soc_lost_max = bus.soc_lost_max.unwrap_or(u32::MAX);
         let waits_us = bus.nodes.iter().map(|node| node.pres_timeout_us);
         let shortest_us = waits_us.fold(bus.async_slot_timeout_us, u32::min);
         Limits {
@@ -99,8 +101,13 @@ impl Limits {
             shortest_wait_ns: u64::from(shortest_us) * 1000,
             late_ns: cycle.late_max_ns,
             every_tick: rt.keep_awake == Some(KeepAwake::Ticks),
-            ..Limits::new(cycle.period_ns, u64::from(rt.timeout_us) * 1000, bus.soc_lost_max)
+            ..Limits::new(cycle.period_ns, u64::from(rt.timeout_us) * 1000, soc_lost_max)
         }
+    }
+
+    /// RT: a cycle thread that computes hangs when it is overdue for longer, ns.
+    fn hung_ns(&self) -> u64 {
+        u64::from(self.hung_cycles) * self.period_ns
     }
 
     /// RT: number of the cycle in which a date lies.
@@ -143,8 +150,10 @@ pub struct Watchdog {
     late_reported: bool,
     starved_reported: bool,
     hung_reported: bool,
-    /// Processor time of the cycle thread at the first look that found it overdue.
-    ran_ns: Option<u64>,
+    /// Processor time of the cycle thread at the last look that found it late; none: not known.
+    cpu_ns: Option<u64>,
+    /// What it computed since it is late, as far as looks in time have seen it.
+    ran_ns: u64,
     /// Overdue time during which this watchdog was running itself. Where the whole PC stood still (a virtual machine that
     /// was not scheduled), the cycle thread is not to blame and gets its time first.
     observed_ns: u64,
@@ -162,7 +171,8 @@ impl Watchdog {
             late_reported: false,
             starved_reported: false,
             hung_reported: false,
-            ran_ns: None,
+            cpu_ns: None,
+            ran_ns: 0,
             observed_ns: 0,
         }
     }
@@ -188,7 +198,9 @@ impl Watchdog {
         }
         let overdue = self.watch_cycle(now_ns, &mut report, ran_ns);
         self.last_tick_ns = now_ns;
-        self.due_ns = if overdue || self.limits.every_tick {
+        self.due_ns = if overdue && self.late_reported {
+            self.next_due(now_ns).min(self.next_look(now_ns))
+        } else if overdue || self.limits.every_tick {
             // The very next tick, however late this one is.
             now_ns + 1
         } else {
@@ -218,11 +230,23 @@ impl Watchdog {
         let overdue_ns = now_ns - due_ns;
         // A look is due at the next tick; one that comes more than a tick later than that has observed no longer.
         let observed_to_ns = now_ns.min(self.due_ns + 2 * self.limits.tick_ns);
-        self.observed_ns += observed_to_ns.saturating_sub(self.last_tick_ns).min(overdue_ns);
+        let observed_ns = observed_to_ns.saturating_sub(self.last_tick_ns).min(overdue_ns);
+        self.observed_ns += observed_ns;
         let cycle = watch.cycle.load(Ordering::Relaxed);
-        if overdue_ns > self.limits.late_ns && !self.late_reported {
+        if self.late_reported {
+            let before_ns = std::mem::replace(&mut self.cpu_ns, ran_ns(watch));
+            let ran_ns = self
+                .cpu_ns
+                .zip(before_ns)
+                .map(|(now, before)| now.saturating_sub(before));
+            // What the host of a virtual machine takes may be counted as the thread's own: a look that comes late tells nothing
+            // of it. One whose processor time is not known is taken to compute.
+            if observed_to_ns == now_ns {
+                self.ran_ns += ran_ns.map_or(observed_ns, |ran_ns| ran_ns.min(observed_ns));
+            }
+        } else if overdue_ns > self.limits.late_ns {
             self.late_reported = true;
-            self.ran_ns = ran_ns(watch);
+            (self.cpu_ns, self.ran_ns) = (ran_ns(watch), 0);
             watch.late_cycles.fetch_add(1, Ordering::Relaxed);
             let computing = watch.finished.load(Ordering::Acquire) <= cycle;
             report(Event::CycleLate {
@@ -231,33 +255,33 @@ impl Watchdog {
                 computing,
             });
         }
-        let limit_ns = u64::from(self.limits.hung_cycles) * self.limits.period_ns;
+        let limit_ns = self.limits.hung_ns();
         if self.observed_ns > limit_ns && !self.hung_reported {
-            // A thread whose processor time is not known is taken to compute.
-            let ran_ns = self
-                .ran_ns
-                .zip(ran_ns(watch))
-                .map(|(before, now)| now.saturating_sub(before));
-            match ran_ns {
-                // More than half of the limit for a cycle that takes a part of one: less is waiting for the core.
-                Some(ran_ns) if ran_ns <= limit_ns / 2 => {
-                    if !self.starved_reported {
-                        self.starved_reported = true;
-                        report(Event::CycleStarved {
-                            cycle,
-                            overdue_ns,
-                            ran_ns,
-                        });
-                    }
-                }
-                Some(_) | None => {
-                    self.hung_reported = true;
-                    watch.soc_forbidden.store(true, Ordering::Release);
-                    report(Event::CycleHung { cycle, overdue_ns });
-                }
+            // More than half of the limit for a cycle that takes a part of one: less is waiting for the core.
+            if self.ran_ns > limit_ns / 2 {
+                self.hung_reported = true;
+                watch.soc_forbidden.store(true, Ordering::Release);
+                report(Event::CycleHung { cycle, overdue_ns });
+            } else if !self.starved_reported {
+                self.starved_reported = true;
+                report(Event::CycleStarved {
+                    cycle,
+                    overdue_ns,
+                    ran_ns: self.ran_ns,
+                });
             }
         }
         !self.hung_reported
+    }
+
+    /// When to look again at a cycle that is late: when it may hang, else after a quarter of a cycle. Each look takes the core
+    /// from a thread that wants to come to its end, in a virtual machine for far longer than the look itself takes.
+    fn next_look(&self, now_ns: u64) -> u64 {
+        let to_limit_ns = match self.limits.hung_ns().checked_sub(self.observed_ns) {
+            Some(left_ns) => left_ns + 1,
+            None => u64::MAX,
+        };
+        now_ns + to_limit_ns.min(self.limits.period_ns / 4)
     }
 
     /// The date before which no limit can be over.
@@ -278,7 +302,7 @@ impl Watchdog {
             && watch.rests.load(Ordering::Relaxed);
         let new_waits_from_ns = if resting { now_ns.max(cycle_due_ns) } else { now_ns };
         let mut due_ns = new_waits_from_ns + self.limits.shortest_wait_ns;
-        if self.deadline_ns != 0 {
+        if self.deadline_ns != 0 && !self.late_reported {
             due_ns = due_ns.min(cycle_due_ns + self.limits.late_ns);
         }
         for wait in [&watch.poll, &watch.async_slot] {

@@ -193,6 +193,58 @@ fn a_cycle_thread_that_does_not_get_the_core_is_starved_and_one_that_computes_ha
 }
 
 #[test]
+fn what_the_host_took_is_no_time_that_the_cycle_thread_computed() {
+    // The host of a virtual machine runs something else for 4 ms behind each look, and the system counts that as time of the
+    // thread that had the core: of 50 us in which it could run it had 15.
+    let mut rig = Rig::new();
+    rig.watch.begin_cycle(3, 3_000_000);
+    let (mut now_ns, mut cpu_ns) = (3_000_000, 0);
+    while rig.seen.len() < 2 {
+        rig.watchdog
+            .check(now_ns, |report| rig.seen.push(report), |_| Some(cpu_ns));
+        let due_ns = rig.watchdog.due_ns.max(now_ns + 50_000);
+        cpu_ns += 15_000 + 4_000_000;
+        now_ns = due_ns + 4_000_000;
+        rig.watchdog
+            .check(now_ns, |report| rig.seen.push(report), |_| Some(cpu_ns));
+        cpu_ns += 15_000;
+        now_ns += 50_000;
+    }
+    let [late, starved] = rig.seen[..] else {
+        panic!("{:?}", rig.seen);
+    };
+    assert!(matches!(late.event, Event::CycleLate { cycle: 4, .. }));
+    assert!(
+        matches!(starved.event, Event::CycleStarved { cycle: 3, ran_ns, .. } if ran_ns < 2_500_000),
+        "{starved:?}"
+    );
+    assert!(rig.watch.soc_allowed());
+}
+
+#[test]
+fn a_late_cycle_is_looked_at_four_times_a_cycle_and_when_it_may_hang() {
+    let mut rig = Rig::new();
+    rig.watch.begin_cycle(3, 3_000_000);
+    let limits = Limits {
+        shortest_wait_ns: 10_000_000,
+        ..LIMITS
+    };
+    rig.watchdog = Watchdog::new(rig.watch.clone(), limits);
+    rig.run(3_000_000, 4_300_001);
+    let (mut now_ns, mut looks) = (4_300_000, 0);
+    while rig.watch.soc_allowed() {
+        now_ns = limits.tick_at_or_after(rig.watchdog.due_ns);
+        rig.watchdog.check(now_ns, |_| {}, |_| Some(now_ns));
+        looks += 1;
+    }
+    assert_eq!(
+        (now_ns, looks),
+        (9_025_000, 19),
+        "and not later than with a look at each tick"
+    );
+}
+
+#[test]
 fn a_cycle_thread_that_leaves_every_cycle_out_is_late_and_alive() {
     let mut rig = Rig::new();
     rig.watch.begin_cycle(1, 1_000_000);
