@@ -29,7 +29,7 @@ pub use ::components;
 /// The command line of a control with components of its own beside those of the catalogue; `examples/own-component` is one.
 pub fn main_with(own: &'static [components::Kind]) -> std::process::ExitCode {
     if let Err(error) = components::register(own) {
-        eprintln!("isocnc: {error}");
+        files::errln!("isocnc: {error}");
         return std::process::ExitCode::from(2);
     }
     cli::main()

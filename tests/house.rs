@@ -204,6 +204,53 @@ fn stale<'t>(text: &'t str, sources: &[Source<'_>]) -> (usize, Vec<&'t str>) {
 }
 
 #[test]
+fn all_that_is_printed_goes_one_way() {
+    // Questions about an output print nothing.
+    let asks = [
+        "is_terminal()",
+        "goes_to_journal(",
+        "takes_more(",
+        "ProgressDrawTarget::",
+        "use_stderr()",
+        "let out = stderr();",
+    ];
+    let mut printed = 0;
+    for folder in ["src", "cell/src"] {
+        for path in sources(&Path::new(ROOT).join(folder)) {
+            if path.to_string_lossy().contains("tests") {
+                continue;
+            }
+            let text = read(&path);
+            let product = text.split("#[cfg(test)]\nmod tests {").next().unwrap_or_default();
+            for (number, line) in (1..).zip(product.lines()) {
+                let line = line.split("//").next().unwrap_or_default();
+                let lets_through = line.replace("files::outln!", "").replace("files::errln!", "");
+                let lets_through = lets_through
+                    .replace("printed::stdout()", "")
+                    .replace("printed::stderr", "");
+                printed += usize::from(lets_through.len() != line.len());
+                let found = [
+                    "println!",
+                    "print!(",
+                    "stdout()",
+                    "stderr()",
+                    "io::stdout",
+                    "io::stderr",
+                ]
+                .iter()
+                .any(|way| lets_through.contains(way));
+                assert!(
+                    !found || asks.iter().any(|ask| lets_through.contains(ask)),
+                    "{}:{number}: printed by files::printed only: {line}",
+                    path.display()
+                );
+            }
+        }
+    }
+    assert!(printed > 60, "{printed}");
+}
+
+#[test]
 fn items_that_the_architecture_names_are_there() {
     let all: Vec<(String, String)> = sources(Path::new(ROOT))
         .into_iter()

@@ -118,6 +118,119 @@ fn every_command_says_what_it_was_given_instead_of_a_file() {
     }
 }
 
+/// What turns a terminal's title, screen or order of letters round, in every place in which a file has text.
+#[test]
+fn nothing_that_a_file_says_steers_a_terminal() {
+    let machine = include_str!("../configs/mill3-demo.toml");
+    let mut shown = 0;
+    for (poison, seen) in [
+        ("\x1b]0;owned\x07", "\\u001b]0;owned\\u0007"),
+        ("\u{9b}2J", "\\u009b2J"),
+        ("\u{202e}cgn", "\\u202ecgn"),
+        ("\rgood\x08", "\\u000dgood\\u0008"),
+        ("\x1b[8m", "\\u001b[8m"),
+    ] {
+        let folder = folder();
+        let write = |name: &str, text: &str| {
+            std::fs::write(folder.path().join(name), text).expect("our folder");
+            name.to_owned()
+        };
+        let program = write(
+            &format!("part{poison}.ngc"),
+            &format!("(a {poison} remark)\n(MSG,says {poison})\nG1 X1 F{poison}1\nM2\n"),
+        );
+        let good = write(
+            &format!("good{poison}.ngc"),
+            &format!(
+                "; {poison}\n(MSG,says {poison})\n(PRINT,says {poison})\n(DEBUG,says {poison})\nG21\nG4 P100\nM2\n"
+            ),
+        );
+        let words = write(
+            "words.ngc",
+            &format!("{poison}\nO<{poison}> call\n#<{poison}>=1\nM{poison}3\n"),
+        );
+        let toml = write("p.toml", &machine.replace("name = \"", &format!("name = \"{poison}")));
+        let escaped: String = poison
+            .chars()
+            .map(|letter| format!("\\u{:04X}", u32::from(letter)))
+            .collect();
+        let escaped = write("e.toml", &machine.replace("name = \"", &format!("name = \"{escaped}")));
+        let key = write("k.toml", &format!("{machine}\n[{}]\nx = 1\n", "\"owned\u{9b}\""));
+        let tools = write("t.tbl", &format!("T1 P1 Z1 D2 ; {poison}\nT{poison} P2\nX{poison}\n"));
+        let hal = write(
+            "m.hal",
+            &format!("loadrt {poison}\nnet {poison} a.{poison} => b\naddf {poison} servo-thread\nsetp {poison} 1\n"),
+        );
+        let st = write(
+            "l.st",
+            &format!("PROGRAM {poison}\nVAR x{poison} : BOOL; END_VAR\nx := '{poison}'; (* {poison} *)\nEND_PROGRAM\n"),
+        );
+        let csv = write("l.csv", &format!("t_ms,{poison}\n0,{poison}\n"));
+        let device = write(
+            "d.xml",
+            &format!("<EtherCATInfo><Vendor><Name>{poison}</Name></Vendor>{poison}</EtherCATInfo>"),
+        );
+        let trace = write("t.pcap", poison);
+        let commands: Vec<Vec<&str>> = vec![
+            vec!["check", &toml],
+            vec!["check", &escaped],
+            vec!["check", &key],
+            vec!["check", &program],
+            vec!["plan", "m.toml", &program],
+            vec!["plan", "m.toml", &good],
+            vec!["plan", "m.toml", &words],
+            vec!["run", "m.toml", &program],
+            vec!["run", &escaped, &words],
+            vec!["demo", "--memory", "--program", &program],
+            vec!["interpret", &program],
+            vec!["interpret", &good],
+            vec!["interpret", "-t", &tools, &good],
+            vec!["interpret", "-v", &tools, &good],
+            vec!["interpret", "--check", "-m", &escaped, &words],
+            vec!["interpret", "--continue-after-error", &words],
+            vec!["hal", "import", &hal],
+            vec!["hal", "graph", "--file", &escaped],
+            vec!["logic", "check", &st],
+            vec!["logic", "run", &st, "--inputs", &csv],
+            vec!["bus", "trace", &trace],
+            vec!["bus", "check", &escaped],
+            vec![
+                "bus",
+                "sdo",
+                "--node",
+                "1",
+                "--interface",
+                "lo",
+                "--device",
+                &device,
+                "list",
+            ],
+            vec!["status", poison],
+            vec![poison],
+            vec!["bus", "scan", "--interface", poison],
+            vec!["--socket", poison, "status"],
+        ];
+        for command in commands {
+            for json in [false, true] {
+                let mut command = command.clone();
+                if json {
+                    command.push("--json");
+                }
+                let output = isocnc(folder.path(), &command);
+                for said in [&output.stdout, &output.stderr] {
+                    let said = String::from_utf8_lossy(said);
+                    let steers = |letter: char| {
+                        letter.is_control() && letter != '\n' && letter != '\t' || "\u{202e}\u{2066}".contains(letter)
+                    };
+                    assert!(!said.contains(steers), "{command:?}: {said:?}");
+                    shown += usize::from(said.contains(seen));
+                }
+            }
+        }
+    }
+    assert!(shown > 50, "the commands show what they were given: {shown}");
+}
+
 /// Links of a user into files of root, in the folder where root lets a program write: each of these wrote through them.
 #[test]
 fn links_of_another_user_are_never_written_through() {

@@ -257,7 +257,7 @@ fn main() -> ExitCode {
             tell_as_json(&error.to_string());
             return ExitCode::from(2);
         }
-        Err(error) => error.exit(),
+        Err(error) => return show(&error),
     };
     match carry_out(cli.command) {
         Ok(()) => ExitCode::SUCCESS,
@@ -268,10 +268,17 @@ fn main() -> ExitCode {
         Err(error) => {
             let lines: Vec<String> = format!("{error:#}").lines().map(plain).collect();
             // Nobody else can be told.
-            let _ = writeln!(io::stderr(), "error: {}", lines.join("\n"));
+            let _ = writeln!(files::printed::stderr(), "error: {}", lines.join("\n"));
             ExitCode::FAILURE
         }
     }
+}
+
+/// Shows help, or what is wrong with the words of a command line.
+fn show(error: &clap::Error) -> ExitCode {
+    let text = error.render();
+    files::printed::tell(&text.to_string(), &text.ansi().to_string(), error.use_stderr());
+    ExitCode::from(error.exit_code() as u8)
 }
 
 /// Whether errors are for a program to read; known before the arguments are, for these may be wrong.
@@ -287,7 +294,7 @@ fn tell_as_json(text: &str) {
 }
 
 fn say(text: &str) -> anyhow::Result<()> {
-    let mut out = io::stdout().lock();
+    let mut out = files::printed::stdout();
     let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
     match written {
         // Whoever reads has seen enough.
@@ -477,7 +484,7 @@ fn run(settings: Settings) -> anyhow::Result<()> {
         .with(&serve::REFUSALS)
         .with(
             tracing_subscriber::fmt::layer()
-                .with_writer(io::stderr)
+                .with_writer(files::printed::stderr)
                 .with_target(true)
                 .with_filter(tracing_subscriber::filter::filter_fn(|metadata| {
                     !is_of_encryption(metadata)
@@ -511,7 +518,7 @@ fn answer(dir: &Dir, ask: &Ask, text: impl Fn(&Value) -> String) -> anyhow::Resu
         if is_answered.recv_timeout(SILENCE) == Err(RecvTimeoutError::Timeout) {
             // Nobody else can be told.
             let _ = writeln!(
-                io::stderr(),
+                files::printed::stderr(),
                 "no answer yet; Ctrl-C ends the waiting, not what was ordered"
             );
         }

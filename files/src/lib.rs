@@ -5,10 +5,11 @@
 //!
 //! [`read`](mod@read) asks what a path names and how long that is before it reads. [`write`](mod@write) follows no link that
 //! another user has put there, and gives a file its new content as a whole or not at all. [`arrivals`] keeps files that arrive slowly from
-//! keeping others out.
+//! keeping others out. [`printed`] is the way of all text to a terminal.
 
 pub mod arrivals;
 mod place;
+pub mod printed;
 pub mod read;
 pub mod write;
 

@@ -128,7 +128,7 @@ fn logic_json(config: &Config, budgets: &[Budget]) -> Json {
 
 /// Writes to standard output; the reader of a pipe may have seen enough.
 pub(super) fn print(text: &str) -> std::io::Result<()> {
-    match std::io::stdout().write_all(text.as_bytes()) {
+    match files::printed::stdout().write_all(text.as_bytes()) {
         Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
         result => result,
     }

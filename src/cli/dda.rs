@@ -160,7 +160,7 @@ fn figure(value: Option<f64>, digits: usize) -> String {
 pub fn dda(args: &DdaArgs) -> anyhow::Result<ExitCode> {
     // Beside the figures, so that a file that cannot be written costs nothing else.
     let text = report(args)?;
-    std::io::stdout().lock().write_all(text.as_bytes())?;
+    files::printed::stdout().write_all(text.as_bytes())?;
     if let Some(file) = &args.svg {
         files::write(file, picture(args)?).with_context(|| format!("{}: cannot be written", file.display()))?;
     }

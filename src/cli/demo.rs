@@ -127,7 +127,7 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<ExitCode> {
     let cycle_us = match &network {
         None => None,
         Some(Err(error)) => {
-            eprintln!("no private network, so the same over a wire in memory: {error}");
+            files::errln!("no private network, so the same over a wire in memory: {error}");
             None
         }
         Some(Ok(_)) => kept_cycle_us(
@@ -194,8 +194,8 @@ fn kept_cycle_us(steadiness: &Steadiness, cycle_us: u32, captured: bool) -> Opti
     );
     match kept_us {
         Some(kept_us) if kept_us == cycle_us => {}
-        Some(kept_us) => eprintln!("{busy}: the cycle is {kept_us} us"),
-        None => eprintln!(
+        Some(kept_us) => files::errln!("{busy}: the cycle is {kept_us} us"),
+        None => files::errln!(
             "{busy}: the same over a wire in memory, where time stands still while the PC does something else"
         ),
     }

@@ -63,7 +63,7 @@ fn test_time(text: &str) -> Result<f64, &'static str> {
 pub fn doctor(args: &DoctorArgs) -> anyhow::Result<ExitCode> {
     if let Some(folder) = &args.write_isolcpus {
         let script = isolcpus::write(folder).with_context(|| folder.display().to_string())?;
-        println!("{}", script.display());
+        files::outln!("{}", script.display());
         return Ok(ExitCode::SUCCESS);
     }
     let config = args.machine.as_deref().map(bus::read).transpose();
@@ -71,7 +71,7 @@ pub fn doctor(args: &DoctorArgs) -> anyhow::Result<ExitCode> {
     let target = target(args, config.as_ref());
     if !args.json && std::io::stderr().is_terminal() {
         let seconds = WATCH.as_secs_f64() + target.test_time.map_or(0.0, |time| 2.0 * time.as_secs_f64());
-        eprintln!("looking at core {} for {seconds:.0} s ...", target.cpu);
+        files::errln!("looking at core {} for {seconds:.0} s ...", target.cpu);
     }
     let pc = Pc::new("/", &ThisPc, target, WATCH);
     let report = Report {
@@ -83,7 +83,7 @@ pub fn doctor(args: &DoctorArgs) -> anyhow::Result<ExitCode> {
     } else {
         report.to_string()
     };
-    match std::io::stdout().lock().write_all(text.as_bytes()) {
+    match files::printed::stdout().write_all(text.as_bytes()) {
         // The reader of a pipe may have seen enough.
         Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => {}
         written => written.context("standard output")?,

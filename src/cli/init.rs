@@ -65,7 +65,12 @@ pub fn init(args: &InitArgs) -> anyhow::Result<ExitCode> {
         let count = found
             .as_ref()
             .map(|(_, nodes)| nodes.iter().filter(|node| node.is_drive).count());
-        ask(&mut args, count, &mut std::io::stdin().lock(), &mut std::io::stdout())?;
+        ask(
+            &mut args,
+            count,
+            &mut std::io::stdin().lock(),
+            &mut files::printed::stdout(),
+        )?;
     }
     let text = machine_file(&args, found)?;
     // What the options say makes no machine.

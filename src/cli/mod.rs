@@ -185,10 +185,10 @@ pub fn main() -> ExitCode {
             say(&format!("{:#}\n", Refusal::json_of_text(&rule(&error))));
             return ExitCode::from(2);
         }
-        Err(error) => error.exit(),
+        Err(error) => return show(&error),
     };
     if let Err(error) = crate::host::logging::begin() {
-        eprintln!("isocnc: {error}");
+        files::errln!("isocnc: {error}");
         return ExitCode::from(2);
     }
     if let Command::Demo(_) | Command::Run(_) | Command::Jitter(_) = &cli.command {
@@ -248,11 +248,18 @@ pub fn main() -> ExitCode {
         match refusal {
             _ if as_json => say(&format!("{:#}\n", Refusal::json_of(&error))),
             // It names its file itself, where it is of one.
-            Some(refusal) if !refusal.json["file"].is_null() => eprintln!("{refusal}"),
-            Some(_) | None => eprintln!("isocnc: {error:#}"),
+            Some(refusal) if !refusal.json["file"].is_null() => files::errln!("{refusal}"),
+            Some(_) | None => files::errln!("isocnc: {error:#}"),
         }
         ExitCode::from(Refusal::code_of(&error))
     })
+}
+
+/// Shows help, or what is wrong with the words of a command line.
+fn show(error: &clap::Error) -> ExitCode {
+    let text = error.render();
+    files::printed::tell(&text.to_string(), &text.ansi().to_string(), error.use_stderr());
+    ExitCode::from(error.exit_code() as u8)
 }
 
 /// What is wrong with the words of a command line, without the usage around it.

@@ -58,7 +58,7 @@ pub fn panel(args: &PanelArgs) -> anyhow::Result<ExitCode> {
             }
             let secret = file.add(name, *role)?;
             say(&format!("{secret}\n"));
-            eprintln!("it is shown once; the address with it: {address}/#token={secret}");
+            files::errln!("it is shown once; the address with it: {address}/#token={secret}");
         }
         PanelCommand::List { machine } => {
             for token in token_file(machine)?.0.read()? {

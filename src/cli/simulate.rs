@@ -116,7 +116,7 @@ pub fn simulate(args: &SimulateArgs) -> anyhow::Result<ExitCode> {
             })?;
         // However this ends, the machine ends with it.
         let ended = StopOnDrop(&stop);
-        let mut out = std::io::stdout().lock();
+        let mut out = files::printed::stdout();
         writeln!(out, "{READY}")
             .and_then(|()| out.flush())
             .context("nobody hears that the machine is ready")?;

@@ -64,7 +64,7 @@ pub fn give_up_or_warn(work: Work) {
     if let Err(cause) = give_up(work) {
         // Nobody need be there to read it.
         let _ = writeln!(
-            std::io::stderr(),
+            files::printed::stderr(),
             "warning: rights that are no longer needed cannot be given up: {cause}"
         );
     }

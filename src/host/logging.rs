@@ -103,7 +103,7 @@ impl Write for Heard {
         let mut fd = [PollFd::new(out.as_fd(), PollFlags::POLLOUT)];
         match poll(&mut fd, PollTimeout::ZERO) {
             Ok(0) => Ok(line.len()),
-            _ => out.lock().write(line),
+            _ => files::printed::stderr().write(line),
         }
     }
 

@@ -33,6 +33,18 @@ impl StatusLine {
         StatusLine::on(ProgressDrawTarget::stdout(), template, pause, quiet)
     }
 
+    /// A line on standard error that counts, for a command whose output may go elsewhere; nothing where that is no terminal.
+    pub fn beside_output(template: &str, quiet: bool) -> StatusLine {
+        StatusLine::on(ProgressDrawTarget::stderr(), template, REDRAW, quiet)
+    }
+
+    /// Shows a number, where this is a terminal.
+    pub fn set_position(&self, position: u64) {
+        if !self.quiet {
+            self.bar.set_position(position);
+        }
+    }
+
     fn on(target: ProgressDrawTarget, template: &str, pause: Duration, quiet: bool) -> StatusLine {
         let bar = ProgressBar::with_draw_target(None, target);
         // A template of ours is a good one: a test draws each.
@@ -142,7 +154,7 @@ pub fn event_within(wait: Duration) -> io::Result<Option<Event>> {
 
 /// Prints. A reader that has gone away must not stop a machine in motion: what cannot be printed is not.
 pub fn say(text: &str) {
-    let mut out = stdout().lock();
+    let mut out = files::printed::stdout();
     let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
 }
 

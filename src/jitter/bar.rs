@@ -37,7 +37,7 @@ impl Bar {
             |bar| {
                 bar.set_length(milliseconds(planned_s));
                 bar.set_position(milliseconds(over_s));
-                bar.set_message(part.to_owned());
+                bar.set_message(files::printed::plain(part));
             },
             || {
                 format!(

@@ -14,7 +14,7 @@ use anyhow::Context;
 use cell_link::carrier::{Identity, common_name, machine_of};
 use cell_link::message::Remote as LinkRemote;
 use cell_link::{Client, Refused, Settings};
-use std::io::{self, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
@@ -60,7 +60,12 @@ impl Cell {
         match cell_link::run(&self.settings, &connect, stop) {
             // The control has ended, and with it its clients.
             Ok(()) | Err(cell_link::LinkError::Control(Refused::Gone(_))) => {}
-            Err(cause) => _ = writeln!(io::stderr(), "warning: the link to the supervisor has ended: {cause}"),
+            Err(cause) => {
+                _ = writeln!(
+                    files::printed::stderr(),
+                    "warning: the link to the supervisor has ended: {cause}"
+                )
+            }
         }
     }
 }

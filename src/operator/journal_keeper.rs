@@ -66,7 +66,10 @@ pub(super) fn keep(mut journal: Journal, entries: &Receiver<Entry>, kept: &Kept)
             Ok(()) => pending.clear(),
             Err(error) => {
                 if !failed_before {
-                    let _ = writeln!(std::io::stderr(), "warning: the journal cannot be written: {error}");
+                    let _ = writeln!(
+                        files::printed::stderr(),
+                        "warning: the journal cannot be written: {error}"
+                    );
                 }
                 let gone = pending.len().saturating_sub(PENDING_MAX);
                 pending.drain(..gone);

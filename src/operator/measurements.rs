@@ -35,7 +35,7 @@ pub fn keep(state: Option<&Path>, name: &str, figures: &str, picture: &str, quie
 fn warn(folder: &Path, cause: &io::Error) -> io::Result<()> {
     let folder = folder.display();
     writeln!(
-        io::stderr(),
+        files::printed::stderr(),
         "warning: {folder}: {cause}: the panel will not show this measurement"
     )
 }

@@ -178,7 +178,7 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
             } else if now_ns - cycles_since_ns > DEAD_NS && turns > DEAD_TURNS {
                 // It cannot be joined either: the end of the process is what is left.
                 let _ = writeln!(
-                    std::io::stderr(),
+                    files::printed::stderr(),
                     "isocnc: the cycle thread has stopped; the drives stop for want of frames: {}",
                     self.stalls.evidence(now_ns)
                 );

@@ -61,7 +61,7 @@ impl Panel {
             }
             Err(error) => {
                 let note = format!("warning: panel: {error}; tried again every {} s", RETRY_MS / 1000);
-                let _ = writeln!(io::stderr(), "{note}");
+                let _ = writeln!(files::printed::stderr(), "{note}");
                 (None, note)
             }
         };
@@ -92,11 +92,11 @@ impl Panel {
             }
             match quiet {
                 false => say(&told),
-                true => _ = io::stderr().write_all(told.as_bytes()),
+                true => _ = files::printed::stderr().write_all(told.as_bytes()),
             }
             if !listener.is_loopback() && tls.is_none() {
                 let what = "whoever can listen on this network can read what goes to the panel, tokens too, as it is not encrypted: tls of [panel] does that";
-                let _ = writeln!(io::stderr(), "warning: panel: {what}");
+                let _ = writeln!(files::printed::stderr(), "warning: panel: {what}");
                 note = format!("{note} (not encrypted)");
             }
         }
@@ -158,7 +158,7 @@ impl Panel {
         let settings = take(&self.settings).unwrap_or_default();
         let control = Arc::new(Way(door));
         if let Err(cause) = panel::serve(listener, settings, control, Arc::clone(&self.counts), until) {
-            let _ = writeln!(io::stderr(), "warning: the panel has ended: {cause}");
+            let _ = writeln!(files::printed::stderr(), "warning: the panel has ended: {cause}");
         }
     }
 
@@ -176,7 +176,7 @@ impl Panel {
             }
             if let Ok(listener) = Listener::bind(self.wanted.address) {
                 let _ = writeln!(
-                    io::stderr(),
+                    files::printed::stderr(),
                     "panel: {}/",
                     address(&listener, self.wanted.encryption != Encryption::None)
                 );
@@ -234,7 +234,7 @@ fn port(key: &'static str, name: &str, address: Option<SocketAddr>, quiet: bool)
     let told = format!("{name}: {}\n", listener.address());
     match quiet {
         false => say(&told),
-        true => _ = io::stderr().write_all(told.as_bytes()),
+        true => _ = files::printed::stderr().write_all(told.as_bytes()),
     }
     Ok(Some(listener))
 }

@@ -45,7 +45,8 @@ impl Progress {
             return;
         }
         let line = told_of(&live, self.lines, self.planned_s);
-        self.line.show(|bar| bar.set_message(line.clone()), || line.clone());
+        self.line
+            .show(|bar| bar.set_message(files::printed::plain(&line)), || line.clone());
     }
 }
 

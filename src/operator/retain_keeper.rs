@@ -91,7 +91,7 @@ pub(super) fn run(folder: &Path, machine: &str, desk: &Desk, stop: &AtomicBool) 
                 format!("RETAIN variables are not kept: {error}; the programs know them until this process ends");
             if ends {
                 // The journal is over.
-                let _ = writeln!(io::stderr(), "warning: {what}");
+                let _ = writeln!(files::printed::stderr(), "warning: {what}");
             } else {
                 desk.warn(what);
             }

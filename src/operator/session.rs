@@ -183,7 +183,7 @@ pub fn run(session: &Session<'_>, wire: Wire, task: &mut dyn LoopTask) -> anyhow
     if !session.quiet {
         for finding in by_cure(&process.findings) {
             // Nobody need be there to read it.
-            let _ = writeln!(std::io::stderr(), "warning: {finding}");
+            let _ = writeln!(files::printed::stderr(), "warning: {finding}");
         }
         if !matches!(wire, Wire::Paced) {
             say(&format!("{calibration}\n"));
@@ -191,7 +191,7 @@ pub fn run(session: &Session<'_>, wire: Wire, task: &mut dyn LoopTask) -> anyhow
         if let Wire::Interface(_) = wire
             && let Some(advice) = Steadiness::measure(&session.config.rt).advice(session.config)
         {
-            let _ = writeln!(std::io::stderr(), "warning: {advice}");
+            let _ = writeln!(files::printed::stderr(), "warning: {advice}");
         }
     }
     let process = Arc::new(process);
@@ -212,7 +212,7 @@ pub fn run(session: &Session<'_>, wire: Wire, task: &mut dyn LoopTask) -> anyhow
             interface,
             Arc::clone(&watch),
             || capabilities::give_up_or_warn(Work::Ordinary),
-            &mut |warning| _ = writeln!(std::io::stderr(), "warning: {warning}"),
+            &mut |warning| _ = writeln!(files::printed::stderr(), "warning: {warning}"),
             |open| run_on(session, task, near(None), open),
         ),
         Wire::Paced => near_end::with_paced(config, Arc::clone(&watch), |open, wire| {
@@ -450,7 +450,7 @@ fn run_on(
     })?;
     if let Err(cause) = capabilities::use_files() {
         // Folders that this user may write anyway are none the worse.
-        let _ = writeln!(std::io::stderr(), "warning: {cause}");
+        let _ = writeln!(files::printed::stderr(), "warning: {cause}");
     }
 
     Ok(Ended {
@@ -544,7 +544,7 @@ fn end_with_thread<T>(cycle: &std::thread::ScopedJoinHandle<'_, T>, operator: &O
     let cause = operator
         .alarm()
         .map_or("the cycle thread hung", |alarm| alarm.cause.as_str());
-    let _ = writeln!(std::io::stderr(), "isocnc: {cause}");
+    let _ = writeln!(files::printed::stderr(), "isocnc: {cause}");
     std::process::exit(i32::from(EXIT_RESTART));
 }
 
@@ -557,7 +557,7 @@ fn control_socket(pins: &Path, machine: &str) -> anyhow::Result<Option<Socket>> 
         Ok(socket) => Ok(Some(socket)),
         Err(error @ BindError::Running { .. }) => Err(error.into()),
         Err(error @ (BindError::NoSocket { .. } | BindError::System { .. })) => {
-            let _ = writeln!(std::io::stderr(), "warning: no control socket: {error}");
+            let _ = writeln!(files::printed::stderr(), "warning: no control socket: {error}");
             Ok(None)
         }
     }

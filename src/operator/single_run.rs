@@ -78,11 +78,11 @@ pub fn run_and_report(job: Job<'_>, wire: Wire) -> anyhow::Result<ExitCode> {
         ));
     }
     if let Some((line, what)) = overview.real_time.warning() {
-        eprintln!("{}:{line}: warning: {what}", program.name);
+        files::errln!("{}:{line}: warning: {what}", program.name);
     }
     let (at, cancel) = (begin.at(), job.signal.cancel());
     for doubt in doubts(config, &lock(&tables), (program.name, program.text), at, cancel) {
-        eprintln!("warning: {doubt}");
+        files::errln!("warning: {doubt}");
     }
     let session = Session {
         config,
@@ -132,7 +132,7 @@ pub fn run_and_report(job: Job<'_>, wire: Wire) -> anyhow::Result<ExitCode> {
 
 /// A signal came while the program was checked.
 fn given_up(signal: &StopSignal) -> ExitCode {
-    eprintln!("isocnc: stopped while the program was checked; nothing was moved");
+    files::errln!("isocnc: stopped while the program was checked; nothing was moved");
     signal
         .caught()
         .map_or(ExitCode::FAILURE, |signal| ExitCode::from(signals::exit_code(signal)))

@@ -136,7 +136,7 @@ impl Records {
             Record::Print(text) => {
                 // Nobody need be there to read it, and a terminal that is stopped does not stop the machine.
                 if takes_more(std::io::stderr()) {
-                    let _ = writeln!(std::io::stderr(), "{text}");
+                    let _ = writeln!(files::printed::stderr(), "{text}");
                 }
             }
             Record::OpenLog(name) => self.log = Some(self.open(name, files::create)?),

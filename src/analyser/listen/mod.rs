@@ -11,7 +11,7 @@ use crate::host::signals::StopSignal;
 use crate::host::terminal::{StatusLine, say};
 use anyhow::{Context, bail, ensure};
 use std::fmt::Write as _;
-use std::io::{BufRead, Write, stdin, stdout};
+use std::io::{BufRead, Write, stdin};
 use std::process::ExitCode;
 use std::time::Duration;
 
@@ -92,7 +92,10 @@ pub fn listen(wanted: &Wanted) -> anyhow::Result<ExitCode> {
     loop {
         let report = analyser.report()?;
         if progress.is_due() {
-            progress.show(|bar| bar.set_message(so_far(&report)), || so_far(&report));
+            progress.show(
+                |bar| bar.set_message(files::printed::plain(&so_far(&report))),
+                || so_far(&report),
+            );
         }
         if signal.caught().is_some() || report.n >= periods_max {
             break;
@@ -273,7 +276,7 @@ pub fn serve(interface: &str, cycle_us: u32) -> anyhow::Result<ExitCode> {
     };
     let window = Window::without_restarts(cycle_us);
     let mut analyser = Analyser::start_at(&place, window)?;
-    take_orders(&mut analyser, window, stdin().lock(), stdout().lock())?;
+    take_orders(&mut analyser, window, stdin().lock(), files::printed::stdout())?;
     Ok(ExitCode::SUCCESS)
 }
 

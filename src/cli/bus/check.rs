@@ -41,7 +41,7 @@ pub(in crate::cli) fn list_cdc(path: &Path) -> anyhow::Result<ExitCode> {
     match cdc::listing(&octets) {
         Ok(listing) => print(&listing)?,
         Err(error) => {
-            eprintln!("{file}: {error}");
+            files::errln!("{file}: {error}");
             return Ok(ExitCode::FAILURE);
         }
     }
@@ -50,9 +50,9 @@ pub(in crate::cli) fn list_cdc(path: &Path) -> anyhow::Result<ExitCode> {
         Ok(network) => {
             let others = network.others.iter().map(|(index, sub)| format!("0x{index:04X}:{sub}"));
             let others = others.collect::<Vec<_>>().join(", ");
-            eprintln!("{file}: our managing node has no use for {others}");
+            files::errln!("{file}: our managing node has no use for {others}");
         }
-        Err(error) => eprintln!("{file}: our managing node would refuse it: {error}"),
+        Err(error) => files::errln!("{file}: our managing node would refuse it: {error}"),
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -15,7 +15,7 @@ pub mod words;
 
 use clap::{Args, Subcommand, ValueEnum};
 use network::{NetworkArgs, Topic};
-use std::io::{BufWriter, ErrorKind};
+use std::io::ErrorKind;
 use std::process::ExitCode;
 
 /// Which frames an interface carries.
@@ -69,7 +69,7 @@ enum BusCommand {
 /// # Errors
 /// What keeps it from looking: a file, an interface, a control that is not there.
 pub fn bus(args: &BusArgs) -> anyhow::Result<ExitCode> {
-    let mut out = BufWriter::new(std::io::stdout().lock());
+    let mut out = files::printed::buffered();
     let done = match &args.command {
         BusCommand::Scan(scan) => scan::scan(scan, args.json, &mut out),
         BusCommand::Nodes(network) => network::show(network, Topic::Nodes, args.json, &mut out),

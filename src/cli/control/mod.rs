@@ -516,7 +516,7 @@ fn outlook(done: &str, of: &Value) -> String {
 
 pub(super) fn warn(control: &ControlArgs, begun: &Value) {
     if let Some(warning) = begun["warning"].as_str().filter(|_| !control.json) {
-        eprintln!("warning: {warning}");
+        files::errln!("warning: {warning}");
     }
 }
 

@@ -31,7 +31,7 @@ fn follow(args: &ControlArgs) -> anyhow::Result<ExitCode> {
     let mut value = client.call("subscribe", json!({}))?;
     loop {
         // Whoever reads them may be gone.
-        if writeln!(std::io::stdout(), "{value}").is_err() {
+        if writeln!(files::printed::stdout(), "{value}").is_err() {
             return Ok(ExitCode::SUCCESS);
         }
         value = client.notification()?["params"].take();

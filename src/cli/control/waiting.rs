@@ -115,7 +115,7 @@ pub(super) fn wait(
         }
         if line.is_due() {
             let words = on_the_way(&status);
-            line.show(|bar| bar.set_message(words.clone()), || words.clone());
+            line.show(|bar| bar.set_message(files::printed::plain(&words)), || words.clone());
         }
         std::thread::sleep(LOOK);
     }

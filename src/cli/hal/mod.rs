@@ -114,7 +114,7 @@ pub fn hal(args: &HalArgs) -> anyhow::Result<ExitCode> {
     if let HalCommand::Import(import) = &args.command {
         return hal_import::import(import, args.json);
     }
-    let mut out = std::io::stdout().lock();
+    let mut out = files::printed::stdout();
     let done = match &args.command {
         HalCommand::Graph(GraphArgs {
             file: Some(file),
@@ -356,7 +356,7 @@ fn watch(
         }
         out.flush()?;
         if !running {
-            eprintln!("the control has ended");
+            files::errln!("the control has ended");
             return Ok(());
         }
         last = now;

@@ -24,6 +24,7 @@ use read::Ini;
 use serde_json::{Value as Json, json};
 use std::collections::BTreeMap;
 use std::fmt;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::rc::Rc;
@@ -207,7 +208,7 @@ pub fn import(args: &ImportArgs, as_json: bool) -> anyhow::Result<ExitCode> {
         print(&format!("{:#}\n", translation.to_json()))?;
     } else {
         print(&translation.toml)?;
-        eprint!("{}", translation.report());
+        let _ = write!(files::printed::stderr(), "{}", translation.report());
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -173,13 +173,13 @@ fn check(args: &InterpretArgs, text: &Text, name: &str, settings: Settings) -> a
     let first = read().with_context(|| name.to_owned())?;
     let errors = gcode::check_reader(first, read, settings, limits.clone()).with_context(|| name.to_owned())?;
     for error in &errors {
-        eprintln!("{}\n", error.render(name));
+        files::errln!("{}\n", error.render(name));
     }
     match errors.len() {
         0 => {}
-        1 => eprintln!("{name}: 1 error"),
-        count if count >= limits.errors => eprintln!("{name}: {count} errors or more"),
-        count => eprintln!("{name}: {count} errors"),
+        1 => files::errln!("{name}: 1 error"),
+        count if count >= limits.errors => files::errln!("{name}: {count} errors or more"),
+        count => files::errln!("{name}: {count} errors"),
     }
     Ok(errors.len())
 }
@@ -198,7 +198,7 @@ fn run(args: &InterpretArgs, text: &Text, name: &str, tables: tables::Tables) ->
     if let Format::Canon = args.format {
         run = run.number_by_release();
     }
-    let mut out = io::BufWriter::with_capacity(1 << 16, io::stdout().lock());
+    let mut out = files::printed::buffered();
     let mut log = args.write_logs.then(Log::default);
     let mut errors = 0;
     let mut first = Vec::new();
@@ -218,7 +218,7 @@ fn run(args: &InterpretArgs, text: &Text, name: &str, tables: tables::Tables) ->
                 if let Call::Record(record) = &event.call {
                     if let (Record::Print(text), Format::Canon) = (record, args.format) {
                         out.flush()?;
-                        eprintln!("{text}");
+                        files::errln!("{text}");
                     }
                     if let Some(log) = &mut log {
                         log.record(record)?;
@@ -226,7 +226,7 @@ fn run(args: &InterpretArgs, text: &Text, name: &str, tables: tables::Tables) ->
                 }
                 if let Err(reason) = printer.write(&event, &run, name, &mut out)? {
                     out.flush()?;
-                    eprintln!("error: {name}:{reason}");
+                    files::errln!("error: {name}:{reason}");
                     return Ok(errors + 1);
                 }
             }
@@ -252,12 +252,12 @@ fn run(args: &InterpretArgs, text: &Text, name: &str, tables: tables::Tables) ->
 
 /// Tells what a start in the middle assumes; the events that come before those of the line.
 fn resumed(resume: Resume, line: u32, name: &str) -> Vec<Event> {
-    eprintln!(
+    files::errln!(
         "{name}: starts before line {line} with {} calls for the state there",
         resume.calls.len()
     );
     for assumption in resume.assumptions {
-        eprintln!("{name}: assumed: {assumption}");
+        files::errln!("{name}: assumed: {assumption}");
     }
     let event = |call| Event {
         source: Source {
@@ -270,7 +270,7 @@ fn resumed(resume: Resume, line: u32, name: &str) -> Vec<Event> {
 }
 
 fn print_error(error: &Error, name: &str) {
-    eprintln!("{}", error.render(name));
+    files::errln!("{}", error.render(name));
 }
 
 /// Writes events in one of the forms.

@@ -10,6 +10,7 @@ use anyhow::Context;
 use gcode::{Located, Settings, Splines, ToolChanger, ToolTable, parameter};
 use motion::canon::LengthUnit;
 use std::fmt::Display;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 /// What the command makes of its arguments.
@@ -38,7 +39,7 @@ pub(super) fn read(args: &InterpretArgs) -> anyhow::Result<Option<Tables>> {
                 )
             }
             Err(errors) => {
-                eprint!("{errors}");
+                let _ = write!(files::printed::stderr(), "{errors}");
                 return Ok(None);
             }
         },
@@ -63,7 +64,7 @@ pub(super) fn read(args: &InterpretArgs) -> anyhow::Result<Option<Tables>> {
             Ok(tools) => {
                 let name = path.display().to_string();
                 for passed_over in tools.passed_over() {
-                    eprintln!("{}", passed_over.render_warning(&name, &content));
+                    files::errln!("{}", passed_over.render_warning(&name, &content));
                 }
                 settings.tools = tools;
             }
@@ -106,7 +107,7 @@ fn read_file(path: &Path) -> anyhow::Result<Vec<u8>> {
 fn mistakes<Kind: Display, T>(path: &Path, content: &[u8], errors: &[Located<Kind>]) -> Option<T> {
     let path = path.display().to_string();
     for error in errors {
-        eprintln!("{}", error.render(&path, content));
+        files::errln!("{}", error.render(&path, content));
     }
     None
 }

@@ -14,7 +14,7 @@ use clap::{Args, Subcommand};
 use files::read::TEXT_MAX;
 use logic::{Diagnostic, Logic, Runtime, Severity, duration};
 use serde_json::{Value as Json, json};
-use std::io::{BufWriter, ErrorKind, Write};
+use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -183,7 +183,7 @@ fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
     let columns =
         table::columns(&logic, &args.watch).map_err(|rule| Refusal::of_file(&name, format!("{name}: {rule}")))?;
     let mut runtime = Runtime::new(Arc::clone(&logic));
-    let mut output = BufWriter::new(std::io::stdout().lock());
+    let mut output = files::printed::buffered();
     let printed =
         table::print(&table, &columns, &mut runtime, args.period_ms, &mut output).and_then(|()| output.flush());
     match printed {

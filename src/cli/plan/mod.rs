@@ -144,7 +144,7 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
         tables
             .warnings()
             .iter()
-            .for_each(|warning| eprintln!("warning: {warning}"));
+            .for_each(|warning| files::errln!("warning: {warning}"));
     }
     let report = Report::new(&config, &work);
     // What was found out first: a disk may be full.
@@ -158,17 +158,17 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
         let program = args.program.display();
         wrong
             .iter()
-            .for_each(|(line, what)| eprintln!("{program}:{line}: {what}"));
+            .for_each(|(line, what)| files::errln!("{program}:{line}: {what}"));
         for (line, what) in report.left_out() {
             let script = args.script.as_deref().unwrap_or(&args.program).display();
-            eprintln!("{script}:{line}: never came: {what}");
+            files::errln!("{script}:{line}: never came: {what}");
         }
         if let Some((line, what)) = report.real_time_factor.warning() {
-            eprintln!("{program}:{line}: warning: {what}");
+            files::errln!("{program}:{line}: warning: {what}");
         }
         let name = program.to_string();
         for doubt in doubts(&config, &tables, (&name, text), home(&config), &Cancel::default()) {
-            eprintln!("warning: {doubt}");
+            files::errln!("warning: {doubt}");
         }
     }
     let put = |file: &Path, text: String| files::write(file, text).with_context(|| file.display().to_string());
@@ -234,7 +234,7 @@ fn compare(args: &PlanArgs, text: Reader<'_>) -> anyhow::Result<ExitCode> {
         for (line, what) in report.wrong() {
             code = ExitCode::FAILURE;
             if !args.json {
-                eprintln!("{}:{line}: {setting}: {what}", args.program.display());
+                files::errln!("{}:{line}: {setting}: {what}", args.program.display());
             }
         }
     }

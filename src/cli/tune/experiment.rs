@@ -23,7 +23,7 @@ use crate::rt::waiting::Waiting;
 use anyhow::{Context, bail, ensure};
 use clap::Args;
 use motion::kinematics::Transform;
-use std::io::{BufRead, IsTerminal};
+use std::io::{BufRead, IsTerminal, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Mutex;
@@ -167,7 +167,7 @@ pub(super) fn measure(
         return Err(error);
     }
     if watch.skipped_meanwhile > 0 {
-        eprintln!(
+        files::errln!(
             "warning: this PC left out {} cycles on the way, in which nothing was measured: figures of time are that much wrong",
             watch.skipped_meanwhile
         );
@@ -183,12 +183,12 @@ pub(super) fn agreed(moves: &str) -> anyhow::Result<bool> {
         input.is_terminal(),
         "{moves}\nnobody is there to be asked whether the machine may move; --yes says that it may"
     );
-    eprint!("{moves}\nIs the way free? [y/N] ");
+    let _ = write!(files::printed::stderr(), "{moves}\nIs the way free? [y/N] ");
     let mut answer = String::new();
     input.lock().read_line(&mut answer)?;
     let agreed = matches!(answer.trim(), "y" | "Y" | "yes");
     if !agreed {
-        eprintln!("nothing was moved");
+        files::errln!("nothing was moved");
     }
     Ok(agreed)
 }

@@ -14,7 +14,7 @@ use crate::bus::sender::SoleSender;
 use crate::bus::service::IdentityView;
 use crate::cli::proposal::Node;
 use crate::config;
-use crate::host::terminal;
+use crate::host::terminal::{self, StatusLine};
 use crate::machine::modules::Modules;
 use crate::operator::refusal::Refusal;
 use anyhow::ensure;
@@ -24,7 +24,7 @@ use powerlink::link::Link;
 use powerlink::link::raw::{RawConfig, RawLink};
 use powerlink::wire::Mac;
 use serde_json::json;
-use std::io::{IsTerminal, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -62,8 +62,7 @@ pub(super) fn scan(args: &ScanArgs, as_json: bool, out: &mut impl Write) -> anyh
     if args.bus != Some(Protocol::Ethercat) {
         let link = open(&args.interface, Protocol::Powerlink)?;
         let mac = link.mac();
-        let shows_progress = std::io::stderr().is_terminal() && !as_json;
-        let scanned = ask(Box::new(link), mac, Some(&args.interface), args, shows_progress)?;
+        let scanned = ask(Box::new(link), mac, Some(&args.interface), args, as_json)?;
         if args.bus.is_some() || !scanned.is_empty() {
             return tell(scanned, args, as_json, out);
         }
@@ -141,13 +140,7 @@ pub(in crate::cli) fn nodes_on(interface: &str) -> anyhow::Result<(Protocol, Vec
     };
     let link = open(interface, Protocol::Powerlink)?;
     let mac = link.mac();
-    match ask(
-        Box::new(link),
-        mac,
-        Some(interface),
-        &args,
-        std::io::stderr().is_terminal(),
-    )? {
+    match ask(Box::new(link), mac, Some(interface), &args, false)? {
         Scanned::Foreign(foreign, _) => anyhow::bail!("{foreign}: nothing was asked"),
         Scanned::Nodes(found, station) if !found.is_empty() => {
             if let Some(trouble) = troubles(&found).first() {
@@ -172,7 +165,7 @@ fn ask(
     mac: Mac,
     interface: Option<&str>,
     args: &ScanArgs,
-    shows_progress: bool,
+    as_json: bool,
 ) -> anyhow::Result<Scanned> {
     let mut heard = Heard::default();
     let listen_ns = (args.listen * 1e9) as u64;
@@ -182,14 +175,11 @@ fn ask(
     }
     // Listened already.
     let mut station = Station::take_over(link, mac, interface, 0)?;
+    let progress = StatusLine::beside_output("asking node {pos}", as_json);
     let found = station.scan(u64::from(args.answer_us) * 1000, &mut |id| {
-        if shows_progress {
-            eprint!("\rasking node {id:<3}");
-        }
+        progress.set_position(id.into())
     })?;
-    if shows_progress {
-        eprint!("\r               \r");
-    }
+    drop(progress);
     Ok(Scanned::Nodes(found, Box::new(station)))
 }
 

@@ -68,11 +68,11 @@ pub(super) fn trace(args: &TraceArgs, as_json: bool, out: &mut impl Write) -> an
     let ended = decode_all(args, &octets, as_json, out).with_context(|| file.to_string())?;
     out.flush()?;
     if let Some(error) = &ended.damage {
-        eprintln!("isocnc: {file}: {error}; what stands before is shown");
+        files::errln!("isocnc: {file}: {error}; what stands before is shown");
     }
     if ended.unreadable > 0 && !args.summary {
         let frames = words::counted(ended.unreadable, "frame");
-        eprintln!("isocnc: {file}: {frames} cannot be read (type \"bad\")");
+        files::errln!("isocnc: {file}: {frames} cannot be read (type \"bad\")");
     }
     Ok(match ended.trouble {
         false => ExitCode::SUCCESS,

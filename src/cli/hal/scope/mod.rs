@@ -123,11 +123,11 @@ pub(super) fn scope(
         looks += 1;
         if looks == LOOKS_UNTIL_TOLD && recording.stream.recorder().number() == 0 {
             // Nobody need be there to read it.
-            let _ = writeln!(std::io::stderr(), "waiting for the trigger; Ctrl-C gives up");
+            let _ = writeln!(files::printed::stderr(), "waiting for the trigger; Ctrl-C gives up");
         }
     }
     let told = recording.finish()?;
-    let _ = writeln!(std::io::stderr(), "{}", told.text);
+    let _ = writeln!(files::printed::stderr(), "{}", told.text);
     Ok(match signal.caught() {
         // Without a length, this is how a recording ends.
         Some(signal) if args.seconds.is_some() => ExitCode::from(exit_code(signal)),
