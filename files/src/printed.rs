@@ -147,7 +147,7 @@ mod tests {
             let is_order = |(at, letter): (usize, char)| match letter {
                 '\n' | '\t' => false,
                 '\r' => !printed[at..].starts_with("\r\n"),
-                '\x1b' => colour(printed[at..].as_bytes()).is_none(),
+                '\x1b' => colour(&printed.as_bytes()[at..]).is_none(),
                 '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' => true,
                 letter => letter.is_control(),
             };
