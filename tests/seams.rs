@@ -14,7 +14,7 @@ use isocnc::rt::overrides::{Overridden, Overrides};
 use isocnc::rt::shared::RtStatus;
 use isocnc::rt::way_back::{self, WayBack};
 use motion::canon::{Axis, Position, SpindleDirection};
-use motion::element::Action;
+use motion::element::{Action, Surface};
 use motion::kinematics::ToolFrame;
 use motion::plan::PlannerKind;
 use motion::ring;
@@ -222,6 +222,7 @@ impl Judge {
 #[derive(Default)]
 struct Spindle {
     told: f64,
+    surface: Option<Surface>,
     factor: f64,
     turns: f64,
     turns_s: f64,
@@ -229,9 +230,11 @@ struct Spindle {
 
 impl Spindle {
     fn wanted(&self, sample: &Sample) -> f64 {
-        sample
-            .reversal
-            .map_or(self.told * self.factor, |scale| -self.told * scale)
+        let told = match self.surface {
+            Some(surface) => self.told.signum() * (surface.rpm(sample.position.0[0]) / 60.0).min(self.told.abs()),
+            None => self.told,
+        };
+        sample.reversal.map_or(told * self.factor, |scale| -told * scale)
     }
 
     fn step(&mut self, sample: &Sample) {
@@ -243,7 +246,12 @@ impl Spindle {
     /// Whether it is done.
     fn act(&mut self, action: Action, sample: &Sample) -> bool {
         match action {
-            Action::SpindleOn { rpm, direction, .. } => {
+            Action::SpindleOn {
+                rpm,
+                direction,
+                surface,
+            } => {
+                self.surface = surface;
                 self.told = rpm / 60.0
                     * if direction == SpindleDirection::Clockwise {
                         1.0
@@ -344,8 +352,29 @@ impl<'a> Machine<'a> {
         let plane = if lathe { "G18" } else { "G17" };
         let mut text = format!("G21 G90 G94 G40 G49 {plane} G54\nS600 M3\nG0{}\n", self.words(true));
         let mut tool_centre = false;
+        let mut led = false;
         for _ in 0..4 + self.random.below(12) {
-            let feed = self.random.pick(&[60.0, 300.0, 1000.0, 3000.0, 9000.0]);
+            if self.place.in_step && !tool_centre && self.random.once_in(5) {
+                // Feed per turn is given anew with its mode.
+                led = !led;
+                let _ = writeln!(text, "{}", if led { "G95 F0.3" } else { "G94 F800" });
+            }
+            let feed = match led {
+                false => self.random.pick(&[60.0, 300.0, 1000.0, 3000.0, 9000.0]),
+                true => self.random.pick(&[0.05, 0.2, 1.0, 3.0]),
+            };
+            if self.place.in_step && self.random.once_in(8) {
+                let surface = format!("G96 S{:.0} D1500", self.random.within(30.0, 200.0));
+                let _ = writeln!(
+                    text,
+                    "{}",
+                    if self.random.once_in(2) {
+                        surface.as_str()
+                    } else {
+                        "G97 S600"
+                    }
+                );
+            }
             let line = match self.random.below(16) {
                 0..=2 => format!("G0{}", self.words(false)),
                 3..=5 => format!("G1{} F{feed}", self.words(false)),
@@ -490,10 +519,14 @@ impl<'a> Machine<'a> {
             if sample.line != before {
                 let line = text.lines().nth(sample.line.saturating_sub(1) as usize).unwrap_or("");
                 self.note(format!("line {} {line}", sample.line));
+                let modes = text.lines().take(sample.line as usize);
+                let modes = modes.filter(|line| line.starts_with("G94") || line.starts_with("G95"));
+                let is_led = line.starts_with("G1") && modes.last().is_some_and(|line| line.starts_with("G95"));
                 self.count(match line {
                     _ if line.starts_with("G38") => "probing",
                     _ if line.starts_with("G33.1") => "tap",
                     _ if line.starts_with("G33") => "thread",
+                    _ if is_led => "led feed",
                     _ => "program",
                 });
             }
@@ -799,7 +832,11 @@ fn live_through(name: &str) {
         .kinematics()
         .is_trivial(&ToolFrame::OFF);
     let axes = (!trivial).then_some("jog of axes");
-    let in_step: &[&str] = if place.in_step { &["thread", "tap"] } else { &[] };
+    let in_step: &[&str] = if place.in_step {
+        &["thread", "tap", "led feed"]
+    } else {
+        &[]
+    };
     let all = ["program", "probing", "jog of joints", "homing", "way back", "came back"];
     for what in all.iter().chain(in_step).copied().chain(axes) {
         assert!(ran.get(what).is_some_and(|count| *count >= 1), "{what}: {ran:?}");
