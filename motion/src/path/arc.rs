@@ -110,7 +110,8 @@ impl Arc {
         self.slowing = begin - end;
         self.length = 0.5 * (begin + end);
         if across.is_nan() || across >= 1e-13 * begin.powi(4) {
-            let table = LengthTable::new(|u| self.speed(u));
+            let speed = |u: f64| self.speed(u);
+            let table = LengthTable::new(speed).refined([begin.min(end), begin.max(end)], speed);
             self.length = table.length();
             self.table = Some(table);
         }

@@ -59,9 +59,9 @@ impl Blend {
         let speeds: [f64; 33] = core::array::from_fn(|k| speed(k as f64 / 32.0));
         let slowest = speeds.into_iter().fold(f64::INFINITY, f64::min);
         let fastest = speeds.into_iter().fold(0.0, f64::max);
-        (mean.is_finite() && mean > 0.0 && slowest >= SLOWEST * mean).then_some(Blend {
+        (mean.is_finite() && mean > 0.0 && slowest >= SLOWEST * mean).then(|| Blend {
             c,
-            table,
+            table: table.refined([slowest, fastest], speed),
             group,
             main_only,
             evenness: slowest / fastest,

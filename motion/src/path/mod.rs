@@ -402,42 +402,100 @@ fn integrate(from: f64, to: f64, f: impl Fn(f64) -> f64) -> f64 {
 
 /// Intervals of the table that leads from length to curve parameter.
 const INTERVALS: usize = 8;
+const WIDTH: f64 = 1.0 / INTERVALS as f64;
+
+/// Least length per parameter over the greatest, from which on one panel an interval is enough whatever the curve.
+const EVEN: f64 = 0.5;
+/// Part of the speed that may appear where one panel goes over into the next. At 100 mm/s and 1 ms, 1e-7 is a jerk of 10 mm/s³.
+const EXACT: f64 = 3e-7;
+/// Panels of an interval at the most.
+const PANELS: u8 = 16;
 
 /// Length over a curve parameter in 0..1 and back.
+///
+/// Positions by length follow from it, derivatives by length from the curve itself. So a length that is counted wrongly is motion
+/// that nobody has planned: where it jumps by a part of itself, the speed of every axis does.
 #[derive(Clone, Copy, Debug)]
 struct LengthTable {
     /// Length up to parameter k / INTERVALS.
     s: [f64; INTERVALS + 1],
     /// Length per parameter there.
     speed: [f64; INTERVALS + 1],
+    /// Equal panels of an interval, each of them integrated by five points: a power of two.
+    panels: u8,
 }
 
 impl LengthTable {
     fn new(speed: impl Fn(f64) -> f64) -> LengthTable {
-        let width = 1.0 / INTERVALS as f64;
+        LengthTable::of_panels(1, speed)
+    }
+
+    fn of_panels(panels: u8, speed: impl Fn(f64) -> f64) -> LengthTable {
         let mut table = LengthTable {
             s: [0.0; INTERVALS + 1],
             speed: [speed(0.0); INTERVALS + 1],
+            panels,
         };
         for k in 0..INTERVALS {
-            let from = k as f64 * width;
-            table.s[k + 1] = table.s[k] + integrate(from, from + width, &speed);
-            table.speed[k + 1] = speed(from + width);
+            let from = k as f64 * WIDTH;
+            table.s[k + 1] = table.through(k, from + WIDTH, &speed);
+            table.speed[k + 1] = speed(from + WIDTH);
         }
         table
+    }
+
+    /// With as many panels as it takes where the length nearly stands still, known its least and greatest length per parameter: a root
+    /// of so little has a branch point beside the curve, and five points are right only from farther away.
+    fn refined(self, [slowest, fastest]: [f64; 2], speed: impl Fn(f64) -> f64) -> LengthTable {
+        let mut table = self;
+        while slowest < EVEN * fastest && table.panels < PANELS && !table.is_exact(&speed) {
+            table = LengthTable::of_panels(2 * table.panels, &speed);
+        }
+        table
+    }
+
+    /// Whether the last quarter of every panel is as long as it is by itself.
+    fn is_exact(&self, speed: impl Fn(f64) -> f64) -> bool {
+        let width = self.panel();
+        (0..INTERVALS * usize::from(self.panels)).all(|k| {
+            let from = k as f64 * width;
+            let (late, to) = (from + 0.75 * width, from + width);
+            let quarter = integrate(late, to, &speed);
+            let counted = integrate(from, to, &speed) - integrate(from, late, &speed);
+            (counted - quarter).abs() <= EXACT * quarter
+        })
     }
 
     fn length(&self) -> f64 {
         self.s[INTERVALS]
     }
 
+    fn panel(&self) -> f64 {
+        WIDTH / f64::from(self.panels)
+    }
+
+    /// Length up to parameter `u`, which lies in interval `k`.
+    fn through(&self, k: usize, u: f64, speed: impl Fn(f64) -> f64) -> f64 {
+        let (mut s, mut from) = (self.s[k], k as f64 * WIDTH);
+        for _ in 1..self.panels {
+            let to = from + self.panel();
+            if to >= u {
+                break;
+            }
+            s += integrate(from, to, &speed);
+            from = to;
+        }
+        s + integrate(from, u, &speed)
+    }
+
     /// Length up to parameter `u`.
     fn length_to(&self, u: f64, speed: impl Fn(f64) -> f64) -> f64 {
         let k = ((u * INTERVALS as f64) as usize).min(INTERVALS - 1);
-        self.s[k] + integrate(k as f64 / INTERVALS as f64, u, &speed)
+        self.through(k, u, speed)
     }
 
-    /// Parameter at length `s`. RT: one scan of the table, a cubic guess, at most two Newton steps.
+    /// Parameter at length `s`. RT: one scan of the table and of the panels of an interval, a cubic guess, at most four Newton
+    /// steps, of which two are enough but where the length per parameter changes by a multiple within an interval.
     fn parameter(&self, s: f64, speed: impl Fn(f64) -> f64) -> f64 {
         if s <= 0.0 {
             return 0.0;
@@ -449,18 +507,31 @@ impl LengthTable {
         while k + 1 < INTERVALS && self.s[k + 1] <= s {
             k += 1;
         }
-        let width = 1.0 / INTERVALS as f64;
-        let from = k as f64 * width;
-        let span = self.s[k + 1] - self.s[k];
-        let x = (s - self.s[k]) / span;
-        let (slope0, slope1) = (span / self.speed[k], span / self.speed[k + 1]);
+        let width = self.panel();
+        let mut from = k as f64 * WIDTH;
+        let mut ends = [self.s[k], self.s[k + 1]];
+        let mut speeds = [self.speed[k], self.speed[k + 1]];
+        if self.panels > 1 {
+            for _ in 1..self.panels {
+                ends[1] = ends[0] + integrate(from, from + width, &speed);
+                if ends[1] > s {
+                    break;
+                }
+                ends = [ends[1], self.s[k + 1]];
+                from += width;
+            }
+            speeds = [from, from + width].map(&speed);
+        }
+        let span = ends[1] - ends[0];
+        let x = (s - ends[0]) / span;
+        let [slope0, slope1] = speeds.map(|speed| span / speed);
         let guess = x * x * (3.0 - 2.0 * x) * width + x * (1.0 - x) * ((1.0 - x) * slope0 - x * slope1);
         let mut u = from + guess.clamp(0.0, width);
-        for _ in 0..2 {
-            let step = (s - self.s[k] - integrate(from, u, &speed)) / speed(u);
+        for near in [1e-7, 1e-5, 1e-5, 0.0] {
+            let step = (s - ends[0] - integrate(from, u, &speed)) / speed(u);
             u = (u + step).clamp(from, from + width);
-            // The next step would be about the square of this one.
-            if step.abs() < 1e-7 {
+            // The next step would be about the square of this one, times what the length per parameter changes by.
+            if step.abs() < near {
                 break;
             }
         }

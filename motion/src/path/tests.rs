@@ -295,3 +295,62 @@ proptest! {
         }
     }
 }
+
+/// Where the length nearly stands still, positions by length agree with derivatives by length, also where the table has a place.
+fn check_agreement(piece: &Piece) -> Result<(), TestCaseError> {
+    let place = piece.by_parameter(0.0, piece.length());
+    for k in 0..=400 {
+        let s = place(f64::from(k) / 400.0);
+        let here = piece.jet(s);
+        let most = |d: &[f64; AXES]| d.iter().fold(0.0, |most: f64, d| most.max(d.abs()));
+        // What a central difference misses is a sixth of h² d3, and rounding over h.
+        let h = 3e-4 / most(&here.d3).sqrt().max(most(&here.d2)).max(1.0 / piece.length());
+        if s < h || s > piece.length() - h {
+            continue;
+        }
+        let (low, high) = (piece.position(s - h), piece.position(s + h));
+        for axis in 0..AXES {
+            let slope = (high.0[axis] - low.0[axis]) / (2.0 * h);
+            let off = (slope - here.d1[axis]).abs();
+            prop_assert!(
+                off < 1e-5 * most(&here.d1),
+                "axis {axis} at {s} of {}: {slope}, not {}",
+                piece.length(),
+                here.d1[axis]
+            );
+        }
+    }
+    Ok(())
+}
+
+proptest! {
+    #[test]
+    fn a_blend_whose_length_nearly_stands_still_moves_by_what_is_told(
+        paces in prop::array::uniform2(0.002f64..0.05), changes in prop::array::uniform2(-0.3f64..0.3), rise in -0.05f64..0.05,
+        turn in 0.1f64..20.0,
+    ) {
+        let end = |x: f64, y: f64, a: f64, k: usize| {
+            let mut leg = Jet::default();
+            (leg.q[0], leg.q[1], leg.q[3], leg.d1[0]) = (x, y, a, 1.0);
+            BlendEnd { leg, pace: paces[k], pace_change: changes[k] }
+        };
+        if let Some(piece) = Piece::blend(&end(0.0, 0.0, 0.0, 0), &end(0.02, rise, turn, 1), Group::Main) {
+            check_agreement(&piece)?;
+        }
+    }
+
+    #[test]
+    fn a_spiral_from_near_its_centre_moves_by_what_is_told(
+        radius in -3.0f64..0.0, end_radius in -1.0f64..1.0, turn in 0.5f64..40.0, rise in -1.0f64..1.0,
+    ) {
+        let [radius, end_radius] = [radius, end_radius].map(|x| libm::pow(10.0, x));
+        let circle = Circle {
+            start: Position::xyz(radius, 0.0, 0.0),
+            end: Position::xyz(end_radius * turn.cos(), end_radius * turn.sin(), rise),
+            centre_mm: [0.0; 3],
+            normal: [0.0, 0.0, 1.0],
+            sweep_rad: turn,
+        };
+        check_agreement(&Piece::arc(&circle).unwrap())?;
+    }
+}

@@ -35,6 +35,12 @@ const UNEVEN_STEPS_MAX: f64 = 2000.0;
 /// What samples of a curve may miss of its direction, as a part: all of the limit of speed is used, with no room for it.
 const SLOPE_MISSED: f64 = 1e-4;
 
+/// Equal steps of the parameter of a blend that show how its derivatives by length change.
+pub(super) fn uneven_steps(blend: &Blend) -> usize {
+    let uneven = UNEVEN_STEPS / blend.evenness();
+    uneven.max((uneven / blend.evenness()).min(UNEVEN_STEPS_MAX)) as usize
+}
+
 /// Greatest derivatives of each axis over a stretch.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Bounds {
@@ -99,9 +105,7 @@ impl Bounds {
             -0.416.. => 24,
             _ => 64,
         };
-        let uneven = UNEVEN_STEPS / blend.evenness();
-        let uneven = uneven.max((uneven / blend.evenness()).min(UNEVEN_STEPS_MAX));
-        let steps = steps.max(uneven as usize);
+        let steps = steps.max(uneven_steps(blend));
         Bounds::sampled(steps, |x| blend.derivatives_at::<N>(x))
     }
 

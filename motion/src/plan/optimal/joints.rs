@@ -7,7 +7,7 @@ use super::solver::{JointJet, JointLimits, Taken};
 use crate::kinematics::{JOINTS, Jet3, Kinematics};
 use crate::path::{Piece, Shape};
 use crate::plan::junctions::Kink;
-use crate::plan::limits::{Bounds, PathLimits};
+use crate::plan::limits::{Bounds, PathLimits, uneven_steps};
 use crate::plan::{AxisLimits, Settings};
 
 /// Motion of joints over motion of axes where no joints belong to them.
@@ -139,17 +139,49 @@ impl Joints {
         }
     }
 
+    /// Shows `see` the derivatives of all joints from `from` to `to` of a piece, as close together as they change.
+    pub(super) fn sample(
+        &self,
+        piece: &Piece,
+        [from, to]: [f64; 2],
+        jets: &mut Vec<JointJet>,
+        mut see: impl FnMut(&[JointJet]),
+    ) {
+        /// Steps of a curved piece along which the length grows evenly.
+        const STEPS: usize = 16;
+        let mut at = |s: f64| {
+            self.jets(piece, s, jets);
+            see(jets);
+        };
+        at(from);
+        if self.are_even(piece) {
+            return;
+        }
+        let uneven = match piece.shape() {
+            Shape::Blend(blend) => uneven_steps(blend),
+            Shape::Line(_) | Shape::Arc(_) => 0,
+        };
+        if uneven <= STEPS {
+            for k in 1..=STEPS {
+                at(from + (to - from) * (k as f64 / STEPS as f64));
+            }
+        } else {
+            // Equal steps of the length would leap over where it nearly stands still.
+            let place = piece.by_parameter(from, to);
+            for k in 1..=uneven {
+                at(place(k as f64 / uneven as f64));
+            }
+        }
+    }
+
     /// The speed along a piece at which the first joint somewhere reaches its speed limit, mm/s.
     pub(super) fn fastest(&self, piece: &Piece, jets: &mut Vec<JointJet>) -> f64 {
-        const SAMPLES: u32 = 16;
-        let count = if self.are_even(piece) { 0 } else { SAMPLES };
         let mut fastest = f64::INFINITY;
-        for k in 0..=count {
-            self.jets(piece, piece.length() * f64::from(k) / f64::from(SAMPLES), jets);
+        self.sample(piece, [0.0, piece.length()], jets, |jets| {
             for (jet, limits) in jets.iter().zip(&self.limits) {
                 fastest = fastest.min(limits.velocity / jet.d1.abs());
             }
-        }
+        });
         fastest
     }
 

@@ -346,15 +346,8 @@ pub(super) fn steady_limits(
 }
 
 fn sampled(part: Part, piece: &Piece, joints: &Joints, jets: &mut Vec<JointJet>) -> Steady {
-    /// Samples of a curved piece.
-    const SAMPLES: u32 = 16;
     let mut steady = Steady::default();
-    let count = if joints.are_even(piece) { 1 } else { SAMPLES };
-    for k in 0..=count {
-        let x = f64::from(k) / f64::from(count);
-        joints.jets(piece, part.from + (part.to - part.from) * x, jets);
-        steady.include(jets);
-    }
+    joints.sample(piece, [part.from, part.to], jets, |jets| steady.include(jets));
     steady
 }
 
