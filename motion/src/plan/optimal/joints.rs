@@ -3,6 +3,8 @@
 //! In:  derivatives of the axes.
 //! Out: derivatives of the joints, and the speed that they allow.
 
+use std::f64::consts::TAU;
+
 use super::solver::{JointJet, JointLimits, Taken};
 use crate::kinematics::{JOINTS, Jet3, Kinematics};
 use crate::path::{Piece, Shape};
@@ -147,8 +149,9 @@ impl Joints {
         jets: &mut Vec<JointJet>,
         mut see: impl FnMut(&[JointJet]),
     ) {
-        /// Steps of a curved piece along which the length grows evenly.
+        /// Steps of a curve along which the length grows evenly, or of a turn; and of many turns.
         const STEPS: usize = 16;
+        const STEPS_MAX: f64 = 50_000.0;
         let mut at = |s: f64| {
             self.jets(piece, s, jets);
             see(jets);
@@ -157,20 +160,23 @@ impl Joints {
         if self.are_even(piece) {
             return;
         }
-        let uneven = match piece.shape() {
+        let steps = match piece.shape() {
             Shape::Blend(blend) => uneven_steps(blend),
-            Shape::Line(_) | Shape::Arc(_) => 0,
+            Shape::Arc(arc) => {
+                let [begin, end] = piece.turn_range();
+                let part = (end - begin) * (to - from) / piece.length();
+                let turns = part * arc.sweep_rad().abs() / TAU;
+                // Rounding makes no step.
+                (STEPS as f64 * turns * (1.0 - 1e-9)).min(STEPS_MAX).ceil() as usize
+            }
+            Shape::Line(_) => 0,
         };
-        if uneven <= STEPS {
-            for k in 1..=STEPS {
-                at(from + (to - from) * (k as f64 / STEPS as f64));
-            }
-        } else {
-            // Equal steps of the length would leap over where it nearly stands still.
-            let place = piece.by_parameter(from, to);
-            for k in 1..=uneven {
-                at(place(k as f64 / uneven as f64));
-            }
+        // Equal steps of the length would leap over where it nearly stands still.
+        let place = (steps > STEPS).then(|| piece.by_parameter(from, to));
+        let steps = steps.max(STEPS);
+        for k in 1..=steps {
+            let part = k as f64 / steps as f64;
+            at(place.as_ref().map_or(from + (to - from) * part, |place| place(part)));
         }
     }
 
@@ -274,5 +280,42 @@ impl Steady {
             straight[0] = greatest[0];
         }
         straight
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::canon::{AXES, Position};
+    use crate::path::Circle;
+
+    #[test]
+    fn turn_after_turn_every_joint_is_seen_where_it_bends_most() {
+        let limits = AxisLimits {
+            velocity: 100.0,
+            acceleration: 1000.0,
+            jerk: 20_000.0,
+            travel: [-1e3, 1e3],
+        };
+        let mut axes = [None; AXES];
+        axes[..3].fill(Some(limits));
+        let joints = Joints::new(&Settings::new(axes, 1e-3));
+        // Sixteen steps of eight turns are half turns: there X bends most, and Y not at all.
+        let helix = Piece::arc(&Circle {
+            start: Position::xyz(5.0, 0.0, 0.0),
+            end: Position::xyz(5.0, 0.0, -8.0),
+            centre_mm: [0.0; 3],
+            normal: [0.0, 0.0, 1.0],
+            sweep_rad: 8.0 * TAU,
+        });
+        let helix = helix.expect("a helix");
+        let mut most = [0.0_f64; 3];
+        joints.sample(&helix, [0.0, helix.length()], &mut Vec::new(), |jets| {
+            for (most, jet) in most.iter_mut().zip(jets) {
+                *most = most.max(jet.d2.abs());
+            }
+        });
+        let [x, y, _] = most;
+        assert!(x > 0.19 && y > 0.98 * x, "{x} {y}");
     }
 }
