@@ -96,7 +96,7 @@ pub(super) struct Work {
     pub(super) over_run_mm: f64,
     pub(super) feed: FeedKept,
     pub(super) times: TimeTable,
-    /// Everything planned, by the cycle-independent clock of the plan, s.
+    /// Everything planned, by the cycle-independent clock of the plan, s; where the spindle leads a move, as it was run down.
     pub(super) motion_time_s: f64,
     /// From text to committed profile, s.
     pub(super) wall_time_s: f64,
@@ -269,6 +269,7 @@ pub(super) fn run_down(
                 in_a_row = 0;
             }
         }
+        judge.turning = shares.turning;
         sample = interpolator.step_shares(&shares, &spindle.place());
         spindle.step(&sample);
         if let Some(action) = sample.on_the_way {
@@ -299,7 +300,17 @@ pub(super) fn run_down(
             SampleState::Moving | SampleState::Dwelling | SampleState::Acting | SampleState::Starved => {}
         }
     }
+    let led = judge.led;
     let work = judge.finish();
+    let motion_time_s = match led {
+        true => work
+            .times
+            .tools
+            .iter()
+            .map(|of_tool| of_tool.times.time_s - of_tool.times.waiting_s)
+            .sum(),
+        false => motion_time_s,
+    };
     let published_s = feeder.sink().ring.published_s().unwrap_or(0.0);
     Ok(Work {
         script: operator.map(|operator| operator.finish(work.cycles)),
@@ -372,6 +383,10 @@ pub(super) struct Judge {
     ahead: Ahead,
     feed: FeedWatch,
     times: TimeWatch,
+    /// Share of the planned feed that goes by the spindle.
+    turning: f64,
+    /// Whether the spindle has decided how long a move takes.
+    led: bool,
     blocks: usize,
     over_run_mm: f64,
     /// Depth of the tap under way that its spindle has passed.
@@ -396,6 +411,8 @@ impl Judge {
             ahead: Ahead::default(),
             feed: FeedWatch::new(cycle_s),
             times: TimeWatch::new(text, tables, cycle_s),
+            turning: 1.0,
+            led: false,
             blocks: 0,
             over_run_mm: 0.0,
             depth: None,
@@ -467,9 +484,14 @@ impl Judge {
             return On::default();
         };
         let is_curve = matches!(element, Some(Element::Span(span)) if matches!(span.piece.shape(), Shape::Blend(_)));
+        let by_turns = sample.enables.spindle_speed;
+        let by_spindle = by_turns || matches!(element, Some(Element::Synced(_)));
+        self.led |= by_spindle;
+        // Feed by turns is planned for the greatest speed of the spindle.
+        let feed = manner.feed * if by_turns { self.turning } else { 1.0 };
         On {
-            feed: (line.feed.filter(|_| manner.feed > 0.0 && !manner.scaling)).map(|feed| feed * manner.feed),
-            by_spindle: sample.enables.spindle_speed || matches!(element, Some(Element::Synced(_))),
+            feed: (line.feed.filter(|_| feed > 0.0 && !manner.scaling)).map(|programmed| programmed * feed),
+            by_spindle,
             smoothed: is_curve && !line.is_curve,
             corner_degrees: self.ahead.corner_degrees(),
         }
@@ -613,6 +635,21 @@ mod tests {
             let lines = all.samples.expect("set-points").lines().count() as u64;
             assert_eq!(lines, 1 + all.cycles);
         }
+    }
+
+    #[test]
+    fn where_the_spindle_leads_time_and_feed_are_those_that_it_gives() {
+        let text = include_str!("../../../configs/lathe2-demo.toml");
+        let config = config::parse(text, Path::new("lathe.toml")).unwrap();
+        // At a radius of 60 mm (no offset) and 120 m/min the spindle makes 318.3 turns a minute, 40 mm of 0.2 mm a turn.
+        let led = "G21 G90 G18 G53 G0 X60\nG96 S120 D2500 M3\nG95 F0.2\nG1 Z160\nM2\n";
+        let before = run(&config, &led.replace("Z160", "Z200"), false);
+        let after = run(&config, led, false);
+        let minutes = 40.0 / (0.2 * 120.0e3 / (std::f64::consts::TAU * 60.0));
+        let took_s = after.motion_time_s - before.motion_time_s;
+        assert!((took_s / (60.0 * minutes) - 1.0).abs() < 0.01, "{took_s} {minutes}");
+        assert!(after.feed.at_feed_share > 0.9, "{}", after.feed.at_feed_share);
+        assert_eq!(after.feed.limited_by[0].what, "feed");
     }
 
     #[test]
