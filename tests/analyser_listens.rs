@@ -10,7 +10,7 @@ use nix::unistd::Pid;
 use powerlink::link::Link;
 use powerlink::link::raw::{RawConfig, RawLink};
 use std::io::{BufRead, BufReader, Write};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
 const ROLE: &str = "ISOCNC_TEST_ANALYSER_LISTENS";
@@ -21,7 +21,7 @@ fn main() {
         listen();
         return;
     }
-    let mut command = Command::new(std::env::current_exe().unwrap());
+    let mut command = testing::command(std::env::current_exe().unwrap());
     let output = command.env(ROLE, "1").output().unwrap();
     let said = String::from_utf8_lossy(&output.stdout);
     let complaint = String::from_utf8_lossy(&output.stderr);
@@ -56,7 +56,7 @@ fn frame(message_type: u8) -> [u8; 60] {
 }
 
 fn isocnc(arguments: &str) -> Child {
-    Command::new(env!("CARGO_BIN_EXE_isocnc"))
+    testing::command(env!("CARGO_BIN_EXE_isocnc"))
         .args(arguments.split(' '))
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
@@ -121,7 +121,7 @@ fn serves_another_process(near: &mut RawLink) {
         windows += u32::from(report.n > 0);
     }
     drop(orders);
-    assert!(child.wait().unwrap().success());
+    assert!(testing::end(&mut child).success());
 }
 
 fn says_that_nothing_was_heard() {

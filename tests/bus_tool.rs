@@ -152,7 +152,7 @@ fn the_socket_is_private_takes_any_line_and_goes_with_the_control() {
 
     // A client that is still connected keeps nobody.
     kill(Pid::from_raw(demo.process.id() as i32), Signal::SIGTERM).expect("our own child");
-    let status = demo.process.wait().expect("our own child");
+    let status = testing::end(&mut demo.process);
     // 143, or 1 where the PC stood still so long that there was an alarm before.
     assert!(matches!(status.code(), Some(143 | 1)), "{status}");
     assert!(!path.exists());
@@ -170,7 +170,7 @@ fn the_socket_of_a_killed_control_stays_behind_and_hurts_nobody() {
     let mut demo = Demo::start();
     let path = demo.socket();
     demo.process.kill().expect("our own child");
-    demo.process.wait().expect("our own child");
+    testing::end(&mut demo.process);
     assert!(path.exists());
     assert_eq!(demo.bus(&["nodes"]).status.code(), Some(1));
     std::fs::remove_file(&path).expect("our file");

@@ -2,7 +2,7 @@
 
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 use std::time::Duration;
 
 /// Twenty seconds at least until the limit of lines is reached.
@@ -39,7 +39,7 @@ fn a_signal_ends_the_check_of_a_program_in_every_command() {
         ),
     ];
     for (command, signal, expected) in commands {
-        let process = Command::new(env!("CARGO_BIN_EXE_isocnc"))
+        let process = testing::command(env!("CARGO_BIN_EXE_isocnc"))
             .args(command)
             .current_dir(folder.path())
             .stdin(Stdio::null())

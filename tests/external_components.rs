@@ -11,7 +11,7 @@ use isocnc::sim::NetConfig;
 use std::io::{BufRead, BufReader};
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
 const MACHINE: &str = include_str!("../configs/mill3-demo.toml");
@@ -245,7 +245,7 @@ fn role_writer() {
 }
 
 fn writer(machine: &str) -> Client {
-    let mut command = Command::new(std::env::current_exe().unwrap());
+    let mut command = testing::command(std::env::current_exe().unwrap());
     let command = command
         .args(["--exact", "role_writer", "--nocapture"])
         .env(MACHINE_NAME, machine);
@@ -382,5 +382,5 @@ fn writers_that_are_killed_or_write_anything_anywhere_do_not_disturb_a_control_t
         nix::sys::signal::Signal::SIGINT,
     )
     .unwrap();
-    assert_eq!(control.process.wait().unwrap().code(), Some(130));
+    assert_eq!(testing::end(&mut control.process).code(), Some(130));
 }

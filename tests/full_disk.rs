@@ -275,7 +275,7 @@ fn a_control_tells_that_its_parameters_are_not_kept_and_stays() {
         parameters => Err(parameters),
     });
     kill(Pid::from_raw(control.0.id() as i32), Signal::SIGTERM).expect("our process");
-    assert_eq!(control.0.wait().expect("our process").code(), Some(143));
+    assert_eq!(testing::end(&mut control.0).code(), Some(143));
 }
 
 /// RETAIN variables of programs in Structured Text: as the rest of the state.

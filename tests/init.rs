@@ -2,10 +2,10 @@
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
+use std::process::{Output, Stdio};
 
 fn isocnc(args: &[&str], file: &Path) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_isocnc"));
+    let mut command = testing::command(env!("CARGO_BIN_EXE_isocnc"));
     command.arg(args[0]).arg(file).args(&args[1..]).stdin(Stdio::null());
     command.output().expect("isocnc")
 }
@@ -71,7 +71,7 @@ fn an_interrupt_in_the_midst_of_the_questions_leaves_nothing() {
         folder.path().display()
     );
     // `script` gives it a terminal, whose interrupt character is Ctrl-C.
-    let mut command = Command::new("script");
+    let mut command = testing::command("script");
     command
         .args(["-qec", &line, "/dev/null"])
         .stdin(Stdio::piped())
@@ -88,7 +88,7 @@ fn an_interrupt_in_the_midst_of_the_questions_leaves_nothing() {
         "{said:?}"
     );
     input.write_all(b"\x03").expect("a terminal");
-    let status = child.wait().expect("an end");
+    let status = testing::end(&mut child);
     assert!(!status.success(), "{status:?}");
     assert_eq!(std::fs::read_dir(folder.path()).expect("the folder").count(), 0);
 }

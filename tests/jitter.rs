@@ -38,7 +38,7 @@ fn binary() -> &'static Path {
 }
 
 fn command(binary: &Path, arguments: &[&str]) -> Command {
-    let mut command = Command::new(binary);
+    let mut command = testing::command(binary);
     command
         .arg("jitter")
         .args(arguments)
@@ -279,7 +279,7 @@ fn nothing_is_left_behind_when_the_command_is_killed() {
     // Long enough on most PCs that the helpers run; where it is not, there is nothing to be left behind.
     std::thread::sleep(Duration::from_secs(2));
     kill(Pid::from_raw(process.id() as i32), Signal::SIGKILL).expect("our own child");
-    process.wait().expect("our own child");
+    testing::end(&mut process);
     // The pipe is closed once the last process that has it is gone.
     let mut said = String::new();
     errors.read_to_string(&mut said).expect("text");

@@ -123,7 +123,7 @@ fn a_forced_variable_holds_is_told_everywhere_and_is_released() {
     // It ends with the control.
     control.ask(&["logic", "force", "press", "1"]).expect("forced");
     control.process.kill().expect("our child");
-    control.process.wait().expect("our child");
+    testing::end(&mut control.process);
     let folder = std::mem::replace(&mut control.folder, tempfile::tempdir().expect("a folder"));
     let again = start(folder, "forced");
     assert_eq!(again.ask(&["status"]).expect("a status")["forced"], json!([]));
@@ -207,7 +207,7 @@ fn retained_variables_outlast_kills_as_a_whole_and_no_more_than_seconds_are_lost
         safe = number(&control, "n");
         std::thread::sleep(std::time::Duration::from_millis(2000 + u64::from(kill) * 197));
         control.process.kill().expect("our child");
-        control.process.wait().expect("our child");
+        testing::end(&mut control.process);
         folder = std::mem::replace(&mut control.folder, tempfile::tempdir().expect("a folder"));
         let file = std::fs::read(folder.path().join("state/logic-cell.retain")).expect("it is there");
         let kept = isocnc::machine::retain_file::parse(&file).expect("a whole file");

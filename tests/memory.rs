@@ -8,7 +8,7 @@ use nix::unistd::Pid;
 use std::fmt::Write as _;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Stdio};
 use std::time::Duration;
 use tempfile::TempDir;
 
@@ -44,7 +44,7 @@ fn folder(program: &str) -> TempDir {
 
 /// Starts `isocnc COMMAND` in a folder; with what it prints, or without.
 fn start(command: &[&str], folder: &Path, stdout: Stdio) -> Child {
-    Command::new(env!("CARGO_BIN_EXE_isocnc"))
+    testing::command(env!("CARGO_BIN_EXE_isocnc"))
         .args(command)
         .current_dir(folder)
         .stdin(Stdio::null())
@@ -98,7 +98,7 @@ fn a_plan_takes_no_more_than_64_mib_however_long_the_program_is() {
         let command = ["plan", "machine.toml", "part.ngc", "--planner", planner];
         let mut process = start(&command, folder.path(), Stdio::null());
         assert_bounded(&command, &mut process);
-        assert!(process.wait().expect("it has ended").success(), "{planner}");
+        assert!(testing::end(&mut process).success(), "{planner}");
     }
 }
 

@@ -11,7 +11,7 @@ use std::io::{BufRead, BufReader, Read};
 use std::os::unix::fs::PermissionsExt;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::process::{Child, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread::{JoinHandle, sleep, spawn};
@@ -67,7 +67,7 @@ impl Demo {
         let path = folder.join("program.ngc");
         std::fs::write(&path, program).expect("our folder");
         let out = folder.join("out");
-        let mut command = Command::new(binary);
+        let mut command = testing::command(binary);
         command.arg("demo").arg("--program").arg(&path).arg("--out").arg(&out);
         command.args(arguments).current_dir("/").stdin(Stdio::null());
         command.stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -350,7 +350,7 @@ fn a_reader_that_goes_away_stops_nothing() {
     let folder = folder();
     let (program, out) = (folder.path().join("program.ngc"), folder.path().join("out"));
     std::fs::write(&program, SHORT).expect("our folder");
-    let mut process = Command::new(binary())
+    let mut process = testing::command(binary())
         .arg("demo")
         .arg("--program")
         .arg(&program)
@@ -362,7 +362,7 @@ fn a_reader_that_goes_away_stops_nothing() {
         .expect("the binary runs");
     // As `isocnc demo | head` does: nobody reads any more.
     drop(process.stdout.take());
-    process.wait().expect("it ends");
+    testing::end(&mut process);
     let report: Value = serde_json::from_str(&read_to_string(out.join("run.json")).expect("the report")).expect("JSON");
     assert!(report["alarms"].as_array().is_some(), "{report:#}");
 }
@@ -394,7 +394,7 @@ fn another_process_sees_the_pins_and_stops_the_program() {
     let (_folder, ended) = demo(LONG, &[], |demo| {
         let machine = format!("mill3-demo-{}", demo.process.id());
         let hal = |arguments: &[&str]| {
-            let output = Command::new(binary())
+            let output = testing::command(binary())
                 .arg("hal")
                 .args(arguments)
                 .args(["--machine", &machine, "--json"])

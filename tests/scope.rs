@@ -4,7 +4,7 @@ use hal_pins::scope::Sampler;
 use hal_pins::{Hal, Output};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Stdio};
 use std::time::Duration;
 
 struct Control {
@@ -39,7 +39,7 @@ impl Control {
     }
 
     fn scope(&self, args: &[&str]) -> Child {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_isocnc"));
+        let mut command = testing::command(env!("CARGO_BIN_EXE_isocnc"));
         command.args(["hal", "scope", "--machine", &self.name]).args(args);
         let command = command
             .stdin(Stdio::null())

@@ -17,7 +17,7 @@ use std::io::Write;
 use std::os::unix::fs::MetadataExt;
 use std::os::unix::net::UnixStream;
 use std::path::Path;
-use std::process::{self, Stdio};
+use std::process::Stdio;
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
@@ -282,7 +282,7 @@ fn ctrl_c_ends_the_wait_for_a_check_and_nothing_begins() {
     control.wait_for("standing by", |status| status["state"] == "disabled");
     let text = "G21 G90 F100\no1 while [1]\nG1 X1\nX2\no1 endwhile\nM2\n";
     let endless = control.program("endless.ngc", text);
-    let client = process::Command::new(env!("CARGO_BIN_EXE_isocnc"))
+    let client = testing::command(env!("CARGO_BIN_EXE_isocnc"))
         .args(["program", "run", "--machine", &control.machine])
         .arg(&endless)
         .stdout(Stdio::piped())
@@ -336,7 +336,7 @@ fn clients_wait_for_the_end_of_what_they_order() {
     // Whoever does not want to wait any longer stops nothing; a program that is stopped is not done.
     let long = control.program("long.ngc", LONG);
     let waits = || {
-        let mut client = process::Command::new(env!("CARGO_BIN_EXE_isocnc"));
+        let mut client = testing::command(env!("CARGO_BIN_EXE_isocnc"));
         client.args(["program", "run", long.to_str().unwrap(), "--machine", &control.machine]);
         client.stdout(Stdio::piped()).spawn().unwrap()
     };
@@ -371,7 +371,7 @@ fn errors_have_one_shape_where_json_is_asked_for() {
         (&["hal", "list", "--machine", "nobody", "--json"], 1),
         (&["stop", "--json", "--no-such-option"], 2),
     ] {
-        let output = process::Command::new(binary).args(arguments).output().unwrap();
+        let output = testing::command(binary).args(arguments).output().unwrap();
         assert_eq!(output.status.code(), Some(code), "{arguments:?}");
         let errors: Value =
             serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{arguments:?}: {error}"));
@@ -411,7 +411,7 @@ fn signals_that_are_no_wish_to_stop_do_nothing_and_the_others_stop_in_order() {
     }
     kill(pid, Signal::SIGQUIT).unwrap();
     assert_eq!(
-        control.process.wait().unwrap().code(),
+        testing::end(&mut control.process).code(),
         Some(131),
         "in order, not by the signal"
     );
@@ -439,7 +439,7 @@ fn pins_that_are_cut_short_stop_the_machine_and_kill_nobody() {
     let alarm = status["alarm"].as_str().unwrap();
     assert!(alarm.contains("the pins was cut short by another process"), "{alarm}");
     kill(Pid::from_raw(control.process.id() as i32), Signal::SIGTERM).unwrap();
-    assert_eq!(control.process.wait().unwrap().code(), Some(143));
+    assert_eq!(testing::end(&mut control.process).code(), Some(143));
 }
 
 #[test]
@@ -530,7 +530,7 @@ fn clients_run_hold_and_stop_programs() {
     );
 
     kill(Pid::from_raw(control.process.id() as i32), Signal::SIGTERM).unwrap();
-    assert_eq!(control.process.wait().unwrap().code(), Some(143));
+    assert_eq!(testing::end(&mut control.process).code(), Some(143));
     control.refused(&["status"], "no control of machine");
 }
 
@@ -580,7 +580,7 @@ fn what_programs_leave_behind_is_there_for_the_next_one_and_after_a_restart() {
     kept(&control, "12.000000");
 
     kill(Pid::from_raw(control.process.id() as i32), Signal::SIGTERM).unwrap();
-    assert_eq!(control.process.wait().unwrap().code(), Some(143));
+    assert_eq!(testing::end(&mut control.process).code(), Some(143));
     let folder = std::mem::replace(&mut control.folder, tempfile::tempdir().unwrap());
     let control = Control::start_in(folder, "tables-again", Stdio::null(), with_tables);
     control.wait_for("standing by", |status| status["power"] == "off");

@@ -33,7 +33,7 @@ fn started(folder: TempDir, name: &str) -> Control {
 /// Killed, not ended.
 fn killed(mut control: Control) -> TempDir {
     control.process.kill().unwrap();
-    control.process.wait().unwrap();
+    testing::end(&mut control.process);
     std::mem::replace(&mut control.folder, tempfile::tempdir().unwrap())
 }
 

@@ -152,7 +152,7 @@ fn a_service_tells_what_it_does_from_start_to_end() {
     kill(Pid::from_raw(service.process.id() as i32), Signal::SIGTERM).unwrap();
     service.hear_until("STATUS=down");
     assert!(service.place("STOPPING=1") < service.place("STATUS=stopping"));
-    assert_eq!(service.process.wait().unwrap().code(), Some(143));
+    assert_eq!(testing::end(&mut service.process).code(), Some(143));
     let ready = service.told.iter().filter(|told| *told == "READY=1").count();
     assert_eq!(ready, 1);
 }
@@ -174,7 +174,7 @@ fn a_hung_cycle_thread_gives_no_sign_of_life() {
     while service.is_running() {
         service.hear(Duration::from_millis(100));
     }
-    assert_eq!(service.process.wait().unwrap().code(), Some(3), "to be restarted");
+    assert_eq!(testing::end(&mut service.process).code(), Some(3), "to be restarted");
     let signs = service.told.iter().filter(|told| *told == "WATCHDOG=1").count();
     assert!(
         signs <= 1,
@@ -207,7 +207,7 @@ fn a_control_whose_time_out_thread_hangs_comes_to_rest_and_ends_to_be_started_an
     while service.is_running() {
         service.hear(Duration::from_millis(100));
     }
-    assert_eq!(service.process.wait().unwrap().code(), Some(3));
+    assert_eq!(testing::end(&mut service.process).code(), Some(3));
 }
 
 /// Stops one thread of a child.
@@ -343,7 +343,7 @@ fn lines_for_the_journal_of_systemd_begin_with_their_priority() {
             std::thread::sleep(Duration::from_millis(20));
         };
         kill(Pid::from_raw(control.id() as i32), Signal::SIGTERM).unwrap();
-        control.wait().unwrap();
+        testing::end(&mut control);
         let line = text.lines().find(|line| line.ends_with("machine disabled")).unwrap();
         assert_eq!(line.starts_with("<6>"), to_journal, "{text}");
     }

@@ -359,7 +359,7 @@ fn the_journal_goes_on_behind_a_kill() {
     let written = || std::fs::read_to_string(&file).unwrap_or_default().lines().count();
     control.wait_for("the disk", |_| written() >= before.len());
     control.process.kill().unwrap();
-    control.process.wait().unwrap();
+    testing::end(&mut control.process);
     let folder = std::mem::replace(&mut control.folder, tempfile::tempdir().unwrap());
     let again = Control::start_in(folder, "journal-again", Stdio::null(), with_state);
     again.wait_for("the network", |status| status["power"] == "off");

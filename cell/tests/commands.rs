@@ -12,7 +12,7 @@ use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 
 fn command(folder: &Path, words: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_isocnc-cell"));
+    let mut command = testing::command(env!("CARGO_BIN_EXE_isocnc-cell"));
     // Cargo sets it for tests; the program is to do so itself.
     command.current_dir(folder).args(words).env_remove("ZENOH_RUNTIME");
     command
@@ -193,7 +193,7 @@ fn who_asks_a_supervisor_that_was_stopped_is_told_and_can_leave() {
         .unwrap();
     assert!(line.starts_with("no answer yet; Ctrl-C ends the waiting"), "{line}");
     kill(Pid::from_raw(asks.id() as i32), Signal::SIGINT).unwrap();
-    assert_eq!(asks.wait().unwrap().signal(), Some(Signal::SIGINT as i32));
+    assert_eq!(testing::end(&mut asks).signal(), Some(Signal::SIGINT as i32));
     let mut said = String::new();
     asks.stdout.take().unwrap().read_to_string(&mut said).unwrap();
     assert_eq!(said, "");

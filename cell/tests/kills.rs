@@ -164,7 +164,7 @@ impl Process {
     /// As `kill -9`.
     fn kill(&mut self) {
         self.0.kill().unwrap();
-        self.0.wait().unwrap();
+        testing::end(&mut self.0);
     }
 }
 

@@ -598,7 +598,7 @@ fn through_its_life(rig: &mut Rig, mut command: Command, follows: impl Fn(&Rig) 
     until(rig, "it gives the component up", |_, change| {
         change == Some(Change::Released)
     });
-    assert!(running.0.wait().unwrap().success());
+    assert!(testing::end(&mut running.0).success());
     // The next one is killed.
     let started = std::thread::spawn(move || client(&mut command, &folder));
     until(rig, "the next one begins", |_, _| started.is_finished());

@@ -76,7 +76,7 @@ fn values_cross_between_processes_and_a_killed_control_is_replaced() {
     );
 
     child.kill().unwrap();
-    child.wait().unwrap();
+    testing::end(&mut child);
     assert!(!far.is_running());
     assert_eq!(
         far.get("control.answer").unwrap().value,
@@ -125,7 +125,7 @@ fn what_killed_controls_left_goes_with_the_next_start_and_what_runs_stays() {
         ]
     );
     child.kill().unwrap();
-    child.wait().unwrap();
+    testing::end(&mut child);
     drop(lathe);
     assert_eq!(names(), ["isocnc-control.mill", "isocnc-hal.mill", "notes.txt"]);
     drop(Hal::create_in(&dirs, "lathe", 8).unwrap());
@@ -163,7 +163,7 @@ fn a_bus_error_of_anything_else_still_ends_the_process() {
     let dir = tempfile::tempdir().unwrap();
     let (mut child, mut stdout) = role("role_bus_error", dir.path());
     wait_for(&mut stdout, "NOW");
-    assert_eq!(child.wait().unwrap().signal(), Some(libc::SIGBUS));
+    assert_eq!(testing::end(&mut child).signal(), Some(libc::SIGBUS));
 }
 
 /// Touches a page behind the end of a file that is no control's.
@@ -186,6 +186,6 @@ fn a_control_that_ends_removes_its_file() {
     let (mut child, mut stdout) = role("role_control", dir.path());
     wait_for(&mut stdout, "CONTROL READY");
     drop(child.stdin.take());
-    assert!(child.wait().unwrap().success());
+    assert!(testing::end(&mut child).success());
     assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
 }

@@ -252,7 +252,7 @@ fn a_killed_reader_costs_the_cycle_nothing_and_its_ring_is_free() {
         assert!(lines.map_while(Result::ok).any(|line| line.contains("READER READY")));
         rig.cycles(10);
         reader.kill().unwrap();
-        reader.wait().unwrap();
+        testing::end(&mut reader);
         rig.cycles(DEPTH + 10);
     }
     let mut capture = Capture::begin(&rig.far, &["a.count"]).unwrap();

@@ -5,6 +5,7 @@
 
 use super::bus::{Protocol, scan};
 use super::proposal::{Node, Proposal, letters};
+use crate::host::signals::end_by_interrupt;
 use crate::host::terminal::say;
 use crate::operator::refusal::Refusal;
 use crate::{bus, config};
@@ -65,6 +66,7 @@ pub fn init(args: &InitArgs) -> anyhow::Result<ExitCode> {
         let count = found
             .as_ref()
             .map(|(_, nodes)| nodes.iter().filter(|node| node.is_drive).count());
+        end_by_interrupt()?;
         ask(
             &mut args,
             count,

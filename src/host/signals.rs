@@ -83,6 +83,17 @@ impl StopSignal {
     }
 }
 
+/// Ctrl-C ends this process, even if a script has started it in its background: somebody at a terminal is asked, and may have
+/// enough of it.
+///
+/// # Errors
+/// If the system refuses.
+pub fn end_by_interrupt() -> std::io::Result<()> {
+    // SAFETY: no handler is put in.
+    unsafe { signal(Signal::SIGINT, SigHandler::SigDfl) }?;
+    Ok(())
+}
+
 fn is_ignored(signal: i32) -> std::io::Result<bool> {
     // SAFETY: an action of zeros is a valid one.
     let mut action: libc::sigaction = unsafe { std::mem::zeroed() };

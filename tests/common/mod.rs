@@ -3,19 +3,16 @@
 #![allow(dead_code, reason = "no test needs all of it")]
 
 use isocnc::config;
-use nix::sys::signal::{SigHandler, Signal};
 use serde_json::Value;
 use std::collections::HashMap;
 use std::io::{BufRead, BufReader};
-use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 const MACHINE: &str = include_str!("../../configs/mill3-demo.toml");
-/// Longest that anything may take.
-pub(crate) const PATIENCE: Duration = Duration::from_secs(120);
+pub(crate) use testing::PATIENCE;
 
 /// The machine file of the demo under this name, which bears that this PC is busy.
 pub(crate) fn machine_file(machine: &str) -> String {
@@ -57,16 +54,7 @@ impl Control {
         let file = folder.path().join("machine.toml");
         let mut command = Command::new(env!("CARGO_BIN_EXE_isocnc"));
         command.arg("run").arg(&file).arg("--json").stdout(stdout);
-        // A shell starts what runs in its background with these ignored.
-        let default = || {
-            for signal in [Signal::SIGINT, Signal::SIGQUIT] {
-                // SAFETY: no handler is put in, and nothing else is done between fork and exec.
-                unsafe { nix::sys::signal::signal(signal, SigHandler::SigDfl)? };
-            }
-            Ok(())
-        };
-        // SAFETY: the closure makes system calls only.
-        unsafe { command.pre_exec(default) };
+        testing::usual_signals(&mut command);
         Control {
             process: command.spawn().unwrap(),
             folder,

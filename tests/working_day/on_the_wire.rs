@@ -15,7 +15,7 @@ use powerlink::link::pcap::PcapReader;
 use serde_json::json;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Stdio};
 use std::time::Instant;
 
 const TEST: &str = "on_the_wire::a_day_on_the_veth_machine";
@@ -54,13 +54,13 @@ fn a_day_on_the_veth_machine() {
         return;
     }
     let private: &[&str] = if geteuid().is_root() { &["-n"] } else { &["-r", "-n"] };
-    let unshare = |command: &[&str]| Command::new("unshare").args(private).args(command).status();
+    let unshare = |command: &[&str]| testing::command("unshare").args(private).args(command).status();
     if !unshare(&["true"]).is_ok_and(|status| status.success()) {
         println!("SKIPPED: no private network");
         return;
     }
     let this = std::env::current_exe().unwrap();
-    let status = Command::new("unshare")
+    let status = testing::command("unshare")
         .args(private)
         .arg(this)
         .args(["--exact", TEST, "--nocapture", "--test-threads=1"])
@@ -75,7 +75,7 @@ struct Machine(Child);
 
 impl Machine {
     fn start(file: &Path, capture: &Path) -> Machine {
-        let mut process = Command::new(env!("CARGO_BIN_EXE_isocnc"))
+        let mut process = testing::command(env!("CARGO_BIN_EXE_isocnc"))
             .arg("simulate")
             .arg(file)
             .args(["--interface", "plk1", "--capture"])
