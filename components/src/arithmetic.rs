@@ -4,6 +4,19 @@ use crate::component::{Component, Options};
 use crate::declare::component;
 
 component! {
+    /// A number that a net can read.
+    Constant = "constant";
+    in { value: f64 = 0.0, "number"; }
+    out { out: f64 = 0.0, "`value`"; }
+}
+
+impl Component for Constant {
+    fn update(&mut self, _: f64) {
+        self.out = self.value;
+    }
+}
+
+component! {
     /// Sum of two numbers, each with its gain, and an offset.
     Sum2 = "sum2";
     in {
@@ -40,24 +53,21 @@ component! {
     Div2 = "div2";
     in {
         in0: f64 = 0.0, "dividend";
-        in1: f64 = 1.0, "divisor";
-        deadband: f64 = 1e-9, "a divisor nearer to 0 is taken as this, with its sign";
+        in1: f64 = 0.0, "divisor";
+        deadband: f64 = 0.0, "a divisor nearer to 0 is taken as this, with its sign; 1e-12 at least";
     }
     out { out: f64 = 0.0, "`in0 / in1`"; }
 }
 
 impl Component for Div2 {
     fn update(&mut self, _: f64) {
-        self.out = self.in0 / away_from_0(self.in1, self.deadband);
-    }
-}
-
-/// At least `least` from 0, with its own sign. RT.
-fn away_from_0(value: f64, least: f64) -> f64 {
-    if value.abs() < least {
-        least.copysign(value)
-    } else {
-        value
+        let least = self.deadband.max(1e-12);
+        let divisor = match self.in1 {
+            near if near.abs() < least && near < 0.0 => -least,
+            near if near.abs() < least => least,
+            divisor => divisor,
+        };
+        self.out = self.in0 / divisor;
     }
 }
 
@@ -277,13 +287,16 @@ impl Component for Lincurve {
     }
 }
 
-/// Value of a table at a place. RT.
+/// Value of a table at a place. Where it steps, at a place that two points have, that of the first one. RT.
 fn linear(x: &[f64], y: &[f64], at: f64) -> f64 {
-    let (Some(first), Some(last)) = (y.first(), y.last()) else {
+    let (Some(end), Some(first), Some(last)) = (x.last(), y.first(), y.last()) else {
         return 0.0;
     };
     if at.is_nan() {
         return at;
+    }
+    if at >= *end {
+        return *last;
     }
     let Some(above) = x.iter().position(|x| at <= *x) else {
         return *last;

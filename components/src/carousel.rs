@@ -23,19 +23,21 @@ component! {
         parity: 0, 0..=1, [], "0: even, 1: odd, where a sensor tells the parity";
     }
     in {
-        pocket_number: i32 = 0, "wanted pocket, from 1; beyond the last it goes round";
+        pocket_number: i32 = 0, "wanted pocket, from 1; beyond the last it goes round, below 1 it is 1; may change while it turns";
         enable: bool = false, "turns as it rises; falling stops at once, but not the search for the index";
+        debounce: u32 = 0, "calls that the wanted pocket must last before it stops there: for codes whose bits change a call apart";
         strobe: bool = true, "the sensors may be read";
-        parity: bool = false, "parity of the sensors; for `parity-error` alone";
+        parity: bool = false, "parity of the sensors in Gray code, binary and BCD; for `parity-error` alone";
         sense as "sense-#": Vec<bool> = vec![false; 4], "sensor";
         rev_pulse: f64 = 0.0, "pulse back at the pocket, s";
         fwd_dc: f64 = 0.0, "`motor-vel` forward";
         rev_dc: f64 = 0.0, "`motor-vel` backward";
-        hold_dc: f64 = 0.0, "`motor-vel` at the pocket";
+        hold_dc: f64 = 0.0, "`motor-vel` at rest, held against a stop";
         align_dc: f64 = 0.0, "`motor-vel` of the aligning move; 0: none, nor is there one with `rev-pulse`";
         decel_time: f64 = 0.0, "how long it needs to come to rest before the aligning move, s";
         jog_fwd: bool = false, "a pocket forward as it rises, while nothing else is done";
         jog_rev: bool = false, "a pocket back as it rises, with `dir` 2";
+        unhome: bool = false, "forgets the pocket as it rises";
     }
     out {
         active: bool = false, "it turns";
@@ -43,13 +45,13 @@ component! {
         motor_fwd: bool = false, "forward";
         motor_rev: bool = false, "backward";
         motor_vel: f64 = 0.0, "speed for a drive";
-        parity_error: bool = false, "`parity` does not fit the sensors";
+        parity_error: bool = false, "`parity` does not fit the sensors, at the last `strobe`";
         current_position: i32 = 0, "pocket that the sensors tell, from 1";
         homed: bool = false, "the pocket is known";
     }
     state {
-        encoding: Encoding = Encoding::Gray; pockets: i32 = 8; both_ways: bool = true; odd: bool = false; work: Work = Work::Idle;
-        enable_edge: Edge = Edge::default(); pulse: Edge = Edge::default(); fwd: Edge = Edge::default(); rev: Edge = Edge::default();
+        encoding: Encoding = Encoding::Gray; pockets: i32 = 8; both_ways: bool = true; odd: bool = false; work: Work = Work::Idle; there: u32 = 0;
+        unhome_edge: Edge = Edge::default(); enable_edge: Edge = Edge::default(); pulse: Edge = Edge::default(); fwd: Edge = Edge::default(); rev: Edge = Edge::default();
     }
 }
 
@@ -95,7 +97,12 @@ impl Carousel {
     /// Reads the sensors. RT.
     fn sense(&mut self) {
         let set = self.sense.iter().filter(|bit| **bit).count();
-        self.parity_error = ((set + usize::from(self.parity)) % 2 == 1) != self.odd;
+        if self.strobe {
+            // Sensors that are no code have no parity.
+            let is_code = !matches!(self.encoding, Encoding::Single | Encoding::Index);
+            let is_odd = is_code && set % 2 == 1;
+            self.parity_error = (is_odd != self.parity) != self.odd;
+        }
         let code = bits(&self.sense);
         let told = match self.encoding {
             Encoding::Gray => match from_gray(code) {
@@ -155,9 +162,18 @@ impl Carousel {
         })
     }
 
+    /// Whether it has been at the pocket for long enough. RT.
+    fn is_there(&mut self, target: i32) -> bool {
+        let is_at = self.current_position == target;
+        self.there = if is_at { self.there.saturating_add(1) } else { 0 };
+        self.there > self.debounce
+    }
+
     fn turn_to(&self, target: i32, jog: bool) -> Work {
         let ahead = (target - self.current_position).rem_euclid(self.pockets);
-        let forward = !self.both_ways || 2 * ahead <= self.pockets;
+        // Half a turn away, toward the number.
+        let is_nearer = 2 * ahead < self.pockets || 2 * ahead == self.pockets && target > self.current_position;
+        let forward = !self.both_ways || is_nearer;
         Work::Turning { target, forward, jog }
     }
 }
@@ -178,12 +194,16 @@ impl Component for Carousel {
     }
 
     fn update(&mut self, period_s: f64) {
+        if self.unhome_edge.rises(self.unhome) {
+            self.homed = false;
+        }
         self.sense();
         let begins = self.enable_edge.rises(self.enable);
         let jogs = [self.fwd.rises(self.jog_fwd), self.rev.rises(self.jog_rev)];
-        let wanted = self.pocket(self.pocket_number);
+        let wanted = self.pocket(self.pocket_number.max(1));
         self.work = match self.work {
             Work::Idle if begins && !self.homed => Work::Homing,
+            Work::Idle if (jogs[0] || jogs[1] && self.both_ways) && !self.homed => Work::Homing,
             Work::Idle if begins => self.turn_to(wanted, false),
             Work::Idle if self.homed && !self.enable && jogs[0] => Work::Turning {
                 target: self.pocket(self.current_position + 1),
@@ -214,9 +234,13 @@ impl Component for Carousel {
             Work::There if !self.enable => Work::Idle,
             as_before => as_before,
         };
+        // It stops at the pocket that is wanted then.
+        if let Work::Turning { target, jog: false, .. } = &mut self.work {
+            *target = wanted;
+        }
         // What is over leads on in the same call.
         if let Work::Turning { target, forward, jog } = self.work
-            && self.current_position == target
+            && self.is_there(target)
         {
             let left_s = self.rev_pulse.max(0.0);
             let aligns = left_s == 0.0 && self.align_dc != 0.0 && !self.align_dc.is_nan();
@@ -246,13 +270,13 @@ impl Component for Carousel {
         self.ready = self.work == Work::There;
         let aligns = matches!(self.work, Work::Aligning { .. });
         self.active = self.motor_fwd || self.motor_rev || aligns;
-        self.motor_vel = match (self.motor_fwd, self.motor_rev, self.ready) {
-            (true, _, _) if aligns => self.align_dc,
-            (false, true, _) if aligns => -self.align_dc,
-            (true, _, _) => self.fwd_dc,
-            (false, true, _) => self.rev_dc,
-            (false, false, true) => self.hold_dc,
-            (false, false, false) => 0.0,
+        self.motor_vel = match (self.motor_fwd, self.motor_rev) {
+            (true, _) if aligns => self.align_dc,
+            (false, true) if aligns => -self.align_dc,
+            (true, _) => self.fwd_dc,
+            (false, true) => self.rev_dc,
+            (false, false) if aligns => 0.0,
+            (false, false) => self.hold_dc,
         };
         if self.motor_vel.is_nan() {
             self.motor_vel = 0.0;

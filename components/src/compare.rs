@@ -17,11 +17,10 @@ component! {
 impl Component for Comp {
     fn update(&mut self, _: f64) {
         let (above, half) = (self.in1 - self.in0, self.hyst / 2.0);
+        let (is_below, is_above) = (above < -half, above > half);
         self.equal = above.abs() <= half;
-        if above > half {
-            self.out = true;
-        } else if above < -half {
-            self.out = false;
+        if is_below || is_above {
+            self.out = !is_below;
         }
     }
 }
@@ -80,12 +79,18 @@ component! {
         cur_pos: f64 = 0.0, "position";
         home_pos: f64 = 1.0, "place of the switch; closed from there away from 0";
         hysteresis: f64 = 0.1, "way back until it opens";
+        index_enable: bool = false, "looks for an index";
+        index_delay_ms: f64 = 10.0, "how long it takes to meet it, ms";
     }
-    out { home_sw: bool = false, "switch is closed"; }
+    out {
+        home_sw: bool = false, "switch is closed";
+        indexed: bool = false, "the index has been met; until `index-enable` falls";
+    }
+    state { looked_ms: Option<f64> = None; }
 }
 
 impl Component for SimHomeSwitch {
-    fn update(&mut self, _: f64) {
+    fn update(&mut self, period_s: f64) {
         // Outward is away from 0.
         let (at, home) = match self.home_pos >= 0.0 {
             true => (self.cur_pos, self.home_pos),
@@ -96,5 +101,15 @@ impl Component for SimHomeSwitch {
         } else if at <= home - self.hysteresis {
             self.home_sw = false;
         }
+        // The call in which it begins takes no time.
+        self.looked_ms = match (self.index_enable, self.looked_ms) {
+            (false, _) => None,
+            (true, None) => Some(0.0),
+            (true, Some(looked_ms)) => Some(looked_ms + period_s * 1e3),
+        };
+        // A rest that is rounding is none; a delay that is no number is none.
+        let delay_ms = self.index_delay_ms;
+        let is_over = |looked_ms: f64| looked_ms + period_s * 500.0 >= delay_ms || delay_ms.is_nan();
+        self.indexed = self.looked_ms.is_some_and(is_over);
     }
 }

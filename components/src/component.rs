@@ -35,6 +35,8 @@ pub enum Slot<'a> {
     U32(&'a mut u32),
     /// [`Type::Float`]
     Float(&'a mut f64),
+    /// [`Type::Float`], of an input that counts only where a net reaches it, else `None`.
+    OnNet(&'a mut Option<f64>),
 }
 
 impl Slot<'_> {
@@ -45,6 +47,7 @@ impl Slot<'_> {
             Slot::S32(value) => AnyValue::S32(**value),
             Slot::U32(value) => AnyValue::U32(**value),
             Slot::Float(value) => AnyValue::Float(**value),
+            Slot::OnNet(value) => AnyValue::Float(value.unwrap_or(0.0)),
         }
     }
 
@@ -250,7 +253,7 @@ impl Kind {
     }
 }
 
-/// A field that is a pin, or several: `bool`, `i32`, `u32`, `f64`, and arrays and vectors of them.
+/// A field that is a pin, or several: `bool`, `i32`, `u32`, `f64`, and arrays and vectors of them; `Option<f64>`: [`Slot::OnNet`].
 pub trait Field {
     /// Visits it. RT.
     fn visit(&mut self, pattern: &'static str, doc: &'static str, visitor: &mut dyn FnMut(Pin<'_>));
@@ -299,6 +302,18 @@ field!(bool, Bit);
 field!(i32, S32);
 field!(u32, U32);
 field!(f64, Float);
+
+impl Field for Option<f64> {
+    fn visit(&mut self, pattern: &'static str, doc: &'static str, visitor: &mut dyn FnMut(Pin<'_>)) {
+        let slot = Slot::OnNet(self);
+        visitor(Pin {
+            pattern,
+            index: 0,
+            doc,
+            slot,
+        });
+    }
+}
 
 #[cfg(test)]
 mod tests {

@@ -7,11 +7,11 @@ use crate::select::from_gray;
 
 /// A conversion within the range of the target, or cut to its bits; and whether the value is outside.
 macro_rules! convert {
-    ($Name:ident, $kind:literal, $from:ty, $to:ty, $zero:expr, $zero_out:expr, $doc:literal, |$in:ident, $clamp:ident| $convert:expr) => {
+    ($Name:ident, $kind:literal, $from:ty, $to:ty, $zero:expr, $zero_out:expr, $doc:literal, $unclamped:literal, |$in:ident, $clamp:ident| $convert:expr) => {
         component! {
             #[doc = $doc]
             $Name = $kind;
-            in { in_: $from = $zero, "value"; clamp: bool = true, "holds it within the range of the other type; else the upper bits are lost"; }
+            in { in_: $from = $zero, "value"; clamp: bool = false, $unclamped; }
             out { out: $to = $zero_out, "the same value"; out_of_range: bool = false, "it is outside of the range"; }
         }
 
@@ -35,7 +35,7 @@ fn integer(value: f64, clamp: bool, min: i64, max: i64) -> Option<(i64, bool)> {
     }
     // Beyond the range of 64 bits there are no fractions, and no lower bits to keep.
     let cut = value as i64;
-    let outside = cut < min || cut > max;
+    let outside = value < min as f64 || value > max as f64;
     Some((if clamp { cut.clamp(min, max) } else { cut }, outside))
 }
 
@@ -47,6 +47,7 @@ convert!(
     0.0,
     0,
     " Number to signed integer, cut toward 0.",
+    "holds it within the range of the other type; else the upper bits are lost",
     |value, clamp| integer(value, clamp, i64::from(i32::MIN), i64::from(i32::MAX))
         .map(|(cut, outside)| (cut as i32, outside))
 );
@@ -58,6 +59,7 @@ convert!(
     0.0,
     0,
     " Number to unsigned integer, cut toward 0.",
+    "holds it within the range of the other type; else the upper bits are lost",
     |value, clamp| integer(value, clamp, 0, i64::from(u32::MAX)).map(|(cut, outside)| (cut as u32, outside))
 );
 convert!(
@@ -68,6 +70,7 @@ convert!(
     0,
     0,
     " Signed integer to unsigned one.",
+    "holds it within the range of the other type; else the upper bits are lost",
     |value, clamp| Some((if clamp { value.max(0) } else { value } as u32, value < 0))
 );
 convert!(
@@ -78,6 +81,7 @@ convert!(
     0,
     0,
     " Unsigned integer to signed one.",
+    "holds it within the range of the other type; else the upper bits are lost",
     |value, clamp| Some((
         if clamp { value.min(i32::MAX as u32) } else { value } as i32,
         value > i32::MAX as u32
@@ -91,10 +95,8 @@ convert!(
     0,
     false,
     " Signed integer to bit.",
-    |value, clamp| Some((
-        if clamp { value > 0 } else { value & 1 != 0 },
-        !(0..=1).contains(&value)
-    ))
+    "holds it at 0 where it is below; else any bit counts",
+    |value, clamp| Some((if clamp { value > 0 } else { value != 0 }, !(0..=1).contains(&value)))
 );
 convert!(
     ConvU32Bit,
@@ -104,7 +106,8 @@ convert!(
     0,
     false,
     " Unsigned integer to bit.",
-    |value, clamp| Some((if clamp { value > 0 } else { value & 1 != 0 }, value > 1))
+    "has no effect: any bit counts",
+    |value, _clamp| Some((value != 0, value > 1))
 );
 
 /// A conversion that always fits.
@@ -232,5 +235,42 @@ component! {
 impl Component for Bin2gray {
     fn update(&mut self, _: f64) {
         self.out = self.in_ ^ self.in_ >> 1;
+    }
+}
+
+component! {
+    /// A number to the bit that stands for it, or such bits to their number: what a Modbus register says in one word.
+    Enumeration = "enum";
+    options {
+        mode: 0, 0..=1, ["decode", "encode"], "from the number to bits, or from bits to the number";
+        size: 4, 1..=256, [], "number of bits";
+    }
+    in {
+        input: Vec<u32> = Vec::new(), "number";
+        in_ as "in-##": Vec<bool> = Vec::new(), "bit";
+        val as "val-##": Vec<u32> = Vec::new(), "number that bit NN stands for, first NN";
+    }
+    out {
+        out as "out-##": Vec<bool> = Vec::new(), "the number is that of the bit";
+        output: Vec<u32> = Vec::new(), "number of the bit that is set, of several that of the last; 0 where none is";
+    }
+}
+
+impl Component for Enumeration {
+    fn shape(&mut self, options: &Options<'_>) {
+        let size = options.count("size");
+        self.val = (0..size as u32).collect();
+        match options.get("mode") {
+            0 => (self.input, self.out) = (vec![0], vec![false; size]),
+            _ => (self.output, self.in_) = (vec![0], vec![false; size]),
+        }
+    }
+
+    fn update(&mut self, _: f64) {
+        for (out, val) in self.out.iter_mut().zip(&self.val) {
+            *out = self.input.first() == Some(val);
+        }
+        let mut set = self.in_.iter().zip(&self.val).filter(|(bit, _)| **bit);
+        self.output.fill(set.next_back().map_or(0, |(_, val)| *val));
     }
 }

@@ -3,7 +3,7 @@
 use crate::component::Component;
 use crate::declare::component;
 use crate::edge::Edge;
-use std::f64::consts::{FRAC_1_SQRT_2, PI};
+use std::f64::consts::PI;
 
 component! {
     /// Low-pass filter of first order.
@@ -36,7 +36,7 @@ component! {
         scale: f64 = 1024.0, "counts of the output for one of the input";
         gain: f64 = 0.5, "part of the difference that is taken a call, 0 to 1";
     }
-    out { out: i32 = 0, "smoothed counts, within the range of its type"; }
+    out { out: i32 = 0, "smoothed counts, wrapping around"; }
     state { value: f64 = 0.0; }
 }
 
@@ -46,7 +46,8 @@ impl Component for Ilowpass {
         if next.is_finite() {
             self.value = next;
         }
-        self.out = libm::floor(self.value * self.scale + 0.5) as i32;
+        // Jogging takes differences of counts, which go on over the end of their type.
+        self.out = libm::floor(self.value * self.scale + 0.5) as i64 as i32;
     }
 }
 
@@ -55,17 +56,20 @@ component! {
     Biquad = "biquad";
     in {
         in_: f64 = 0.0, "number";
-        enable: bool = false, "filters; coefficients are worked out as it rises";
+        enable: bool = false, "filters; coefficients are worked out as it rises, and for types 1 and 2 it begins anew";
         type_: u32 = 0, "0 own coefficients, 1 low-pass, 2 notch";
         f0: f64 = 250.0, "corner frequency, Hz; at most half the rate of calls";
-        q: f64 = FRAC_1_SQRT_2, "quality, 0.5 to 2";
+        q: f64 = 7071.0 / 10_000.0, "quality, 0.5 to 2";
         d1: f64 = 0.0, "own coefficient of the denominator";
         d2: f64 = 0.0, "own coefficient of the denominator";
         n0: f64 = 1.0, "own coefficient of the numerator";
         n1: f64 = 0.0, "own coefficient of the numerator";
         n2: f64 = 0.0, "own coefficient of the numerator";
     }
-    out { out: f64 = 0.0, "filtered number; the number itself while not `valid`"; valid: bool = false, "filters"; }
+    out {
+        out: f64 = 0.0, "filtered number; the number itself while not `valid` or not `enable`";
+        valid: bool = false, "there are coefficients, those of the last rise of `enable`";
+    }
     state { edge: Edge = Edge::default(); known: bool = false; numerator: [f64; 3] = [0.0; 3]; denominator: [f64; 2] = [0.0; 2]; sums: [f64; 2] = [0.0; 2]; }
 }
 
@@ -102,10 +106,11 @@ impl Component for Biquad {
         let begins = self.edge.rises(self.enable) || !std::mem::replace(&mut self.known, true) && self.enable;
         if begins {
             self.valid = self.design(period_s);
-            self.sums = [0.0; 2];
+            if self.type_ != 0 && self.valid {
+                self.sums = [0.0; 2];
+            }
         }
-        self.valid &= self.enable;
-        if !self.valid {
+        if !(self.enable && self.valid) {
             self.out = self.in_;
             return;
         }
@@ -155,17 +160,16 @@ impl Component for Integ {
             false => self.out + self.gain * self.in_ * period_s,
         };
         if !next.is_nan() {
-            self.out = next.max(self.min).min(self.max);
+            self.out = next.min(self.max).max(self.min);
         }
     }
 }
 
 component! {
-    /// Least and greatest value so far.
+    /// Least and greatest value so far, 0 among them until it is reset.
     Minmax = "minmax";
     in { in_: f64 = 0.0, "number"; reset: bool = false, "begins anew with the number"; }
     out { max: f64 = 0.0, "greatest"; min: f64 = 0.0, "least"; }
-    state { known: bool = false; }
 }
 
 impl Component for Minmax {
@@ -173,7 +177,7 @@ impl Component for Minmax {
         if self.in_.is_nan() {
             return;
         }
-        if !std::mem::replace(&mut self.known, true) || self.reset {
+        if self.reset {
             (self.min, self.max) = (self.in_, self.in_);
         } else {
             (self.min, self.max) = (self.min.min(self.in_), self.max.max(self.in_));

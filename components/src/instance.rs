@@ -44,6 +44,7 @@ impl Instance {
                 Slot::S32(value) => hal.input(&name, *value).map(Reader::S32),
                 Slot::U32(value) => hal.input(&name, *value).map(Reader::U32),
                 Slot::Float(value) => hal.input(&name, *value).map(Reader::Float),
+                Slot::OnNet(_) => hal.input(&name, 0.0).map(Reader::Float),
             };
             match claimed {
                 Ok(reader) => inputs.push(reader),
@@ -56,7 +57,7 @@ impl Instance {
                 Slot::Bit(_) => hal.output(&name).map(Writer::Bit),
                 Slot::S32(_) => hal.output(&name).map(Writer::S32),
                 Slot::U32(_) => hal.output(&name).map(Writer::U32),
-                Slot::Float(_) => hal.output(&name).map(Writer::Float),
+                Slot::Float(_) | Slot::OnNet(_) => hal.output(&name).map(Writer::Float),
             };
             match claimed {
                 Ok(writer) => outputs.push(writer),
@@ -84,6 +85,9 @@ impl Instance {
                 (Slot::S32(value), Some(Reader::S32(reader))) => *value = reader.get(),
                 (Slot::U32(value), Some(Reader::U32(reader))) => *value = reader.get(),
                 (Slot::Float(value), Some(Reader::Float(reader))) => *value = reader.get(),
+                (Slot::OnNet(value), Some(Reader::Float(reader))) => {
+                    *value = reader.is_on_net().then(|| reader.get());
+                }
                 // Pins are visited as they were claimed.
                 _ => {}
             }
@@ -104,5 +108,34 @@ impl Instance {
                 _ => {}
             }
         });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::catalogue::find;
+
+    #[test]
+    fn a_pin_that_counts_on_a_net_alone_counts_as_soon_as_one_reaches_it() {
+        let mut hal = Hal::create(&format!("on-net-{}", std::process::id()), 40).unwrap();
+        let made = |kind: &str| find(kind).unwrap().make(&[]).unwrap();
+        let mut constant = Instance::claim(&mut hal, "speed", made("constant")).unwrap();
+        let mut pid = Instance::claim(&mut hal, "pid.0", made("pid")).unwrap();
+        for (pin, value) in [("speed.value", 7.0), ("pid.0.pgain", 0.0), ("pid.0.dgain", 1.0)] {
+            hal.set(pin, value).unwrap();
+        }
+        hal.set("pid.0.enable", true).unwrap();
+        // A value of its own means nothing: the speed is worked out, of a command at rest.
+        hal.set("pid.0.command-deriv", 3.0).unwrap();
+        let output = hal.reader::<f64>("pid.0.output").unwrap();
+        let mut call = || {
+            constant.update(0.001);
+            pid.update(0.001);
+            output.get()
+        };
+        assert_eq!(call(), 0.0);
+        hal.link("wanted-speed", "speed.out", &["pid.0.command-deriv"]).unwrap();
+        assert_eq!(call(), 7.0);
     }
 }

@@ -45,9 +45,11 @@ mod component;
 mod convert;
 mod counting;
 mod declare;
+mod differences;
 mod edge;
 mod filters;
 mod instance;
+mod keys;
 mod limits;
 mod logic;
 mod machine;
@@ -60,4 +62,5 @@ mod timing;
 
 pub use catalogue::{CATALOGUE, RegisterError, find, kinds, register};
 pub use component::{Component, Direction, Field, Kind, OptionError, OptionSpec, Options, Pin, PinSpec, Pins, Slot};
+pub use differences::{DIFFERENCES, Difference};
 pub use instance::Instance;

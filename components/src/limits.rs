@@ -66,7 +66,7 @@ component! {
         min: f64 = -1e20, "least";
         max: f64 = 1e20, "greatest";
         maxv: f64 = 1e20, "greatest speed, 1/s";
-        maxa: f64 = 1e7, "greatest acceleration, 1/s^2";
+        maxa: f64 = 1e20, "greatest acceleration, 1/s^2";
     }
     out { out: f64 = 0.0, "follows the number"; }
     state { velocity: f64 = 0.0; target_before: f64 = 0.0; }
@@ -129,10 +129,10 @@ component! {
 impl Component for Deadzone {
     fn update(&mut self, _: f64) {
         let half = self.threshold / 2.0;
-        self.out = if self.in_ > self.center + half {
-            self.in_ - half
-        } else if self.in_ < self.center - half {
+        self.out = if self.in_ < self.center - half {
             self.in_ + half
+        } else if self.in_ > self.center + half {
+            self.in_ - half
         } else if self.in_.is_nan() {
             self.in_
         } else {

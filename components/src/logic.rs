@@ -129,6 +129,23 @@ impl Component for Maj3 {
 }
 
 component! {
+    /// Whether eight bits are the same as eight others.
+    Match8 = "match8";
+    in {
+        in_: bool = true, "else the output is false; from the output of another one, for more bits";
+        a as "a#": [bool; 8] = [false; 8], "bit of one number";
+        b as "b#": [bool; 8] = [false; 8], "the same bit of the other";
+    }
+    out { out: bool = false, "`in`, and all bits are the same"; }
+}
+
+impl Component for Match8 {
+    fn update(&mut self, _: f64) {
+        self.out = self.in_ && self.a == self.b;
+    }
+}
+
+component! {
     /// Logic of the bits of two numbers.
     Bitwise = "bitwise";
     in { in0: u32 = 0, "one operand"; in1: u32 = 0, "the other"; }

@@ -40,6 +40,16 @@ impl Component for Gantry {
             false => closed == self.home_sw.len(),
             true => self.limit,
         };
+        let is_closed = |joint: usize| self.home_sw.get(joint).is_some_and(|switch| *switch);
+        if !self.home && is_closed(self.feedback_joint) {
+            let moving = self.home_sw.iter().position(|switch| !switch);
+            self.feedback_joint = moving.unwrap_or(self.feedback_joint);
+        }
+        // With the offset that the position answers to, which is that of the command before.
+        let joint = self.feedback_joint;
+        if let (Some(position), Some(offset)) = (self.pos_fb.get(joint), self.offset.get(joint)) {
+            self.position_fb = position + offset;
+        }
         let moved = self.position_cmd - self.before.unwrap_or(self.position_cmd);
         if moved.is_nan() {
             return;
@@ -51,15 +61,6 @@ impl Component for Gantry {
                 *offset += moved;
             }
             *pos_cmd = self.position_cmd - *offset;
-        }
-        let is_closed = |joint: usize| self.home_sw.get(joint).is_some_and(|switch| *switch);
-        if !self.home && is_closed(self.feedback_joint) {
-            let moving = self.home_sw.iter().position(|switch| !switch);
-            self.feedback_joint = moving.unwrap_or(self.feedback_joint);
-        }
-        let joint = self.feedback_joint;
-        if let (Some(position), Some(offset)) = (self.pos_fb.get(joint), self.offset.get(joint)) {
-            self.position_fb = position + offset;
         }
     }
 }

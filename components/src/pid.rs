@@ -1,18 +1,17 @@
 //! Position, speed or any other loop: proportional, integral, derivative, with feed forward.
 
-use crate::component::{Component, Options};
+use crate::component::Component;
 use crate::declare::component;
 
 component! {
     /// Control loop with feed forward and limits. Integral does not grow against a limit of the output. Limits of 0 are none.
     Pid = "pid";
-    options { derivatives: 0, 0..=1, ["own", "pins"], "where derivatives come from: worked out, or `command-deriv` and `feedback-deriv`"; }
     in {
         enable: bool = false, "controls; else the output and the integral are 0";
         command: f64 = 0.0, "wanted value";
         feedback: f64 = 0.0, "actual value";
-        command_deriv: f64 = 0.0, "speed of the command, 1/s; with `derivatives` of `pins`";
-        feedback_deriv: f64 = 0.0, "speed of the feedback, 1/s; with `derivatives` of `pins`";
+        command_deriv: Option<f64> = None, "speed of the command, 1/s; where no net reaches it, it is worked out";
+        feedback_deriv: Option<f64> = None, "speed of the feedback, 1/s; where no net reaches it, it is worked out";
         deadband: f64 = 0.0, "an error this small is 0, a greater one is less by it";
         maxerror: f64 = 0.0, "limit of the error";
         maxerrori: f64 = 0.0, "limit of the integral";
@@ -29,7 +28,7 @@ component! {
         ff3: f64 = 0.0, "gain of its jerk, s^3";
         bias: f64 = 0.0, "is added";
         maxoutput: f64 = 0.0, "limit of the output";
-        index_enable: bool = false, "as it falls, command and feedback have jumped: no derivative, error of this command";
+        index_enable: bool = false, "as it falls, command and feedback have jumped: speeds that are worked out stay, error of this command";
         error_previous_target: bool = true, "the error is that of the command of the call before, which the feedback answers to";
     }
     out {
@@ -39,7 +38,7 @@ component! {
         saturated_s: f64 = 0.0, "for how long, s";
         saturated_count: i32 = 0, "for how many calls";
     }
-    state { pins: bool = false; integral: f64 = 0.0; before: Option<[f64; 2]> = None; derivatives: [f64; 3] = [0.0; 3]; index_before: bool = false; limit: f64 = 0.0; }
+    state { integral: f64 = 0.0; before: Option<[f64; 2]> = None; speeds: [f64; 2] = [0.0; 2]; derivatives: [f64; 3] = [0.0; 3]; index_before: bool = false; limit: f64 = 0.0; }
 }
 
 /// Within `most` of 0; any value where `most` is 0. RT.
@@ -52,10 +51,6 @@ fn within(value: f64, most: f64) -> f64 {
 }
 
 impl Component for Pid {
-    fn shape(&mut self, options: &Options<'_>) {
-        self.pins = options.get("derivatives") == 1;
-    }
-
     fn update(&mut self, period_s: f64) {
         let index_fell = std::mem::replace(&mut self.index_before, self.index_enable) && !self.index_enable;
         let now = [self.command, self.feedback];
@@ -73,25 +68,23 @@ impl Component for Pid {
         } else {
             0.0
         };
-        let [command_deriv, feedback_deriv] = match self.pins {
-            true => [self.command_deriv, self.feedback_deriv],
-            false => [
-                (self.command - command_before) / period_s,
-                (self.feedback - feedback_before) / period_s,
-            ],
-        };
         if now.iter().all(|value| value.is_finite()) {
+            if !index_fell {
+                self.speeds = [
+                    (self.command - command_before) / period_s,
+                    (self.feedback - feedback_before) / period_s,
+                ];
+            }
             self.before = Some(now);
         }
-        let (mut derivatives, mut error_deriv) = (self.derivatives, 0.0);
-        if !index_fell {
-            let [speed_before, acceleration_before, _] = derivatives;
-            let speed = within(command_deriv, self.maxcmdd);
-            let acceleration = within((speed - speed_before) / period_s, self.maxcmddd);
-            let jerk = within((acceleration - acceleration_before) / period_s, self.maxcmdddd);
-            derivatives = [speed, acceleration, jerk];
-            error_deriv = within(command_deriv - feedback_deriv, self.maxerrord);
-        }
+        let command_deriv = self.command_deriv.unwrap_or(self.speeds[0]);
+        let feedback_deriv = self.feedback_deriv.unwrap_or(self.speeds[1]);
+        let [speed_before, acceleration_before, _] = self.derivatives;
+        let speed = within(command_deriv, self.maxcmdd);
+        let acceleration = within((speed - speed_before) / period_s, self.maxcmddd);
+        let jerk = within((acceleration - acceleration_before) / period_s, self.maxcmdddd);
+        let derivatives = [speed, acceleration, jerk];
+        let error_deriv = within(command_deriv - feedback_deriv, self.maxerrord);
         self.finish(error, error_deriv, derivatives, period_s);
         if derivatives.iter().all(|value| value.is_finite()) {
             self.derivatives = derivatives;
@@ -106,8 +99,9 @@ impl Pid {
             (self.integral, self.output, self.limit) = (0.0, 0.0, 0.0);
         } else {
             if error * self.limit <= 0.0 {
-                self.integral = within(self.integral + error * period_s, self.maxerrori);
+                self.integral += error * period_s;
             }
+            self.integral = within(self.integral, self.maxerrori);
             let forward = self.ff0 * self.command + self.ff1 * speed + self.ff2 * acceleration + self.ff3 * jerk;
             let loops = self.pgain * error + self.igain * self.integral + self.dgain * error_deriv;
             let wanted = self.bias + loops + forward;

@@ -140,21 +140,111 @@ component! {
     /// One of several outputs, moved on by two keys, round and round.
     Multiswitch = "multiswitch";
     options { personality: 4, 2..=32, [], "number of positions"; }
-    in { up: bool = false, "to the next one"; down: bool = false, "to the one before"; }
+    in {
+        up: bool = false, "to the next one";
+        down: bool = false, "to the one before";
+        top_position: u32 = 3, "number of the last one";
+    }
     out { bit as "bit-##": Vec<bool> = vec![false; 4], "it is the one"; position: i32 = 0, "its number"; }
     state { up_edge: Edge = Edge::default(); down_edge: Edge = Edge::default(); }
 }
 
 impl Component for Multiswitch {
     fn shape(&mut self, options: &Options<'_>) {
-        self.bit = vec![false; options.count("personality")];
+        let count = options.count("personality");
+        self.bit = vec![false; count];
+        self.top_position = count.saturating_sub(1) as u32;
     }
 
     fn update(&mut self, _: f64) {
         let step = i32::from(self.up_edge.rises(self.up)) - i32::from(self.down_edge.rises(self.down));
-        self.position = (self.position + step).rem_euclid(self.bit.len().max(1) as i32);
+        let top = i32::try_from(self.top_position).unwrap_or(i32::MAX);
+        self.position = match self.position.saturating_add(step) {
+            below if below < 0 => top,
+            above if above > top => 0,
+            position => position,
+        };
         for (number, bit) in (0..).zip(&mut self.bit) {
             *bit = number == self.position;
         }
     }
+}
+
+component! {
+    /// One of up to 1024 values, of any type, as a value of any type.
+    MuxGeneric = "mux_generic";
+    options {
+        size: 2, 2..=1024, [], "number of values";
+        input: 1, 0..=3, ["bit", "float", "s32", "u32"], "type of the values; their pins are `in-TYPE-NN`";
+        output: 1, 0..=3, ["bit", "float", "s32", "u32"], "type of the output, whose pin is `out-TYPE`";
+    }
+    in {
+        sel_bit as "sel-bit-##": Vec<bool> = Vec::new(), "bit of a number, where `size` is a power of two";
+        sel_int: u32 = 0, "is added to it: the number of the value; beyond the last: the last";
+        in_bit as "in-bit-##": Vec<bool> = Vec::new(), "a value";
+        in_float as "in-float-##": Vec<f64> = Vec::new(), "a value";
+        in_s32 as "in-s32-##": Vec<i32> = Vec::new(), "a value";
+        in_u32 as "in-u32-##": Vec<u32> = Vec::new(), "a value";
+        suppress_no_input: bool = false, "keeps the output while the number is 0";
+        debounce_us: u32 = 0, "how long a new number must last before it counts, us";
+    }
+    out {
+        elapsed: u32 = 0, "how long a new number has lasted, us";
+        selected: u32 = 0, "the number";
+        out_bit as "out-bit": Vec<bool> = Vec::new(), "whether the chosen one is not 0, nor within 2e-7 of it";
+        out_float as "out-float": Vec<f64> = Vec::new(), "the chosen one";
+        out_s32 as "out-s32": Vec<i32> = Vec::new(), "the chosen one without its fraction, within the range of the type";
+        out_u32 as "out-u32": Vec<u32> = Vec::new(), "the chosen one without its fraction, within the range of the type";
+    }
+}
+
+impl Component for MuxGeneric {
+    fn shape(&mut self, options: &Options<'_>) {
+        let size = options.count("size");
+        let bits = if size.is_power_of_two() { size.ilog2() } else { 0 };
+        self.sel_bit = vec![false; bits as usize];
+        match options.get("input") {
+            0 => self.in_bit = vec![false; size],
+            2 => self.in_s32 = vec![0; size],
+            3 => self.in_u32 = vec![0; size],
+            _ => self.in_float = vec![0.0; size],
+        }
+        match options.get("output") {
+            0 => self.out_bit = vec![false],
+            2 => self.out_s32 = vec![0],
+            3 => self.out_u32 = vec![0],
+            _ => self.out_float = vec![0.0],
+        }
+    }
+
+    fn update(&mut self, period_s: f64) {
+        let number = self.sel_int.saturating_add(bits(&self.sel_bit));
+        if self.suppress_no_input && number == 0 {
+            return;
+        }
+        if number != self.selected && self.elapsed < self.debounce_us {
+            self.elapsed = self.elapsed.saturating_add((period_s * 1e6 + 1e-3) as u32);
+            return;
+        }
+        (self.selected, self.elapsed) = (number, 0);
+        // All types of pins are exact in it.
+        let chosen = [
+            one_of(&self.in_bit, number).map(|bit| f64::from(u8::from(bit))),
+            one_of(&self.in_float, number),
+            one_of(&self.in_s32, number).map(f64::from),
+            one_of(&self.in_u32, number).map(f64::from),
+        ];
+        let Some(chosen) = chosen.into_iter().flatten().next() else {
+            return;
+        };
+        self.out_bit.fill(chosen.abs() > 2e-7);
+        self.out_float.fill(chosen);
+        self.out_s32.fill(chosen as i32);
+        self.out_u32.fill(chosen as u32);
+    }
+}
+
+/// The value of that number, beyond the last: the last. RT.
+fn one_of<V: Copy>(values: &[V], number: u32) -> Option<V> {
+    values.get(number as usize).or(values.last()).copied()
 }

@@ -2,7 +2,6 @@
 
 use crate::component::Component;
 use crate::declare::component;
-use crate::edge::Edge;
 
 component! {
     /// Whether the spindle has come to its speed, and whether it has lost it again.
@@ -15,20 +14,38 @@ component! {
     }
     out {
         spindle_at_speed: bool = false, "it has come to its speed since it was switched on";
-        spindle_underspeed: bool = false, "it has been too slow since then";
+        spindle_underspeed: bool = false, "it has been too slow, or turned the other way, since then";
     }
+    state { watch: Watch = Watch::Off; }
+}
+
+/// What is watched for. Each call takes one step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Watch {
+    Off,
+    ComesToSpeed,
+    KeepsSpeed,
 }
 
 impl Component for SpindleMonitor {
     fn update(&mut self, _: f64) {
-        if !self.spindle_is_on {
+        let missing = self.spindle_command - self.spindle_feedback;
+        if self.watch == Watch::Off {
             (self.spindle_at_speed, self.spindle_underspeed) = (false, false);
-        } else if !self.spindle_at_speed {
-            self.spindle_at_speed = (self.spindle_command - self.spindle_feedback).abs() < self.threshold;
-        } else {
-            // A speed that is no number is too slow.
-            let is_fast = self.spindle_command.abs() - self.spindle_feedback.abs() <= self.threshold;
-            self.spindle_underspeed |= !is_fast;
+        }
+        match self.watch {
+            Watch::Off if self.spindle_is_on => self.watch = Watch::ComesToSpeed,
+            _ if !self.spindle_is_on => self.watch = Watch::Off,
+            Watch::ComesToSpeed if missing.abs() < self.threshold => {
+                (self.watch, self.spindle_at_speed) = (Watch::KeepsSpeed, true);
+            }
+            Watch::KeepsSpeed => {
+                // In the commanded direction. A speed that is no number is too slow.
+                let missing = if self.spindle_command < 0.0 { -missing } else { missing };
+                let is_fast = missing <= self.threshold;
+                self.spindle_underspeed |= !is_fast;
+            }
+            Watch::Off | Watch::ComesToSpeed => {}
         }
     }
 }
@@ -59,7 +76,11 @@ impl Component for Gearchange {
         if self.speed_in.is_nan() || min.is_nan() || max.is_nan() {
             return;
         }
-        let speed = self.speed_in.abs().max(min).min(max) / scale;
+        let speed = match self.speed_in.abs() {
+            low if low < min => min,
+            high if high > max => max,
+            speed => speed,
+        } / scale;
         self.speed_out = if self.speed_in < 0.0 { -speed } else { speed };
         self.dir_out = self.dir_in != (self.sel && self.reverse);
     }
@@ -70,7 +91,7 @@ component! {
     Orient = "orient";
     in {
         enable: bool = false, "orients; the target is worked out as it rises";
-        mode: i32 = 0, "0 the shortest way, 1 clockwise, 2 counterclockwise";
+        mode: i32 = 0, "0 the shortest way, 1 clockwise, 2 counterclockwise; else the target stays";
         position: f64 = 0.0, "position of the spindle, turns";
         angle: f64 = 0.0, "wanted angle, 0 to 360 degrees";
         tolerance: f64 = 0.5, "greatest error, degrees";
@@ -80,23 +101,25 @@ component! {
         poserr: f64 = 0.0, "position less target, degrees";
         is_oriented: bool = false, "more than 100 calls were within the tolerance";
     }
-    state { edge: Edge = Edge::default(); calls: u32 = 0; }
+    state { enabled: bool = false; calls: u32 = 0; }
 }
 
 impl Component for Orient {
     fn update(&mut self, _: f64) {
-        let rises = self.edge.rises(self.enable);
+        // One that is enabled from the start has its target from the first call.
+        let begins = !std::mem::replace(&mut self.enabled, self.enable) && self.enable;
         self.is_oriented = false;
         if !self.enable {
             return;
         }
-        if rises {
+        if begins {
             self.calls = 0;
             let (from, target) = (self.position, self.angle / 360.0);
             let command = match self.mode {
+                0 => libm::floor(from + 0.5 - target) + target,
                 1 => libm::ceil(from - target) + target,
                 2 => libm::floor(from - target) + target,
-                _ => libm::floor(from + 0.5 - target) + target,
+                _ => self.command,
             };
             if command.is_finite() {
                 self.command = command;
@@ -115,7 +138,7 @@ component! {
     SimSpindle = "sim_spindle";
     in {
         velocity_cmd: f64 = 0.0, "speed, in the unit of `scale`";
-        scale: f64 = 1.0, "units of `velocity-cmd` for a turn a second; 60 for rpm, 0 as 1";
+        scale: f64 = 1.0, "turns a second for each unit of `velocity-cmd`; 1/60 for rpm";
         index_enable: bool = false, "the position is 0 at the next whole turn";
     }
     out {
@@ -126,13 +149,15 @@ component! {
 
 impl Component for SimSpindle {
     fn update(&mut self, period_s: f64) {
-        let scale = if self.scale == 0.0 { 1.0 } else { self.scale };
-        let next = self.position_fb + self.velocity_cmd / scale * period_s;
+        let next = self.position_fb + self.velocity_cmd * self.scale * period_s;
         if !next.is_finite() {
             return;
         }
-        let whole = libm::floor(next.max(self.position_fb));
-        let crossed = whole != libm::floor(next.min(self.position_fb));
+        let whole = match next < self.position_fb {
+            true => libm::ceil(next),
+            false => libm::floor(next),
+        };
+        let crossed = libm::floor(next) != libm::floor(self.position_fb);
         let zero = crossed && self.index_enable && !self.indexed;
         self.indexed = self.index_enable && (self.indexed || zero);
         self.position_fb = if zero { next - whole } else { next };

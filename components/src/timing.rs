@@ -46,7 +46,7 @@ component! {
     Oneshot = "oneshot";
     in {
         in_: bool = false, "bit that is watched";
-        reset: bool = false, "no pulse, and no edge is seen";
+        reset: bool = false, "no pulse, and no edge is seen; behind it, what is true has risen";
         width: f64 = 0.0, "length of the pulse, s";
         retriggerable: bool = true, "an edge in the pulse begins it anew";
         rising: bool = true, "rising edges count";
@@ -64,7 +64,7 @@ impl Component for Oneshot {
     fn update(&mut self, period_s: f64) {
         if self.reset {
             self.time_left = 0.0;
-            self.edge = Edge::default();
+            self.edge.see(false);
         } else {
             let (rises, falls) = self.edge.see(self.in_);
             let asked = rises && self.rising || falls && self.falling;
@@ -112,17 +112,19 @@ component! {
     /// On-delay timer: `q` once `in` has been true for `pt`.
     Ton = "ton";
     in { in_: bool = false, "starts and holds the time"; pt: f64 = 0.0, "delay, s"; }
-    out { q: bool = false, "the delay is over and `in` still true"; et: f64 = 0.0, "time so far, s"; }
-    state { running: bool = false; }
+    out { q: bool = false, "the delay is over and `in` still true"; et: f64 = 0.0, "time so far, up to the call that reaches `pt`, s"; }
 }
 
 impl Component for Ton {
     fn update(&mut self, period_s: f64) {
-        self.et = match (self.in_, std::mem::replace(&mut self.running, self.in_)) {
-            (false, _) | (true, false) => 0.0,
-            (true, true) => up_to(self.et + period_s, self.pt),
-        };
-        self.q = self.in_ && self.et >= self.pt;
+        if !self.in_ {
+            (self.q, self.et) = (false, 0.0);
+        } else if self.et < self.pt {
+            self.et += period_s;
+        } else {
+            // A time that is no number is none.
+            self.q = true;
+        }
     }
 }
 
@@ -130,26 +132,19 @@ component! {
     /// Off-delay timer: `q` until `in` has been false for `pt`.
     Tof = "tof";
     in { in_: bool = false, "sets at once, and stops the time"; pt: f64 = 0.0, "delay, s"; }
-    out { q: bool = false, "`in` is true, or was so within the delay"; et: f64 = 0.0, "time since it fell, s"; }
-    state { running: bool = false; }
+    out { q: bool = false, "`in` is true, or was so within the delay"; et: f64 = 0.0, "time since it fell, up to the call that reaches `pt`, s"; }
 }
 
 impl Component for Tof {
     fn update(&mut self, period_s: f64) {
         if self.in_ {
-            (self.q, self.et, self.running) = (true, 0.0, false);
-        } else if self.q {
-            if std::mem::replace(&mut self.running, true) {
-                self.et = up_to(self.et + period_s, self.pt);
-            }
-            self.q = self.et < self.pt;
+            (self.q, self.et) = (true, 0.0);
+        } else if self.et < self.pt {
+            self.et += period_s;
+        } else {
+            self.q = false;
         }
     }
-}
-
-/// At most `most`, but never below 0. RT.
-fn up_to(value: f64, most: f64) -> f64 {
-    value.min(most).max(0.0)
 }
 
 /// Counts up while the input is true, down while it is false, and follows in the call behind the end. RT.
@@ -308,5 +303,35 @@ impl Component for Time {
             self.minutes = (total_s / 60 % 60) as u32;
             self.hours = u32::try_from(total_s / 3600).unwrap_or(u32::MAX);
         }
+    }
+}
+
+component! {
+    /// Whether a message is to be shown, for a text of a program (docs/logic.md) or a lamp.
+    Message = "message";
+    in {
+        trigger: bool = false, "what the message is about";
+        force: bool = false, "shows it once more as it rises";
+        edge: bool = true, "it is due while `trigger` is true; false: while it is false";
+    }
+    out {
+        show: bool = false, "it is due; for 0.1 s behind a rise of `force` it is not, so that its text comes anew";
+        count: u32 = 0, "times that it has become due, or was forced";
+    }
+    state { is_due: bool = false; forced: Edge = Edge::default(); rest_s: f64 = 0.0; }
+}
+
+impl Component for Message {
+    fn update(&mut self, period_s: f64) {
+        const REST_S: f64 = 0.1;
+        let is_due = self.trigger == self.edge;
+        let becomes_due = !std::mem::replace(&mut self.is_due, is_due) && is_due;
+        let is_forced = self.forced.rises(self.force) && is_due;
+        self.count = self.count.wrapping_add((becomes_due || is_forced).into());
+        self.rest_s = match is_forced && !becomes_due {
+            true => REST_S,
+            false => (self.rest_s - period_s).max(0.0),
+        };
+        self.show = is_due && self.rest_s < period_s / 2.0;
     }
 }

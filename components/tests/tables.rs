@@ -156,9 +156,124 @@ fn one_of_several() {
     );
     table(
         "multiswitch",
+        &[("personality", 4)],
+        T,
+        "up 0 1 0 1 0\n down 0 0 0 0 1\n top-position 1\n > position 0 1 1 0 1\n > bit-01 0 1 1 0 1",
+    );
+    table(
+        "mux_generic",
+        &[("size", 3), ("input", 0), ("output", 2)],
+        T,
+        "in-bit-01 1\n sel-int 0 1 2 7\n > out-s32 0 1 0 0\n > selected 0 1 2 7",
+    );
+    table(
+        "mux_generic",
+        &[("size", 4), ("output", 3)],
+        T,
+        "in-float-00 -1.5\n in-float-01 1.5\n in-float-03 5e9\n sel-bit-00 0 1 1 1 1 0\n sel-bit-01 0 0 1 1 1 0\n debounce-us 2000
+         suppress-no-input 0 0 0 0 0 1
+         > out-u32 0 0 0 4294967295 4294967295 4294967295\n > elapsed 0 1000 2000 0 0 0\n > selected 0 0 0 3 3 3",
+    );
+    table(
+        "enum",
+        &[("size", 3)],
+        T,
+        "input 0 1 2 7\n val-02 7\n > out-00 1 0 0 0\n > out-01 0 1 0 0\n > out-02 0 0 0 1",
+    );
+    table(
+        "enum",
+        &[("mode", 1), ("size", 3)],
+        T,
+        "in-00 0 1 1\n in-02 0 0 1\n val-00 4\n > output 0 4 2",
+    );
+    table(
+        "match8",
+        &[],
+        T,
+        "a0 1 1 1 0\n b0 0 1 1 0\n b7 0 0 0 1\n in 1 1 0 1\n > out 0 1 0 0",
+    );
+    table("constant", &[], T, "value 1.5\n > out 1.5");
+    table(
+        "multiswitch",
         &[("personality", 3)],
         T,
         "up 1 0 1 0 1 0 1 0 0\n down 0 0 0 0 0 0 0 0 1\n > position 0 0 1 1 2 2 0 0 2\n > bit-00 1 1 0 0 0 0 1 1 0",
+    );
+}
+
+#[test]
+fn keys() {
+    let settings = "max-hold-ns 2000000\n max-space-ns 2000000\n output-hold-ns 1000000\n";
+    table(
+        "multiclick",
+        &[],
+        T,
+        &format!(
+            "{settings} in 0 1 0 0 1 0 0 0 0 0 0\n > single-click 0 0 1 0 0 0 0 0 0 0 0\n > double-click 0 0 0 0 0 1 0 0 0 0 0
+             > single-click-only 0\n > double-click-only 0 0 0 0 0 0 0 0 1 0 0\n > state 0 1 2 2 3 4 4 4 0 0 0"
+        ),
+    );
+    // Held for too long it is no click; a fifth one ends all.
+    table(
+        "multiclick",
+        &[],
+        T,
+        &format!("{settings} in 0 1 1 1 1 0 0 1\n > single-click 0\n > state 0 1 1 1 9 0 0 1"),
+    );
+    table(
+        "multiclick",
+        &[],
+        T,
+        &format!(
+            "{settings} invert-input 1\n in 1 0 1 0 1 0 1 0 1 0 1\n > quadruple-click 0 0 0 0 0 0 0 0 1 0 0
+             > triple-click 0 0 0 0 0 0 1 0 0 0 0\n > quadruple-click-only 0\n > state 0 1 2 3 4 5 6 7 8 9 0"
+        ),
+    );
+    table(
+        "message",
+        &[],
+        0.05,
+        "trigger 1 1 1 1 1 0 1\n force 1 0 1 1 1 1 1\n > show 1 1 0 0 1 0 1\n > count 1 1 2 2 2 2 3",
+    );
+    table(
+        "message",
+        &[],
+        T,
+        "trigger 0 1 0\n edge 0\n > show 1 0 1\n > count 1 1 2",
+    );
+    // A pulse that the device answers, one that it does not, and a switch that asks for what it is.
+    table(
+        "toggle2nist",
+        &[],
+        T,
+        "in 0 1 0 1 1 1 1 0 0 0 0 0 0 1 1\n is-on 0 0 0 0 0 0 1 1 1 1 1 1 1 1 1\n max-pulse-length 3
+         > on 0 0 0 0 1 1 0 0 0 0 0 0 0 0 0\n > off 0 0 0 0 0 0 0 0 1 1 1 0 0 0 0",
+    );
+    table(
+        "momentary2nist",
+        &[],
+        T,
+        "in 1 1 0 0 1 1 0 0 1 1 1\n is-on 0 0 0 0 0 0 1 1 1 1 0
+         > on 0 0 0 0 0 1 0 0 0 0 0\n > off 0 0 0 0 0 0 0 0 0 1 0",
+    );
+}
+
+#[test]
+fn a_simulated_encoder_turns_as_a_counter_of_its_phases_sees() {
+    // A quarter of a count a call, from the second call on; three pulses a turn.
+    table(
+        "sim_encoder",
+        &[],
+        0.25,
+        "speed 5\n ppr 3\n scale 60\n > rawcounts 0 0 0 0 1 1 1 1 2 2\n > phase-a 1 1 1 1 1 1 1 1 0 0
+         > phase-b 0 0 0 0 1 1 1 1 1 1\n > phase-z 1 1 1 1 0 0 0 0 0 0",
+    );
+    // Backward, and no faster than a count a call.
+    table(
+        "sim_encoder",
+        &[],
+        1.0,
+        "speed -9\n ppr 1\n > rawcounts 0 -1 -2 -3 -4\n > phase-a 1 0 0 1 1\n > phase-b 0 0 1 1 0\n > phase-z 1 0 0 0 1",
     );
 }
 
@@ -184,8 +299,8 @@ fn time() {
         "in     1 0 1 1 1 1 1 0 1 0 1
          width  0.003
          reset  0 0 0 0 0 0 0 0 0 1 0
-         > out  0 0 1 1 1 0 0 0 1 0 0
-         > time-left 0 0 0.003 0.002 0.001 0 0 0 0.003 0 0",
+         > out  0 0 1 1 1 0 0 0 1 0 1
+         > time-left 0 0 0.003 0.002 0.001 0 0 0 0.003 0 0.003",
     );
     table(
         "oneshot",
@@ -209,20 +324,20 @@ fn time() {
         "ton",
         &[],
         0.01,
-        "in 0 1 1 1 1 1 0 1 1 0 0 1\n pt 0.03\n > q 0 0 0 0 1 1 0 0 0 0 0 0\n > et 0 0 0.01 0.02 0.03 0.03 0 0 0.01 0 0 0",
+        "in 0 1 1 1 1 1 0 1 1 0 0 1\n pt 0.03\n > q 0 0 0 0 1 1 0 0 0 0 0 0\n > et 0 0.01 0.02 0.03 0.03 0.03 0 0.01 0.02 0 0 0.01",
     );
     table(
         "ton",
         &[],
         0.01,
-        "in 0 1 1 1 1 0\n pt 0.025\n > q 0 0 0 0 1 0\n > et 0 0 0.01 0.02 0.025 0",
+        "in 0 1 1 1 1 0\n pt 0.025\n > q 0 0 0 0 1 0\n > et 0 0.01 0.02 0.03 0.03 0",
     );
     table("ton", &[], 0.01, "in 0 1 1 0\n pt 0\n > q 0 1 1 0");
     table(
         "tof",
         &[],
         0.01,
-        "in 0 0 1 1 0 0 0 0 0 1 0 1\n pt 0.03\n > q 0 0 1 1 1 1 1 0 0 1 1 1\n > et 0 0 0 0 0 0.01 0.02 0.03 0.03 0 0 0",
+        "in 0 0 1 1 0 0 0 0 0 1 0 1\n pt 0.03\n > q 0 0 1 1 1 1 1 0 0 1 1 1\n > et 0.01 0.02 0 0 0.01 0.02 0.03 0.03 0.03 0 0.01 0",
     );
     table("tof", &[], 0.01, "in 0 1 0\n pt 0\n > q 0 1 0");
     table(
@@ -278,6 +393,7 @@ fn arithmetic() {
         T,
         "in0 6 6 6\n in1 3 0.1 -0.1\n deadband 0.5\n > out 2 12 -12",
     );
+    table("div2", &[], T, "in0 1\n > out 1e12");
     table(
         "invert",
         &[],
@@ -409,6 +525,13 @@ fn filters() {
         "in 8 8 nan 8 1\n load 0 0 0 0 1\n gain 0.5\n > out 4 6 6 7 1",
     );
     table("ilowpass", &[], T, "in 1 1 0\n scale 1000\n > out 500 750 375");
+    // A hand wheel goes on beyond the end of its counts.
+    table(
+        "ilowpass",
+        &[],
+        T,
+        "in 2097151 2097152 -2097153\n scale 1024\n gain 1\n > out 2147482624 -2147483648 2147482624",
+    );
     table("ddt", &[], 0.5, "in 3 4 4 2\n > out 0 2 0 -4");
     table(
         "integ",
@@ -420,7 +543,7 @@ fn filters() {
         "minmax",
         &[],
         T,
-        "in 3 5 nan -1 2\n reset 0 0 0 0 1\n > max 3 5 5 5 2\n > min 3 3 3 -1 2",
+        "in 3 5 nan -1 2\n reset 0 0 0 0 1\n > max 3 5 5 5 2\n > min 0 0 0 -1 2",
     );
     table(
         "probe_filter",
@@ -479,7 +602,15 @@ fn counting() {
         0.5,
         "phase-a 0 1 0 1 0 1 0\n phase-z 0 0 0 1 0 0 0\n index-enable 1 1 1 1 1 0 0\n position-scale 2
          > rawcounts 0 1 1 2 2 3 3\n > counts 0 1 1 0 0 1 1\n > position 0 0.5 0.5 0 0 0.5 0.5\n > indexed 0 0 0 1 1 0 0
-         > velocity 0 0 0 0.5 0.5 0.5 0.5",
+         > velocity 0 1 0 1 0 1 0",
+    );
+    // A reset clears all counts, an index those behind it; it counts from the call behind that which asks for it.
+    table(
+        "counter",
+        &[],
+        0.5,
+        "phase-a 0 1 0 1 0 1 0\n phase-z 0 0 1 0 0 0 1\n index-enable 0 0 1 1 1 1 1\n reset 0 0 0 0 1 0 0
+         > rawcounts 0 1 1 2 0 1 1\n > counts 0 1 1 2 0 1 0\n > indexed 0 0 0 0 0 0 1\n > velocity 0 2 0 2 0 2 0",
     );
     table(
         "encoder",
@@ -491,15 +622,31 @@ fn counting() {
         "encoder",
         &[],
         T,
-        "phase-a 0 1 1 0 0\n phase-b 0 0 1 1 0\n x4-mode 0\n > counts 0 0 0 0 1",
+        "phase-a 0 1 1 0 0\n phase-b 0 0 1 1 0\n x4-mode 0\n > counts 0 1 1 1 1",
+    );
+    // Whatever phases it finds at the start.
+    table(
+        "encoder",
+        &[],
+        T,
+        "phase-a 1 0 0 1 1 0\n phase-b 1 1 0 0 0 0\n x4-mode 0\n > counts 0 0 0 1 1 0",
+    );
+    // Two of six teeth are missing: they count, and the tooth behind them is the index.
+    table(
+        "encoder",
+        &[],
+        T,
+        "phase-a 0 1 0 1 0 1 0 1 0 0 0 0 0 1 0 1 0 1\n counter-mode 1\n missing-teeth 2\n position-scale 6\n index-enable 1
+         > rawcounts 0 1 1 2 2 3 3 4 4 4 4 4 4 7 7 8 8 9\n > counts 0 1 1 2 2 3 3 4 4 4 4 4 4 0 0 1 1 2
+         > indexed 0 0 0 0 0 0 0 0 0 0 0 0 0 1 1 1 1 1",
     );
     table("encoder", &[], T, "phase-a 0 1 0 1\n counter-mode 1\n > counts 0 1 1 2");
     table(
         "encoder",
         &[],
         T,
-        "phase-a 0 1 1 0 0\n phase-b 0 0 1 1 0\n latch-input 0 0 1 1 0\n latch-falling 0\n > counts-latched 0 0 2 2 2
-         position-scale 4\n > position-latched 0 0 0.5 0.5 0.5\n > velocity 0 - 250 250 250\n > velocity-rpm 0 - 15000 15000 15000",
+        "phase-a 0 1 1 0 0\n phase-b 0 0 1 1 0\n latch-input 0 0 1 1 0\n latch-falling 0\n reset 0 0 0 0 1\n > counts-latched 0 0 2 2 -2
+         position-scale 4\n > position-latched 0 0 0.5 0.5 -0.5\n > velocity 0 0 0 250 0\n > velocity-rpm 0 0 0 15000 0",
     );
     table(
         "knob2float",
@@ -524,8 +671,8 @@ fn an_encoder_that_stops_is_slow_and_then_at_rest() {
         rig.set("phase-a", call < 20 && call % 4 == 3);
         rig.update(T);
     }
-    // The last edge was 20 calls ago: 1 count in 20 ms at the most.
-    assert!((rig.number("velocity") - 1.0 / 0.020).abs() < 1e-6);
+    // The last edge was 20 calls before this one: 1 count in 21 ms at the most, by its end.
+    assert!((rig.number("velocity") - 1.0 / 0.021).abs() < 1e-6);
     assert!(rig.number("position-interpolated") <= rig.number("position") + 1.0);
     for _ in 0..1000 {
         rig.update(T);
@@ -534,13 +681,39 @@ fn an_encoder_that_stops_is_slow_and_then_at_rest() {
 }
 
 #[test]
+fn an_encoder_below_the_least_speed_shows_none_at_all() {
+    // A count each 11 calls of 100 ms: 0.91 a second.
+    let mut rig = Rig::new("encoder", &[]);
+    rig.set("counter-mode", true);
+    for call in 0..200 {
+        rig.set("phase-a", call % 11 == 0);
+        rig.update(0.1);
+        assert_eq!(rig.number("velocity"), 0.0, "call {call}");
+        assert_eq!(
+            rig.number("position-interpolated"),
+            rig.number("position"),
+            "call {call}"
+        );
+    }
+    assert_eq!(rig.number("counts"), 18.0);
+}
+
+#[test]
 fn spindle() {
     table(
         "spindle_monitor",
         &[],
         T,
-        "spindle-is-on 0 1 1 1 1 0\n spindle-command -100\n threshold 5\n spindle-feedback 0 0 -96 -97 -90 -90
-         > spindle-at-speed 0 0 1 1 1 0\n > spindle-underspeed 0 0 0 0 1 0",
+        "spindle-is-on 0 1 1 1 1 0 0\n spindle-command -100\n threshold 5\n spindle-feedback 0 0 -96 -97 -90 -90 -90
+         > spindle-at-speed 0 0 1 1 1 1 0\n > spindle-underspeed 0 0 0 0 1 1 0",
+    );
+    // The other way round is too slow.
+    table(
+        "spindle_monitor",
+        &[],
+        T,
+        "spindle-is-on 1\n spindle-command 1000\n threshold 5\n spindle-feedback 1000 1000 2000 -1000
+         > spindle-at-speed 0 1 1 1\n > spindle-underspeed 0 0 0 1",
     );
     table(
         "gearchange",
@@ -567,11 +740,18 @@ fn spindle() {
         T,
         "enable 0 1\n position 3.1\n angle 90\n mode 2\n > command 0 2.25",
     );
+    // Enabled from the start; another mode leaves the target where it was.
+    table(
+        "orient",
+        &[],
+        T,
+        "enable 1 0 1\n position 3.6\n angle 90\n mode 0 3 3\n > command 3.25",
+    );
     table(
         "sim_spindle",
         &[],
         0.5,
-        "velocity-cmd 90\n scale 60\n index-enable 0 1 1 1 0\n > position-fb 0.75 0.5 1.25 2 2.75\n > indexed 0 1 1 1 0",
+        "velocity-cmd 90\n scale 0.016666666666666666\n index-enable 0 1 1 1 0\n > position-fb 0.75 0.5 1.25 2 2.75\n > indexed 0 1 1 1 0",
     );
     table(
         "siggen",
@@ -634,7 +814,7 @@ fn machine() {
         "pocket-number 3\n enable 0 1 1 1 1 1 0\n sense-0 1 1 0 0 1 1 1\n sense-1 0 0 1 1 1 1 1\n sense-2 0\n rev-pulse 0.001
          fwd-dc 2\n rev-dc -1\n hold-dc 0.5
          > current-position 1 1 2 2 3 3 3\n > motor-fwd 0 1 1 1 0 0 0\n > motor-rev 0 0 0 0 1 0 0\n > ready 0 0 0 0 0 1 0
-         > motor-vel 0 2 2 2 -1 0.5 0\n > active 0 1 1 1 1 0 0\n > homed 1",
+         > motor-vel 0.5 2 2 2 -1 0.5 0.5\n > active 0 1 1 1 1 0 0\n > homed 1",
     );
     // The shorter way: from 1 back to 7, which is 15 modulo 8.
     table(
@@ -658,7 +838,7 @@ fn machine() {
         T,
         "pocket-number 3\n align-dc 0.1\n decel-time 0.002\n fwd-dc 2\n hold-dc 0.5\n enable 0 1 1 1 1 1 1 1 1 0
          sense-0 1 1 0 0 0 0 0 0 0 0\n sense-2 0 0 1 0 0 1 0 0 1 1
-         > motor-vel 0 2 0 0 -0.1 -0.1 0.1 0.1 0.5 0\n > motor-fwd 0 1 0 0 0 0 1 1 0 0\n > motor-rev 0 0 0 0 1 1 0 0 0 0
+         > motor-vel 0.5 2 0 0 -0.1 -0.1 0.1 0.1 0.5 0.5\n > motor-fwd 0 1 0 0 0 0 1 1 0 0\n > motor-rev 0 0 0 0 1 1 0 0 0 0
          > active 0 1 1 1 1 1 1 1 0 0\n > ready 0 0 0 0 0 0 0 0 1 0\n > current-position 1 1 3 3 3 3 3 3 3 3",
     );
     // From turning backward it goes on off the sensor; the pulses of an aligning move count no pocket.
@@ -675,6 +855,31 @@ fn machine() {
         T,
         "sense-0 1 1 0\n sense-1 1 0 0\n sense-2 0 1 0\n parity 0\n > current-position 2 6 6\n > parity-error 0 0 0",
     );
+    // From 7 to 8 the four bits change a call apart: 15, 14, 12, 8. Pocket 12 passes by in one call, and is none.
+    table(
+        "carousel",
+        &[("pockets", 16), ("encoding", 1)],
+        T,
+        "pocket-number 12\n debounce 1\n enable 0 1 1 1 1 1 1 1 1\n sense-0 1 1 1 0 0 0 0 0 0\n sense-1 1 1 1 1 0 0 0 0 0
+         sense-2 1 1 1 1 1 0 0 1 1\n sense-3 0 0 1 1 1 1 1 1 1
+         > current-position 7 7 15 14 12 8 8 12 12\n > motor-fwd 0 1 1 1 1 1 1 1 0\n > ready 0 0 0 0 0 0 0 0 1",
+    );
+    // Sensors that are no code have no parity; without a strobe nothing is said of it.
+    table(
+        "carousel",
+        &[("encoding", 3), ("num_sense", 8)],
+        T,
+        "sense-0 1 0\n sense-1 0 1\n parity 0 1\n > parity-error 0 1",
+    );
+    table("carousel", &[], T, "sense-0 1\n strobe 0 1\n > parity-error 0 1");
+    // What was forgotten is sought again; a jog that knows no pocket seeks it, too.
+    table(
+        "carousel",
+        &[("pockets", 4), ("encoding", 4), ("num_sense", 2)],
+        T,
+        "sense-0 1 0 0 0 1 0 0\n sense-1 1 0 0 0 1 0 1\n unhome 0 0 1 1 1 1 1\n jog-fwd 0 0 0 1 0 1 1
+         > homed 1 1 0 0 1 1 1\n > motor-fwd 0 0 0 1 0 1 0\n > current-position 1 1 1 1 1 1 2",
+    );
 }
 
 #[test]
@@ -689,7 +894,7 @@ fn conversions() {
         "conv_float_u32",
         &[],
         T,
-        "in 1.9 -1 5e9\n > out 1 0 4294967295\n > out-of-range 0 1 1",
+        "in 1.9 -1 5e9 -0.5\n clamp 1\n > out 1 0 4294967295 0\n > out-of-range 0 1 1 1",
     );
     table(
         "conv_s32_u32",
@@ -703,17 +908,18 @@ fn conversions() {
         T,
         "in 5 4294967295 4294967295\n clamp 1 1 0\n > out 5 2147483647 -1\n > out-of-range 0 1 1",
     );
+    table("conv_u32_s32", &[], T, "in 4294967295\n > out -1\n > out-of-range 1");
     table(
         "conv_s32_bit",
         &[],
         T,
-        "in 0 1 2 -1 2\n clamp 1 1 1 1 0\n > out 0 1 1 0 0\n > out-of-range 0 0 1 1 1",
+        "in 0 1 2 -1 2 -1\n clamp 1 1 1 1 0 0\n > out 0 1 1 0 1 1\n > out-of-range 0 0 1 1 1 1",
     );
     table(
         "conv_u32_bit",
         &[],
         T,
-        "in 0 1 2 2\n clamp 1 1 1 0\n > out 0 1 1 0\n > out-of-range 0 0 1 1",
+        "in 0 1 2 2\n clamp 1 1 1 0\n > out 0 1 1 1\n > out-of-range 0 0 1 1",
     );
     table("conv_bit_float", &[], T, "in 0 1\n > out 0 1");
     table("conv_bit_s32", &[], T, "in 0 1\n > out 0 1");
@@ -792,9 +998,36 @@ fn pid() {
     );
     table(
         "pid",
-        &[("derivatives", 1)],
+        &[],
         0.5,
         "enable 1\n pgain 0\n dgain 1\n command-deriv 3\n feedback-deriv 1\n bias 10\n > output 12",
+    );
+    // Each for itself.
+    table(
+        "pid",
+        &[],
+        0.5,
+        "enable 1\n pgain 0\n dgain 1\n command-deriv 3\n feedback 0 1\n > output 3 1",
+    );
+    table(
+        "pid",
+        &[],
+        0.5,
+        "enable 1\n pgain 0\n dgain 1\n feedback-deriv 3\n command 0 1\n > output -3 -1",
+    );
+    // The limit of the integral holds while the output is at its limit, too.
+    table(
+        "pid",
+        &[],
+        1.0,
+        "enable 1\n command 2\n error-previous-target 0\n pgain 0\n igain 1\n maxoutput 3\n maxerrori 0 0 1\n > output 2 3 1",
+    );
+    // Speeds go on over an index.
+    table(
+        "pid",
+        &[],
+        1.0,
+        "enable 1\n pgain 0\n dgain 1\n index-enable 1 1 0 0\n command 0 2 -100 -98\n > output 0 2 2 2",
     );
     // An index makes both jump: neither derivative nor the command before count.
     table(

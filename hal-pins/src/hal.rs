@@ -374,6 +374,11 @@ impl<T: Value> Input<T> {
         let source = self.shared.source[self.index].load(Ordering::Acquire);
         T::from_cell(cell::get(self.shared.words.cell(source as usize)))
     }
+
+    /// RT: whether a net reaches it.
+    pub fn is_on_net(&self) -> bool {
+        self.shared.source[self.index].load(Ordering::Acquire) as usize != self.index
+    }
 }
 
 impl<T: Value> Input<T> {

@@ -1,7 +1,7 @@
 //! `docs/components.md`: all components with their options and pins, from their declarations.
 
 use super::{check, code, head, row};
-use components::{CATALOGUE, Kind};
+use components::{CATALOGUE, DIFFERENCES, Difference, Kind};
 use hal_pins::AnyValue;
 
 fn value(value: AnyValue) -> String {
@@ -57,10 +57,35 @@ fn section(kind: &Kind) -> String {
     text
 }
 
+fn difference(difference: &Difference) -> String {
+    let list = |names: &[&str]| names.iter().map(|name| code(name)).collect::<Vec<_>>().join(", ");
+    let kinds = difference.kinds.iter().map(|kind| format!("[{kind}](#{kind})"));
+    let kinds: Vec<String> = kinds.collect();
+    let Difference { pins, here, there, .. } = difference;
+    let pins = if pins.is_empty() { "-".to_owned() } else { list(pins) };
+    row(&[&kinds.join(", "), &pins, here, there])
+}
+
+/// The tables of what is otherwise than in LinuxCNC.
+fn differences() -> String {
+    let columns = head(&["component", "pins", "here", "in LinuxCNC"]);
+    let rows = |is_fault: bool| -> String {
+        let those = DIFFERENCES.iter().filter(|difference| difference.is_fault == is_fault);
+        those.map(self::difference).collect()
+    };
+    format!(
+        "## Differs from LinuxCNC\n\nWhere a pin stands, `isocnc hal import` tells it.\n\n{columns}{}\n\
+         What is a fault in LinuxCNC (2.9), against its manual or of no use to anybody, and none here:\n\n{columns}{}",
+        rows(false),
+        rows(true)
+    )
+}
+
 #[test]
 fn the_components_with_their_pins() {
     check("docs/components.md", |_| {
-        let sections: Vec<String> = CATALOGUE.iter().map(section).collect();
+        let mut sections: Vec<String> = CATALOGUE.iter().map(section).collect();
+        sections.push(differences());
         sections.join("\n").trim_end().to_owned()
     });
 }
@@ -70,6 +95,7 @@ fn every_component_stands_once_in_the_table_by_purpose() {
     let page = std::fs::read_to_string(super::root("docs/components.md")).expect("the page");
     for kind in &CATALOGUE {
         let link = format!("[{0}](#{0})", kind.name);
-        assert_eq!(page.matches(&link).count(), 1, "{link}");
+        let (by_purpose, _) = page.split_once("## All of them").expect("the heading");
+        assert_eq!(by_purpose.matches(&link).count(), 1, "{link}");
     }
 }

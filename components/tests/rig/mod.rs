@@ -14,6 +14,8 @@ pub(crate) struct Rig {
     pub(crate) pins: Vec<PinSpec>,
     /// Values of the pins.
     values: Vec<AnyValue>,
+    /// What was set: a net reaches it.
+    is_set: Vec<bool>,
     inputs: usize,
 }
 
@@ -24,11 +26,13 @@ impl Rig {
         let mut component = kind.make(&options).unwrap();
         let pins = component.pins();
         let values = pins.iter().map(|pin| pin.default).collect();
+        let is_set = vec![false; pins.len()];
         let inputs = pins.iter().filter(|pin| pin.direction == Direction::In).count();
         Rig {
             component,
             pins,
             values,
+            is_set,
             inputs,
         }
     }
@@ -45,6 +49,7 @@ impl Rig {
     pub(crate) fn set_at(&mut self, index: usize, value: AnyValue) {
         assert_eq!(value.kind(), self.values[index].kind(), "{}", self.pins[index].name);
         self.values[index] = value;
+        self.is_set[index] = true;
     }
 
     pub(crate) fn set(&mut self, name: &str, value: impl Into<AnyValue>) {
@@ -53,13 +58,14 @@ impl Rig {
 
     pub(crate) fn update(&mut self, period_s: f64) {
         let mut at = 0;
-        let values = &mut self.values;
+        let (values, is_set) = (&mut self.values, &self.is_set);
         self.component.visit(Direction::In, &mut |pin| {
             match (pin.slot, values[at]) {
                 (Slot::Bit(to), AnyValue::Bit(value)) => *to = value,
                 (Slot::S32(to), AnyValue::S32(value)) => *to = value,
                 (Slot::U32(to), AnyValue::U32(value)) => *to = value,
                 (Slot::Float(to), AnyValue::Float(value)) => *to = value,
+                (Slot::OnNet(to), AnyValue::Float(value)) => *to = is_set[at].then_some(value),
                 other => panic!("{other:?}"),
             }
             at += 1;

@@ -78,7 +78,7 @@ struct Translation {
     needless: usize,
     /// In the order of the files.
     refused: Vec<Refused>,
-    /// What of the INI file is no HAL and has keys of its own.
+    /// Pins that mean something else here; what of the INI file is no HAL and has keys of its own.
     notes: Vec<String>,
 }
 
@@ -226,7 +226,7 @@ fn translated(paths: &[PathBuf], ini: &Ini, own: &OwnPins, exactly: bool) -> any
         commands.extend(read::read(path, ini, &|name| std::env::var(name).ok(), &mut refused)?);
     }
     let mut translation = translate::translate(&commands, own, exactly, refused);
-    translation.notes = ini.compensation();
+    translation.notes.extend(ini.compensation());
     let is_told = |refused: &Refused| refused.text.contains("SERVO_PERIOD");
     if let Some(period_ns) = ini.servo_period_ns().filter(|period_ns| *period_ns != own.cycle_ns)
         && !translation.refused.iter().any(is_told)

@@ -574,3 +574,70 @@ fn backlash_and_compensation_files_of_the_ini_file_are_told_with_their_keys() {
     );
     assert_eq!(import("loadrt trivkins\n", "").notes, [""; 0]);
 }
+
+#[test]
+fn what_a_pin_means_otherwise_here_is_told_once_with_its_line() {
+    let translation = import(
+        "loadrt biquad\nloadrt pid num_chan=1\nloadrt sim_spindle\naddf biquad.0 t\naddf pid.0.do-pid-calcs t\naddf sim-spindle.0 t\n\
+         setp biquad.0.d1 0.5\nsetp biquad.0.d1 0.25\nsetp biquad.0.f0 100\nsetp sim-spindle.0.scale 0.0167\nsetp pid.0.tune-mode 1\n",
+        "",
+    );
+    let [note] = &translation.notes[..] else {
+        panic!("{:?}", translation.notes)
+    };
+    assert!(note.ends_with(
+        ":7: biquad.0.d1 is otherwise here: own coefficients, for type 0 alone; in LinuxCNC: overwritten with those that are worked \
+         out for types 1 and 2"
+    ));
+    assert_eq!(
+        refused(&translation),
+        [(11, "pid has no pin tune-mode here: there is no tuning")]
+    );
+    // What means the same is taken over.
+    assert!(
+        translation
+            .toml
+            .contains("type = \"sim_spindle\"\nset = { scale = 0.0167 }")
+    );
+}
+
+#[test]
+fn components_whose_pins_words_of_loadrt_name_are_translated() {
+    let translation = import(
+        "loadrt mux_generic config=bb4,Fu12\nloadrt enum enums=D;stop;fwd;;jog,E;low;high\n\
+         loadrt message names=oil messages=\"Slideway oil low\"\nloadrt sim_encoder\nloadrt multiswitch cfg=6\n\
+         addf mux-gen.00 t\naddf mux-gen.01 t\naddf enum-decode.00 t\naddf enum-encode.01 t\naddf oil t\n\
+         addf sim-encoder.make-pulses t\naddf sim-encoder.update-speed t\naddf multiswitch.0 t\n\
+         net level enum-encode.01.output => mux-gen.01.sel-int\nnet jog enum-decode.00.jog-out => oil.trigger mux-gen.00.in-bit-03\n\
+         setp enum-encode.01.high-val 7\nsetp multiswitch.0.top-position 4\nsetp mux-gen.01.in-float-11 2.5\n",
+        "",
+    );
+    let text = &translation.toml;
+    for part in [
+        "name = \"mux-gen.00\"\ntype = \"mux_generic\"\noptions = { size = 4, input = \"bit\", output = \"bit\" }\n",
+        "options = { size = 12, input = \"float\", output = \"u32\" }\nset = { in-float-11 = 2.5 }\n",
+        "name = \"enum-decode.00\"\ntype = \"enum\"\noptions = { mode = \"decode\", size = 3 }\nset = { val-02 = 3 }\n",
+        "options = { mode = \"encode\", size = 2 }\nset = { val-01 = 7 }\n",
+        "name = \"oil\"\ntype = \"message\"\n",
+        "type = \"sim_encoder\"\n",
+        "options = { personality = 6 }\nset = { top-position = 4 }\n",
+        "source = \"enum-encode.01.output\"\ntargets = [\"mux-gen.01.sel-int\"]\n",
+        "source = \"enum-decode.00.out-02\"\ntargets = [\"oil.trigger\", \"mux-gen.00.in-bit-03\"]\n",
+    ] {
+        assert!(text.contains(part), "{part}\n{text}");
+    }
+    assert_eq!(
+        refused(&translation),
+        [(
+            3,
+            "\"Slideway oil low\" is to be a text of a program, for oil.show: docs/logic.md"
+        )]
+    );
+    for config in ["bb", "4", "xx4", "bbb4", "ff9999"] {
+        assert_eq!(
+            refused(&import(&format!("loadrt mux_generic config={config}\n"), "")).len(),
+            2,
+            "{config}"
+        );
+    }
+}

@@ -7,7 +7,7 @@ use super::read::Command;
 use super::write::{self, Made, Wire};
 use super::{KnownPin, OwnPins, Place, Refused, Translation};
 use crate::rt::pins::must_be_wired;
-use components::{CATALOGUE, Direction, Kind, PinSpec, find};
+use components::{CATALOGUE, DIFFERENCES, Difference, Direction, Kind, PinSpec, find};
 use hal_pins::{AnyValue, Type};
 use std::collections::BTreeMap;
 
@@ -44,6 +44,8 @@ const NEEDLESS: [&str; 17] = [
 struct Instance {
     /// Its name there.
     given: String,
+    /// Names of its pins there, where a word of `loadrt` gave them, and here.
+    renamed: Vec<(String, String)>,
     made: Made,
     pins: Vec<PinSpec>,
     kind: &'static Kind,
@@ -75,6 +77,8 @@ struct Translator<'a> {
     /// Functions of the list of the cycle: name, command.
     functions: Vec<(String, usize)>,
     refused: Vec<Refused>,
+    /// Pins that mean something else here, each told once.
+    otherwise: Vec<(String, String)>,
     needless: usize,
 }
 
@@ -90,6 +94,7 @@ pub(super) fn translate(commands: &[Command], own: &OwnPins, exactly: bool, refu
         threads: BTreeMap::new(),
         functions: Vec::new(),
         refused,
+        otherwise: Vec::new(),
         needless: 0,
     };
     let unread = translator.refused.len();
@@ -118,8 +123,15 @@ pub(super) fn translate(commands: &[Command], own: &OwnPins, exactly: bool, refu
         translated: commands.len() - translator.needless - not_translated.min(commands.len() - translator.needless),
         needless: translator.needless,
         refused,
-        notes: Vec::new(),
+        notes: translator.otherwise.into_iter().map(|(_, note)| note).collect(),
     }
+}
+
+/// What a pin of a component means here and in LinuxCNC, where that is not the same.
+fn difference(kind: &str, pin: &str) -> Option<&'static Difference> {
+    DIFFERENCES
+        .iter()
+        .find(|difference| difference.kinds.contains(&kind) && difference.pins.contains(&pin))
 }
 
 /// The name, or with a number behind it that nothing has yet: names that differ there may not become one here.
@@ -235,6 +247,7 @@ impl<'a> Translator<'a> {
             }
         }
         let own_words = ["count", "num_chan", "names", "debug"];
+        let texts = values.remove("messages");
         let lists = values.iter().filter(|(key, _)| !own_words.contains(key));
         let longest = lists.map(|(_, list)| list.len()).max();
         let count = ["count", "num_chan"]
@@ -248,6 +261,10 @@ impl<'a> Translator<'a> {
                     .iter()
                     .filter(|instance| instance.kind.name == kind.name)
                     .count();
+                let first = match module_name(kind) {
+                    &"enum" => values.get("enums"),
+                    _ => None,
+                };
                 let count = count
                     .or(longest)
                     .unwrap_or(if ["pid", "encoder"].contains(module_name(kind)) {
@@ -255,23 +272,36 @@ impl<'a> Translator<'a> {
                     } else {
                         1
                     });
+                let is_encoder = |number: usize| {
+                    let word = first.and_then(|enums| enums.get(number - loaded));
+                    word.is_some_and(|word| word.starts_with(['E', 'e']))
+                };
                 (loaded..loaded + count.min(1000))
-                    .map(|number| instance_name(kind, number))
+                    .map(|number| instance_name(kind, number, is_encoder(number)))
                     .collect()
             }
         };
         for (number, given) in names.into_iter().enumerate() {
-            let mut options = Vec::new();
+            let (mut options, mut renamed, mut set) = (Vec::new(), Vec::new(), Vec::new());
             for (key, list) in &values {
                 if own_words.contains(key) {
                     continue;
                 }
                 // A list that is too short holds for the others, too.
                 let value = list.get(number).or(list.last()).copied().unwrap_or_default();
-                match option(kind, key, value) {
-                    Ok(option) => options.push(option),
+                match self::options(kind, key, value) {
+                    Ok(known) => options.extend(known),
                     Err(why) => self.refuse(at, format!("{key}={value}: {why}")),
                 }
+                if (kind.name, *key) == ("enum", "enums") {
+                    (renamed, set) = labels(value);
+                }
+            }
+            if let Some(text) = texts.as_ref().and_then(|texts| texts.get(number)) {
+                self.refuse(
+                    at,
+                    format!("{text:?} is to be a text of a program, for {given}.show: docs/logic.md"),
+                );
             }
             let numbers: Vec<(String, i64)> = options.iter().map(|(key, number, _)| (key.clone(), *number)).collect();
             let mut made = match kind.make(&numbers) {
@@ -289,11 +319,12 @@ impl<'a> Translator<'a> {
             let name = distinct(name_here(&given), is_taken);
             self.instances.push(Instance {
                 given,
+                renamed,
                 made: Made {
                     name,
                     kind: kind.name,
                     options: options.into_iter().map(|(key, _, text)| (key, text)).collect(),
-                    set: Vec::new(),
+                    set,
                     after_motion: false,
                 },
                 pins: made.pins(),
@@ -366,14 +397,34 @@ impl<'a> Translator<'a> {
             .iter()
             .filter_map(|instance| Some((instance, of(&instance.given)?)));
         match exact.max_by_key(|(instance, _)| instance.given.len()) {
-            Some((instance, rest)) if rest.len() > 1 => format!("{}.{}", instance.made.name, levels_here(&rest[1..])),
+            Some((instance, rest)) if rest.len() > 1 => {
+                let renamed = instance.renamed.iter().find(|(there, _)| *there == rest[1..]);
+                let pin = renamed.map_or_else(|| levels_here(&rest[1..]), |(_, here)| here.clone());
+                format!("{}.{pin}", instance.made.name)
+            }
             Some((instance, _)) => instance.made.name.clone(),
             None => name_here(name),
         }
     }
 
+    /// Tells what a pin means here, where it is something else.
+    fn tell_difference(&mut self, pin: &str, at: usize) {
+        let Some((instance, Some(spec))) = self.of_instance(pin) else {
+            return;
+        };
+        let Some(Difference { here, there, .. }) = difference(self.instances[instance].kind.name, &spec.name) else {
+            return;
+        };
+        if !self.otherwise.iter().any(|(told, _)| told == pin) {
+            let place = &self.commands[at].place;
+            let note = format!("{place}: {pin} is otherwise here: {here}; in LinuxCNC: {there}");
+            self.otherwise.push((pin.to_owned(), note));
+        }
+    }
+
     fn link(&mut self, signal: &str, pin: &str, at: usize) {
         let pin = self.pin_here(pin);
+        self.tell_difference(&pin, at);
         let pins = &mut self.signal(signal).pins;
         if !pins.iter().any(|(known, _)| *known == pin) {
             pins.push((pin, at));
@@ -401,6 +452,9 @@ impl<'a> Translator<'a> {
             Some((at, None)) => {
                 let Instance { made, pins, .. } = &self.instances[at];
                 let name = &pin[made.name.len() + 1..];
+                if let Some(Difference { here, .. }) = difference(made.kind, name) {
+                    return Err(format!("{} has no pin {name} here: {here}", made.kind));
+                }
                 let near = hal_pins::nearest(name, pins.iter().map(|pin| pin.name.as_str()));
                 let hint = near.map_or(String::new(), |near| format!("; {near} is the nearest"));
                 Err(format!("{} has no pin {name} here{hint}", made.kind))
@@ -426,6 +480,7 @@ impl<'a> Translator<'a> {
 
     fn set(&mut self, pin: &str, value: &str, at: usize) {
         let pin = self.pin_here(pin);
+        self.tell_difference(&pin, at);
         match (self.of_instance(&pin), self.known(&pin)) {
             (_, Err(why)) => self.refuse(at, why),
             (_, Ok(KnownPin { is_output: true, .. })) => self.refuse(at, "is an output, which the component writes"),
@@ -670,6 +725,7 @@ impl<'a> Translator<'a> {
         };
         let instance = Instance {
             given: name.clone(),
+            renamed: Vec::new(),
             made,
             pins,
             kind,
@@ -788,6 +844,7 @@ fn functions(instance: &Instance) -> Vec<String> {
         "encoder" => of_all(&["encoder.update-counters", "encoder.capture-position"]),
         "counter" => of_all(&["counter.update-counters", "counter.capture-position"]),
         "watchdog" => of_all(&["watchdog.process", "watchdog.set-timeouts"]),
+        "sim_encoder" => of_all(&["sim-encoder.make-pulses", "sim-encoder.update-speed"]),
         "weighted_sum" => of_all(&["process-wsums"]),
         _ => vec![made.name.clone()],
     }
@@ -799,15 +856,80 @@ fn module_name(kind: &'static Kind) -> &'static &'static str {
 }
 
 /// How LinuxCNC calls an instance that has no name of its own.
-fn instance_name(kind: &Kind, number: usize) -> String {
+fn instance_name(kind: &Kind, number: usize, is_encoder: bool) -> String {
     match kind.name {
         "charge_pump" | "watchdog" => name_here(kind.name),
+        "mux_generic" => format!("mux-gen.{number:02}"),
+        "enum" if is_encoder => format!("enum-encode.{number:02}"),
+        "enum" => format!("enum-decode.{number:02}"),
         "weighted_sum" => format!("wsum.{number}"),
         name => format!("{}.{number}", name_here(name)),
     }
 }
 
-/// An option by the word of `loadrt`: its key here, its number, and how it is written.
+/// Options by a word of `loadrt`: for each its key here, its number, and how it is written.
+fn options(kind: &Kind, key: &str, value: &str) -> Result<Vec<(String, i64, String)>, String> {
+    let parts = match (kind.name, key) {
+        // Letters of two types, and the number of values: `fs12`.
+        ("mux_generic", "config") => {
+            let size: String = value.chars().filter(char::is_ascii_digit).collect();
+            let types = value.chars().filter(|c| !c.is_ascii_digit());
+            let types: Option<Vec<&str>> = types
+                .map(|letter| {
+                    let types = ["bit", "float", "s32", "u32"];
+                    types
+                        .into_iter()
+                        .find(|name| name.starts_with(letter.to_ascii_lowercase()))
+                })
+                .collect();
+            let (input, output) = match types.as_deref() {
+                Some([both]) => (*both, *both),
+                Some([input, output]) => (*input, *output),
+                _ => return Err("is no number with one or two of the letters b, f, s, u".to_owned()),
+            };
+            vec![
+                ("size", size),
+                ("input", input.to_owned()),
+                ("output", output.to_owned()),
+            ]
+        }
+        // `D` or `E`, and labels; an empty one leaves out its number.
+        ("enum", "enums") => {
+            let mode = match value.split(';').next().unwrap_or_default().chars().next() {
+                Some('D' | 'd') => "decode",
+                Some('E' | 'e') => "encode",
+                _ => return Err("begins with neither D; nor E;".to_owned()),
+            };
+            vec![
+                ("mode", mode.to_owned()),
+                ("size", (labels(value).0.len() / 2).to_string()),
+            ]
+        }
+        _ => vec![(key, value.to_owned())],
+    };
+    parts.iter().map(|(key, value)| option(kind, key, value)).collect()
+}
+
+/// Pins of an `enum` by their labels, as they are called there and here; and numbers that are not those of their places.
+fn labels(value: &str) -> (Vec<(String, String)>, Vec<(String, String)>) {
+    let end = match value.starts_with(['E', 'e']) {
+        true => "in",
+        false => "out",
+    };
+    let numbered = value.split(';').skip(1).enumerate();
+    let labels: Vec<(usize, &str)> = numbered.filter(|(_, label)| !label.is_empty()).collect();
+    let mut renamed = Vec::new();
+    for (place, (_, label)) in labels.iter().enumerate() {
+        renamed.push((format!("{label}-{end}"), format!("{end}-{place:02}")));
+        renamed.push((format!("{label}-val"), format!("val-{place:02}")));
+    }
+    let places = labels.iter().enumerate();
+    let set = places.filter(|(place, (number, _))| place != number);
+    let set = set.map(|(place, (number, _))| (format!("val-{place:02}"), number.to_string()));
+    (renamed, set.collect())
+}
+
+/// An option by its key: its key here, its number, and how it is written.
 fn option(kind: &Kind, key: &str, value: &str) -> Result<(String, i64, String), String> {
     let name = match (kind.name, key) {
         ("weighted_sum", "wsum_sizes") | ("multiswitch", "cfg") => "personality",
