@@ -281,8 +281,8 @@ pub static DIFFERENCES: [Difference; 44] = [
     ),
     fault(
         &["sim_home_switch"],
-        "an `index-delay-ms` of 0 meets the index at once",
-        "never",
+        "an `index-delay-ms` of 0 meets the index at once; a search that was ended is forgotten",
+        "never; the delay of a search that was ended runs on, and may end the next one",
     ),
     fault(
         &["spindle_monitor"],

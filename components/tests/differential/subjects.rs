@@ -156,6 +156,14 @@ fn watched(calls: &mut f64, rig: &Rig, inputs: &mut [AnyValue]) {
     *calls += 1.0;
 }
 
+/// Asks for an index until it has been met.
+fn sought(_: &mut f64, rig: &Rig, inputs: &mut [AnyValue]) {
+    let is_sought = rig.bit("index-enable") && !rig.bit("indexed");
+    if let Some(at) = rig.inputs().iter().position(|pin| pin.name == "index-enable") {
+        inputs[at] = AnyValue::Bit(is_sought || inputs[at] == AnyValue::Bit(true));
+    }
+}
+
 pub(crate) const SUBJECTS: &[Subject] = &[
     of("abs"),
     of("abs_s32"),
@@ -361,11 +369,13 @@ pub(crate) const SUBJECTS: &[Subject] = &[
         ("scale", Set(&[1.0, 60.0])),
         ("speed", From(-80.0, 80.0)),
     ]),
-    of("sim_home_switch").values(&[
-        ("home-pos", Set(&[3.0, -3.0])),
-        ("index-enable", SELDOM),
-        ("index-delay-ms", Set(&[1.0, 3.0, 10.0])),
-    ]),
+    of("sim_home_switch")
+        .values(&[
+            ("home-pos", Set(&[3.0, -3.0])),
+            ("index-enable", SELDOM),
+            ("index-delay-ms", Set(&[1.0, 3.0, 10.0])),
+        ])
+        .machine(sought),
     of("sim_spindle").values(&[
         ("velocity-cmd", From(-4000.0, 4000.0)),
         ("scale", Set(&[1.0, 0.016_666_667])),

@@ -40,12 +40,15 @@ const NEEDLESS: [&str; 17] = [
     "help", "print", "waitusr", "echo",
 ];
 
+/// Pins by their names there and here, or with their values.
+type Pairs = Vec<(String, String)>;
+
 /// An instance of a component, as far as commands have said.
 struct Instance {
     /// Its name there.
     given: String,
     /// Names of its pins there, where a word of `loadrt` gave them, and here.
-    renamed: Vec<(String, String)>,
+    renamed: Pairs,
     made: Made,
     pins: Vec<PinSpec>,
     kind: &'static Kind,
@@ -911,7 +914,7 @@ fn options(kind: &Kind, key: &str, value: &str) -> Result<Vec<(String, i64, Stri
 }
 
 /// Pins of an `enum` by their labels, as they are called there and here; and numbers that are not those of their places.
-fn labels(value: &str) -> (Vec<(String, String)>, Vec<(String, String)>) {
+fn labels(value: &str) -> (Pairs, Pairs) {
     let end = match value.starts_with(['E', 'e']) {
         true => "in",
         false => "out",
