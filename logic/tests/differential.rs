@@ -177,12 +177,24 @@ enum Flow {
 }
 
 struct Evaluator {
+    /// Of the type of the program.
+    own: (u32, bool),
+    /// Width and sign in which is worked out just now.
     bits: u32,
     signed: bool,
     variables: Vec<i128>,
     list: Vec<i128>,
     faults: u64,
     overflows: u64,
+}
+
+/// Whether operators make a value of others.
+fn is_worked_out(tree: &Tree) -> bool {
+    match tree {
+        Tree::Operation(..) => true,
+        Tree::Select(_, a, b) => is_worked_out(a) || is_worked_out(b),
+        _ => false,
+    }
 }
 
 impl Evaluator {
@@ -196,8 +208,19 @@ impl Evaluator {
         low
     }
 
+    /// As something of this width and sign.
+    fn within<T>(&mut self, (bits, signed): (u32, bool), work: impl FnOnce(&mut Self) -> T) -> T {
+        let before = (self.bits, self.signed);
+        (self.bits, self.signed) = (bits, signed);
+        let result = work(self);
+        (self.bits, self.signed) = before;
+        result
+    }
+
     fn index(&mut self, index: &Tree) -> Option<usize> {
-        let index = self.value(index);
+        // An index is a LINT, which an ULINT does not become.
+        let wide = if self.own == (64, false) { self.own } else { (64, true) };
+        let index = self.within(wide, |evaluator| evaluator.value(index));
         if (0..LENGTH).contains(&index) {
             return Some(index as usize);
         }
@@ -229,11 +252,11 @@ impl Evaluator {
                 let (c, a, b) = (self.holds(c), self.value(a), self.value(b));
                 if c { b } else { a }
             }
-            Tree::Function(a, b) => {
-                let (a, b) = (self.value(a), self.value(b));
-                let sum = self.fit(a + b);
-                if a > b { sum } else { self.fit(sum - 1) }
-            }
+            Tree::Function(a, b) => self.within(self.own, |evaluator| {
+                let (a, b) = (evaluator.value(a), evaluator.value(b));
+                let sum = evaluator.fit(a + b);
+                if a > b { sum } else { evaluator.fit(sum - 1) }
+            }),
             Tree::Compare(..) | Tree::Logic(..) | Tree::Not(_) => i128::from(self.holds(tree)),
         }
     }
@@ -241,7 +264,9 @@ impl Evaluator {
     fn holds(&mut self, tree: &Tree) -> bool {
         match tree {
             Tree::Compare(word, a, b) => {
-                let order = self.value(a).cmp(&self.value(b));
+                let made = [a, b].iter().any(|side| is_worked_out(side));
+                let width = if made && self.own.0 < 32 { (32, true) } else { self.own };
+                let order = self.within(width, |evaluator| evaluator.value(a).cmp(&evaluator.value(b)));
                 match *word {
                     "<" => order.is_lt(),
                     ">" => order.is_gt(),
@@ -361,7 +386,7 @@ proptest! {
         text += "END_PROGRAM";
         let text = text.replace('?', name);
         let mut runtime = start(&text);
-        let mut evaluator = Evaluator { bits, signed, variables: Vec::new(), list: vec![1, 2, 3, 4, 5], faults: 0, overflows: 0 };
+        let mut evaluator = Evaluator { own: (bits, signed), bits, signed, variables: Vec::new(), list: vec![1, 2, 3, 4, 5], faults: 0, overflows: 0 };
         for (index, value) in values.iter().enumerate() {
             // Small ones more often than not.
             let value = if value % 2 == 0 { i128::from(value % 12) } else { i128::from(*value) };

@@ -299,6 +299,10 @@ fn what_may_not_be_meant_is_a_warning() {
             "2:22: warning: this branch is never reached: the condition above is TRUE",
         ),
         ("{hint} a := 1;", "2:1: note: the pragma has no effect"),
+        (
+            "r := INT_TO_REAL(a * b);",
+            "2:18: warning: this is worked out as INT, and becomes wider behind it: write INT_TO_REAL(..) of each value",
+        ),
     ];
     for (statements, wanted) in cases {
         assert_eq!(of(statements), [wanted], "{statements}");

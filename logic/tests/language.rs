@@ -750,3 +750,67 @@ fn a_variable_is_found_by_its_own_name_where_only_one_has_it_else_by_that_of_its
     let shortest: Vec<String> = logic.all_variables().map(|variable| logic.name(variable)).collect();
     assert_eq!(shortest, ["g", "a.n", "m", "b.n"]);
 }
+
+/// What becomes wider by itself is worked out wide: nothing is lost before.
+#[test]
+fn what_becomes_wider_is_worked_out_wide() {
+    let declarations = "
+        FUNCTION whole : DINT VAR_INPUT x : DINT; END_VAR whole := x; END_FUNCTION
+        FUNCTION_BLOCK keep VAR_INPUT x : DINT; END_VAR VAR_OUTPUT y : DINT; END_VAR y := x; END_FUNCTION_BLOCK
+        PROGRAM p VAR CONSTANT k : INT := 300; END_VAR
+        VAR mm : INT := 250; pieces : USINT; s : SINT := 100; d : DINT := 2_000_000_000; r : REAL := 16777216.0; u : UDINT := 1;
+            low : INT := -32768; n : DINT; l : LINT; f : REAL; g : LREAL; b : BOOL; t : TIME; c : keep; a : ARRAY[-1..300] OF INT;
+            begun : DINT := 300 * k * 10; END_VAR";
+    let cases = [
+        ("n := mm * 1000;", "n", "250000"),
+        ("n := pieces - 1;", "n", "-1"),
+        ("n := mm * mm / 2 * (mm + 1);", "n", "7843750"),
+        ("n := s * 1000;", "n", "100000"),
+        ("n := -low;", "n", "32768"),
+        ("n := ABS(low);", "n", "32768"),
+        ("n := low / -1;", "n", "32768"),
+        ("n := SEL(TRUE, 0, mm * mm);", "n", "62500"),
+        ("n := MUX(1, 0, mm * mm);", "n", "62500"),
+        ("n := MAX(mm * mm, 5);", "n", "62500"),
+        ("n := LIMIT(0, mm * mm, 100000);", "n", "62500"),
+        ("n := ADD(mm, MUL(mm, 1000));", "n", "250250"),
+        ("n := d / 1000 + mm * 1000;", "n", "2250000"),
+        ("n := whole(mm * 1000);", "n", "250000"),
+        ("c(x := mm * 1000); n := c.y;", "n", "250000"),
+        ("l := d * 2;", "l", "4000000000"),
+        ("l := u - 2;", "l", "-1"),
+        ("n := begun;", "n", "900000"),
+        // Below a real number the division is that of integers.
+        ("f := mm * 1000;", "f", "250000"),
+        ("f := mm / 100;", "f", "2"),
+        ("f := pieces - 1;", "f", "-1"),
+        ("f := r * 0.0 + mm * 400;", "f", "100000"),
+        ("f := s * 100;", "f", "10000"),
+        ("g := d * 3;", "g", "6000000000"),
+        ("g := (r + 1.0) - r;", "g", "1"),
+        ("g := r * 0.1;", "g", "1677721.6"),
+        (
+            "g := 2.0 ** (s + 100);",
+            "g",
+            "1606938044258990300000000000000000000000000000000000000000000",
+        ),
+        ("t := T#1ms * (mm * mm);", "t", "62500"),
+        ("a[s * 3] := 7; n := a[300];", "n", "7"),
+        ("a[pieces - 1] := 7; n := a[-1];", "n", "7"),
+        // In comparisons, too.
+        ("b := mm * 1000 > d / 10000;", "b", "1"),
+        ("b := mm * 1000 > 200000;", "b", "1"),
+        ("b := mm * mm > mm;", "b", "1"),
+        ("b := pieces - 1 < 0;", "b", "1"),
+        ("b := GT(mm * mm, 60000);", "b", "1"),
+        // Differences of counters of 32 bits stay what they are, across the end of their range as well.
+        ("b := u - UDINT#4294967295 = 2;", "b", "1"),
+        // What keeps its width wraps, and a conversion that is written takes what goes into it.
+        ("mm := mm * mm; n := mm;", "n", "-3036"),
+        ("n := INT_TO_DINT(mm * mm);", "n", "-3036"),
+        ("l := SEL(TRUE, 0, INT_TO_DINT(mm * mm));", "l", "-3036"),
+    ];
+    for (statements, name, wanted) in cases {
+        assert_eq!(after(declarations, statements, &[name]), [wanted], "{statements}");
+    }
+}

@@ -323,6 +323,52 @@ impl<'c, 'a, 't> Checker<'c, 'a, 't> {
         Node { ty, kind, at }
     }
 
+    /// A value of a type that becomes a wider one: operators and functions that choose work in the wider one, so that nothing is
+    /// lost before it becomes wider.
+    fn worked_out_in(&mut self, node: Node, to: Scalar) -> Read<Node> {
+        let (ty, at) = (node.ty, node.at);
+        let wide = Type::Scalar(to);
+        let is_same = |node: &Node| node.ty == ty;
+        match node.kind {
+            // A conversion that is written says what goes into it.
+            NodeKind::Unary(operation, scalar, operand) if ty == Type::Scalar(scalar) && is_same(&operand) => {
+                let operand = self.worked_out_in(*operand, to)?;
+                Ok(self.folded(operation, to, Node { at, ..operand }))
+            }
+            NodeKind::Binary(operation, scalar, left, right)
+                if ty == Type::Scalar(scalar) && is_same(&left) && (is_same(&right) || operation == Binary::Power) =>
+            {
+                let left = self.worked_out_in(*left, to)?;
+                let right = match operation {
+                    Binary::Power => *right,
+                    _ => self.worked_out_in(*right, to)?,
+                };
+                self.folded_pair(operation, to, [left, right], wide, at)
+            }
+            NodeKind::Select(operands) if operands[1..].iter().all(is_same) => {
+                let [selector, for_false, for_true] = *operands;
+                let (for_false, for_true) = (self.worked_out_in(for_false, to)?, self.worked_out_in(for_true, to)?);
+                let kind = NodeKind::Select(Box::new([selector, for_false, for_true]));
+                Ok(Node { ty: wide, kind, at })
+            }
+            NodeKind::Choose(mut nodes) if nodes[1..].iter().all(is_same) => {
+                let values = nodes.split_off(1).into_iter();
+                for value in values {
+                    nodes.push(self.worked_out_in(value, to)?);
+                }
+                let kind = NodeKind::Choose(nodes);
+                Ok(Node { ty: wide, kind, at })
+            }
+            kind => {
+                let node = Node { ty, kind, at };
+                match ty {
+                    Type::Scalar(from) => Ok(self.converted(from, to, node)),
+                    _ => Ok(node),
+                }
+            }
+        }
+    }
+
     /// A value as one of this type, which it becomes by itself or not at all.
     pub(super) fn coerce(&mut self, node: Node, to: Type) -> Read<Node> {
         let at = node.at;
@@ -372,6 +418,10 @@ impl<'c, 'a, 't> Checker<'c, 'a, 't> {
                 )
             }
             (_, Type::Scalar(from), Type::Scalar(scalar)) if from.widens_to(scalar) => {
+                // Below a real number `/` and MOD are those of integers.
+                let is_whole = from.is_integer() && scalar.is_real();
+                let node = self.worked_out_in(node, if is_whole { Scalar::Lint } else { scalar })?;
+                let from = node.ty.scalar().unwrap_or(from);
                 Ok(self.converted(from, scalar, node))
             }
             (_, from, to) => {

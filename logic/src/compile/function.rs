@@ -407,6 +407,14 @@ impl Checker<'_, '_, '_> {
             }
             Standard::Convert(from, to) => {
                 let node = self.expression_of(first, Type::Scalar(from))?;
+                let sums = matches!(
+                    node.kind,
+                    NodeKind::Binary(Binary::Add | Binary::Subtract | Binary::Multiply, ..)
+                );
+                if sums && from.is_integer() && from.bits() < 32 && to.is_number() && from.bits() < to.bits() {
+                    let (name, ty) = (name.to_owned(), from.name());
+                    self.compiler.told.warning(node.at, Kind::NarrowConversion { name, ty });
+                }
                 Ok(self.converted(from, to, Node { at, ..node }))
             }
         }

@@ -98,6 +98,7 @@ impl Checker<'_, '_, '_> {
         let Some(common) = self.common(&pair, expected) else {
             return self.no_operands(word.word(), types.0, types.1, at);
         };
+        let common = wide_enough(common, &pair, expected);
         let scalar = match common {
             Type::AnyInteger | Type::AnyReal => return self.literals(operation, &pair, common, at),
             Type::Scalar(Scalar::Time) if !scales && word != Word::Modulo => Scalar::Time,
@@ -167,10 +168,13 @@ impl Checker<'_, '_, '_> {
 
     /// TIME times or through a number.
     fn scaled(&mut self, operation: Binary, time: Node, number: Node, at: Span) -> Read<Node> {
-        let number = self.settle(number, None)?;
+        let mut number = self.settle(number, None)?;
+        if number.ty.scalar().is_some_and(|scalar| scalar.widens_to(Scalar::Lint)) {
+            number = self.coerce(number, Type::Scalar(Scalar::Lint))?;
+        }
         let ty = time.ty;
         match number.ty {
-            Type::Scalar(scalar) if scalar.widens_to(Scalar::Lint) => {
+            Type::Scalar(Scalar::Lint) => {
                 // As a count of nanoseconds both are of one type.
                 self.folded_pair(operation, Scalar::Time, [time, number], ty, at)
             }
@@ -201,7 +205,11 @@ impl Checker<'_, '_, '_> {
             return self.no_operand("**", &exponent);
         };
         let ty = base.ty;
-        let exponent = self.converted(of_exponent, Scalar::Lreal, exponent);
+        let exponent = if of_exponent.widens_to(Scalar::Lreal) {
+            self.coerce(exponent, LREAL)?
+        } else {
+            self.converted(of_exponent, Scalar::Lreal, exponent)
+        };
         self.folded_pair(Binary::Power, scalar, [base, exponent], ty, at)
     }
 
@@ -255,6 +263,12 @@ impl Checker<'_, '_, '_> {
         common = match common {
             Type::AnyInteger => Type::Scalar(Scalar::Lint),
             Type::AnyReal => LREAL,
+            // What is worked out of integers below 32 bits is worked out in 32 bits, as others do it.
+            Type::Scalar(scalar)
+                if scalar.is_integer() && scalar.bits() < 32 && pair.iter().any(Node::is_worked_out) =>
+            {
+                Type::Scalar(Scalar::Dint)
+            }
             other => other,
         };
         let scalar = match common {
@@ -271,4 +285,29 @@ impl Checker<'_, '_, '_> {
         let pair = [self.coerce(left, common)?, self.coerce(right, common)?];
         self.folded_pair(operation, scalar, pair, BOOL, at)
     }
+}
+
+/// The type in which two values of a common one are worked out: the one that is wanted where that is wider, and one that holds
+/// the literals where none is wanted.
+fn wide_enough(common: Type, pair: &[Node; 2], expected: Option<Type>) -> Type {
+    let Type::Scalar(scalar) = common else { return common };
+    let wanted = expected.and_then(Type::scalar).filter(|wanted| wanted.is_number());
+    let is_alike = |wanted: Scalar| wanted.is_integer() == scalar.is_integer();
+    match wanted {
+        Some(wanted) if is_alike(wanted) && scalar.widens_to(wanted) => return Type::Scalar(wanted),
+        Some(wanted) if is_alike(wanted) => return common,
+        _ if !scalar.is_integer() => return common,
+        _ => {}
+    }
+    let holds = |wide: &Scalar| {
+        let (low, high) = wide.range();
+        pair.iter().all(|node| match node.kind {
+            NodeKind::Integer(value) => (low..=high).contains(&value),
+            _ => true,
+        })
+    };
+    let mut wider = Scalar::ALL
+        .into_iter()
+        .filter(|wide| wide.is_integer() && scalar.widens_to(*wide));
+    wider.find(holds).map_or(common, Type::Scalar)
 }

@@ -69,6 +69,16 @@ impl Node {
         Node { ty, kind, at }
     }
 
+    /// Whether operators make it of other values.
+    pub(super) fn is_worked_out(&self) -> bool {
+        match &self.kind {
+            NodeKind::Unary(..) | NodeKind::Binary(..) => true,
+            NodeKind::Select(operands) => operands[1..].iter().any(Node::is_worked_out),
+            NodeKind::Choose(nodes) => nodes[1..].iter().any(Node::is_worked_out),
+            _ => false,
+        }
+    }
+
     /// The slot of a constant that has a type.
     pub(super) fn value(&self) -> Option<i64> {
         match self.kind {

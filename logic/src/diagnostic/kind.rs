@@ -198,6 +198,8 @@ pub enum Kind {
     BranchUnreachable,
     #[error("two {ty} are hardly ever equal: compare their difference with a tolerance")]
     RealEqual { ty: &'static str },
+    #[error("this is worked out as {ty}, and becomes wider behind it: write {name}(..) of each value")]
+    NarrowConversion { name: String, ty: &'static str },
     #[error("- is stronger than **: this is (-a) ** b")]
     MinusPower,
     #[error("F_TRIG gives no pulse in its first call; some controls do")]
