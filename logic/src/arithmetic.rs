@@ -22,6 +22,8 @@ pub(crate) enum Binary {
     /// Right: an integer.
     ShiftLeft, ShiftRight, RotateLeft, RotateRight,
     Least, Greatest,
+    /// The next value of a loop: the sum, or what it was where its type ends.
+    Advance,
     /// TIME with an LREAL.
     ScaleUp, ScaleDown,
 }
@@ -138,7 +140,7 @@ fn of_reals(operation: Binary, scalar: Scalar, a: f64, b: f64, flags: &mut Flags
             }
         }
         // The type check gives these to no REAL.
-        Binary::And | Binary::Or | Binary::Xor | Binary::ScaleUp | Binary::ScaleDown => a,
+        Binary::And | Binary::Or | Binary::Xor | Binary::ScaleUp | Binary::ScaleDown | Binary::Advance => a,
         Binary::ShiftLeft | Binary::ShiftRight | Binary::RotateLeft | Binary::RotateRight => a,
     };
     of_real(scalar, value)
@@ -155,6 +157,10 @@ fn of_integers(operation: Binary, scalar: Scalar, left: i64, right: i64, flags: 
         Binary::NotEqual => i64::from(a != b),
         Binary::Add => wrapped(scalar, a + b, flags),
         Binary::Subtract => wrapped(scalar, a - b, flags),
+        Binary::Advance => match scalar.wrap(a + b) {
+            (_, true) => left,
+            (next, false) => next,
+        },
         // Of two ULINT the product may wrap here, to a negative number that is out of range as well.
         Binary::Multiply => wrapped(scalar, a.wrapping_mul(b), flags),
         Binary::Divide | Binary::Modulo if b == 0 => {

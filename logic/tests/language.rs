@@ -310,6 +310,31 @@ fn loops() {
     for (statements, wanted) in cases {
         assert_eq!(count(statements), wanted, "{statements}");
     }
+    // Behind the loop: the first value that is beyond its end, unless EXIT has left it.
+    let behind = |statements: &str| {
+        let declarations = "PROGRAM p VAR i, k : INT; s : SINT; u : USINT; n : DINT; END_VAR";
+        after(declarations, statements, &["n"]).remove(0)
+    };
+    let cases = [
+        ("FOR i := 1 TO 8 DO IF i = 9 THEN EXIT; END_IF; END_FOR; n := i;", "9"),
+        ("FOR i := 1 TO 8 DO IF i = 3 THEN EXIT; END_IF; END_FOR; n := i;", "3"),
+        ("FOR i := 1 TO 8 DO IF i = 8 THEN EXIT; END_IF; END_FOR; n := i;", "8"),
+        ("k := 8; FOR i := 1 TO k DO CONTINUE; END_FOR; n := i;", "9"),
+        ("FOR i := 1 TO 10 BY 3 DO ; END_FOR; n := i;", "13"),
+        ("FOR i := 5 TO 1 BY -2 DO ; END_FOR; n := i;", "-1"),
+        ("k := -2; FOR i := 5 TO 1 BY k DO ; END_FOR; n := i;", "-1"),
+        ("FOR i := 5 TO 1 DO ; END_FOR; n := i;", "5"),
+        // At the end of its type it stays where it is.
+        ("FOR s := 125 TO 127 DO ; END_FOR; n := s;", "127"),
+        ("FOR u := 3 TO 255 BY 100 DO ; END_FOR; n := u;", "203"),
+        (
+            "k := -1; FOR i := -32767 TO -32768 BY k DO ; END_FOR; n := i;",
+            "-32768",
+        ),
+    ];
+    for (statements, wanted) in cases {
+        assert_eq!(behind(statements), wanted, "{statements}");
+    }
     let mut up_to_the_end = start("PROGRAM p VAR s : SINT; END_VAR FOR s := 126 TO 127 DO ; END_FOR; END_PROGRAM");
     scan(&mut up_to_the_end, 0);
     assert_eq!(up_to_the_end.overflows(), 0);
@@ -347,7 +372,7 @@ fn a_loop_that_is_not_bound_by_itself_ends_at_its_bound() {
     ends("FOR n := 1 TO m DO ; END_FOR;", "1001", Some(2));
     ends(
         "{max_iterations := 2000} FOR n := 1 TO m - 98500 DO ; END_FOR;",
-        "1500",
+        "1501",
         None,
     );
     // What leaves the loop before its bound has not exceeded it.
@@ -361,7 +386,7 @@ fn a_loop_that_is_not_bound_by_itself_ends_at_its_bound() {
         "1001",
         Some(2),
     );
-    ends("FOR n := 1 TO 5000 DO ; END_FOR;", "5000", None);
+    ends("FOR n := 1 TO 5000 DO ; END_FOR;", "5001", None);
 }
 
 /// An enumeration may stand at its variables, which share it; others of the same names are others.
@@ -556,7 +581,7 @@ fn structures_arrays_and_enumerations() {
             t.spot.x := 9.0; t.names[i + 1] := 8; u := t; many[i + 1] := t; many[4].spot.y := 3.0;
             e := blue; f := Colour#red; in_blue := e = blue;
             FOR i := -1 TO 1 DO n := n + g[i, 2]; END_FOR;
-            g[1, i - 1] := 42;
+            g[1, i - 2] := 42;
             CASE e OF red: s := 'red'; Colour#blue: s := 'blue'; ELSE ; END_CASE;
             i := 1;
         END_PROGRAM";

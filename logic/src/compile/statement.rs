@@ -433,12 +433,14 @@ impl Checker<'_, '_, '_> {
         self.controls.push(control.key());
         self.iteration(body, true);
         self.controls.pop();
-        // The step is added only where an iteration follows, so that a loop up to the end of its type does not overflow.
+        // Behind the last iteration, too: programs see by it that the loop ran to its end.
+        let compiler = &*self.compiler;
+        self.emitter.store(compiler, &place, |emitter| {
+            emitter.load(compiler, &place);
+            emitter.op(step, at);
+            emitter.op(Op::Binary(Binary::Advance, scalar), at);
+        });
         exits.push(self.emitter.op(Op::Count { slot, exit: 0 }, at));
-        self.emitter.load(self.compiler, &place);
-        self.emitter.op(step, at);
-        self.emitter.op(Op::Binary(Binary::Add, scalar), at);
-        self.emitter.op(Op::StoreThis(place.offset), at);
         self.emitter.op(Op::Jump(top), at);
         let once = self.emitter.steps - before;
         // Where the bound ends the loop, its guard is passed once more.
