@@ -45,7 +45,11 @@ pub fn run(octets: &[u8]) {
             Some(&variable.line),
             "{name}"
         );
-        let _ = runtime.get(variable).to_string();
+        match runtime.get(variable) {
+            Value::Real(value) => assert!(value.is_finite(), "{name}"),
+            Value::Lreal(value) => assert!(value.is_finite(), "{name}"),
+            value => drop(value.to_string()),
+        }
     }
     // Compiled again it goes on where it was.
     let mut again = Runtime::new(logic);

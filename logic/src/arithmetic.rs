@@ -51,6 +51,25 @@ pub(crate) fn of_real(scalar: Scalar, value: f64) -> i64 {
     rounded.to_bits() as i64
 }
 
+/// The result of a calculation of a REAL or LREAL as a slot: a finite number, whatever was worked out.
+fn real_result(scalar: Scalar, value: f64, flags: &mut Flags) -> i64 {
+    let slot = of_real(scalar, value);
+    if real(slot).is_finite() {
+        return slot;
+    }
+    if value.is_nan() {
+        flags.wrong = Some(Wrong::NoNumber);
+        return of_real(scalar, 0.0);
+    }
+    flags.wrong = Some(Wrong::RealRange);
+    let most = if scalar == Scalar::Real {
+        f64::from(f32::MAX)
+    } else {
+        f64::MAX
+    };
+    of_real(scalar, most.copysign(value))
+}
+
 fn wrapped(scalar: Scalar, number: i128, flags: &mut Flags) -> i64 {
     let (slot, changed) = scalar.wrap(number);
     flags.overflows += u64::from(changed);
@@ -86,7 +105,7 @@ pub(crate) fn unary(operation: Unary, scalar: Scalar, a: i64, flags: &mut Flags)
             Unary::Atan => libm::atan(a),
             Unary::Truncate => a.trunc(),
         };
-        return of_real(scalar, value);
+        return real_result(scalar, value, flags);
     }
     match operation {
         Unary::Not => scalar.wrap(!scalar.number(a)).0,
@@ -143,7 +162,7 @@ fn of_reals(operation: Binary, scalar: Scalar, a: f64, b: f64, flags: &mut Flags
         Binary::And | Binary::Or | Binary::Xor | Binary::ScaleUp | Binary::ScaleDown | Binary::Advance => a,
         Binary::ShiftLeft | Binary::ShiftRight | Binary::RotateLeft | Binary::RotateRight => a,
     };
-    of_real(scalar, value)
+    real_result(scalar, value, flags)
 }
 
 fn of_integers(operation: Binary, scalar: Scalar, left: i64, right: i64, flags: &mut Flags) -> i64 {
@@ -221,7 +240,7 @@ const MILLISECOND_NS: i64 = 1_000_000;
 pub(crate) fn convert(from: Scalar, to: Scalar, a: i64, flags: &mut Flags) -> i64 {
     match (from, to) {
         _ if from == to => a,
-        _ if from.is_real() && to.is_real() => of_real(to, real(a)),
+        _ if from.is_real() && to.is_real() => real_result(to, real(a), flags),
         (_, Scalar::Bool) if from.is_real() => i64::from(real(a) != 0.0),
         (_, Scalar::Bool) => i64::from(a != 0),
         (_, Scalar::Time) if from.is_real() => {
@@ -281,6 +300,46 @@ mod tests {
             of(Binary::ScaleDown, Time, 7, of_real(Lreal, 0.0)).1.wrong,
             Some(Wrong::DivisionByZero)
         );
+    }
+
+    #[test]
+    fn what_is_no_number_is_zero_and_what_is_beyond_its_type_is_at_its_end() {
+        let slot = |scalar: Scalar, value: f64| of_real(scalar, value);
+        let mut told = Vec::new();
+        let mut check = |what: &str, (value, flags): (i64, Flags), wanted: f64| {
+            assert_eq!(real(value), wanted, "{what}");
+            told.push(flags.wrong);
+        };
+        let one = |operation: Unary, a: f64| {
+            let mut flags = Flags::default();
+            (unary(operation, Lreal, slot(Lreal, a), &mut flags), flags)
+        };
+        for operation in [Unary::SquareRoot, Unary::Ln, Unary::Log, Unary::Asin, Unary::Acos] {
+            check(&format!("{operation:?}"), one(operation, -1.5), 0.0);
+        }
+        check(
+            "-1.5 ** 0.5",
+            of(Binary::Power, Lreal, slot(Lreal, -1.5), slot(Lreal, 0.5)),
+            0.0,
+        );
+        assert!(told.drain(..).all(|wrong| wrong == Some(Wrong::NoNumber)));
+        let mut check = |what: &str, (value, flags): (i64, Flags), wanted: f64| {
+            assert_eq!(real(value), wanted, "{what}");
+            told.push(flags.wrong);
+        };
+        check("LN(0)", one(Unary::Ln, 0.0), f64::MIN);
+        check("EXP(1000)", one(Unary::Exp, 1000.0), f64::MAX);
+        let most = f64::from(f32::MAX);
+        let pair = |operation, scalar: Scalar, a: f64, b: f64| of(operation, scalar, slot(scalar, a), slot(scalar, b));
+        check("REAL *", pair(Binary::Multiply, Real, 1e30, -1e30), -most);
+        check("REAL /", pair(Binary::Divide, Real, 1e30, 1e-30), most);
+        check("LREAL +", pair(Binary::Add, Lreal, f64::MAX, f64::MAX), f64::MAX);
+        check("LREAL -", pair(Binary::Subtract, Lreal, f64::MIN, f64::MAX), f64::MIN);
+        check("0 ** -1", pair(Binary::Power, Lreal, 0.0, -1.0), f64::MAX);
+        let mut flags = Flags::default();
+        let narrow = convert(Lreal, Real, slot(Lreal, 1e300), &mut flags);
+        check("LREAL_TO_REAL", (narrow, flags), most);
+        assert!(told.iter().all(|wrong| *wrong == Some(Wrong::RealRange)));
     }
 
     #[test]

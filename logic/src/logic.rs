@@ -269,8 +269,8 @@ impl Logic {
         match (variable.kind, value) {
             (Leaf::Scalar(Scalar::Bool), Value::Bool(value)) => Some(i64::from(value)),
             (Leaf::Scalar(Scalar::Time), Value::Time(nanoseconds)) => Some(nanoseconds),
-            (Leaf::Scalar(scalar), Value::Real(value)) if scalar.is_real() => Some(of_real(scalar, f64::from(value))),
-            (Leaf::Scalar(scalar), Value::Lreal(value)) if scalar.is_real() => Some(of_real(scalar, value)),
+            (Leaf::Scalar(scalar), Value::Real(value)) if scalar.is_real() => finite(scalar, f64::from(value)),
+            (Leaf::Scalar(scalar), Value::Lreal(value)) if scalar.is_real() => finite(scalar, value),
             (Leaf::Scalar(scalar), Value::Integer(value)) if scalar.is_integer() || scalar.is_bit_string() => {
                 let (slot, changed) = scalar.wrap(value);
                 (!changed).then_some(slot)
@@ -309,18 +309,17 @@ impl Logic {
                 }
                 _ => crate::duration::of_milliseconds(text)?,
             }),
-            Leaf::Scalar(scalar) if scalar.is_real() => {
-                let value = text.parse::<f64>().ok().filter(|value| value.is_finite())?;
-                // A number that is beyond a REAL is none.
-                if scalar == Scalar::Real && !(value as f32).is_finite() {
-                    return None;
-                }
-                Value::Lreal(value)
-            }
+            Leaf::Scalar(scalar) if scalar.is_real() => Value::Lreal(text.parse().ok()?),
             Leaf::Scalar(Scalar::String) => Value::Text(text),
             Leaf::Enumeration(_) => text.parse().map_or(Value::Text(text), Value::Integer),
             Leaf::Scalar(_) => Value::Integer(text.parse().ok()?),
         };
         self.slot_value(variable, value).map(|_| value)
     }
+}
+
+/// The slot of a REAL or LREAL; `None`: it is beyond it, or no number.
+fn finite(scalar: Scalar, value: f64) -> Option<i64> {
+    let slot = of_real(scalar, value);
+    f64::from_bits(slot as u64).is_finite().then_some(slot)
 }

@@ -17,6 +17,10 @@ use std::sync::Arc;
 pub enum Wrong {
     /// The result is 0.
     DivisionByZero,
+    /// SQRT of a negative number and the like: the result is 0.
+    NoNumber,
+    /// A REAL or LREAL beyond its range: the result is the greatest number, or the least.
+    RealRange,
     /// What is read is 0, what is written is lost, a block is not called.
     Index,
     /// MUX with a selector that is no place of its inputs: the result is 0.
@@ -31,8 +35,10 @@ pub enum Wrong {
 
 impl Wrong {
     /// All of them.
-    pub const ALL: [Wrong; 6] = [
+    pub const ALL: [Wrong; 8] = [
         Wrong::DivisionByZero,
+        Wrong::NoNumber,
+        Wrong::RealRange,
         Wrong::Index,
         Wrong::Selector,
         Wrong::StepZero,
@@ -46,6 +52,8 @@ impl fmt::Display for Wrong {
         f.write_str(match self {
             Wrong::Steps => "the scan has more steps than were counted, and ends",
             Wrong::DivisionByZero => "division by zero: the result is 0",
+            Wrong::NoNumber => "SQRT, LN, LOG, ASIN, ACOS or ** has no result for this: it is 0",
+            Wrong::RealRange => "the result is beyond the range of its type, and stays at its end",
             Wrong::Index => "an index is out of its array: 0 is read, nothing is written",
             Wrong::Selector => "MUX has no input of this number: the result is 0",
             Wrong::StepZero => "the step of the loop is 0: it is left out",

@@ -839,3 +839,33 @@ fn what_becomes_wider_is_worked_out_wide() {
         assert_eq!(after(declarations, statements, &[name]), [wanted], "{statements}");
     }
 }
+
+/// No variable ever holds what is no number: there is an error with its place, and a number.
+#[test]
+fn what_is_no_number_is_an_error_and_a_number() {
+    let mut runtime = start(
+        "PROGRAM p\nVAR x : REAL := -0.25; y, kept, low, wide : REAL; d : LREAL := 1.0E300; n : INT; END_VAR\n\
+         y := 12.0 * SQRT(x);\nkept := LIMIT(1.0, SQRT(x), 40.0);\nlow := LIMIT(0.0, LN(x + 0.25), 40.0);\nwide := LREAL_TO_REAL(d);\n\
+         d := d * d;\nn := LREAL_TO_INT(d);\nEND_PROGRAM",
+    );
+    scan(&mut runtime, 0);
+    let values = ["y", "kept", "low", "wide", "n"].map(|name| get(&runtime, name));
+    let most = f32::MAX.to_string();
+    assert_eq!(values, ["0", "1", "0", &most, "32767"]);
+    assert_eq!(get(&runtime, "d"), f64::MAX.to_string());
+    assert_eq!(runtime.faults(), 5);
+    assert_eq!(
+        runtime.fault().map(|fault| fault.to_string()),
+        Some("3:13: SQRT, LN, LOG, ASIN, ACOS or ** has no result for this: it is 0".into())
+    );
+    let logic = runtime.logic().clone();
+    for (name, values) in [
+        ("x", [f64::NAN, f64::INFINITY, 1e300]),
+        ("d", [f64::NAN, f64::INFINITY, f64::NEG_INFINITY]),
+    ] {
+        for value in values {
+            let variable = logic.variable(name).unwrap();
+            assert!(!runtime.set(variable, logic::Value::Lreal(value)), "{name} {value}");
+        }
+    }
+}

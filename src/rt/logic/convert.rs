@@ -6,7 +6,7 @@
 //! | SINT, INT, DINT | s32, at most to the end of the type |
 //! | USINT, UINT, UDINT, BYTE, WORD, DWORD | u32, the same |
 //! | LINT; ULINT, LWORD | s64; u64 |
-//! | REAL, LREAL | float, REAL rounded |
+//! | REAL, LREAL | float, REAL rounded; at most to the end of the type, and what is no number is not taken |
 //! | TIME | float, seconds |
 //! | an enumeration | s32; a number that it does not have is not taken |
 //!
@@ -27,8 +27,15 @@ pub(super) fn slot_of(logic: &Logic, variable: &Variable, cell: u64) -> Option<i
         Some(scalar @ (Scalar::Usint | Scalar::Uint | Scalar::Udint | Scalar::Byte | Scalar::Word | Scalar::Dword)) => {
             clamped(scalar, i64::from(u32::from_cell(cell)))
         }
-        Some(Scalar::Lint | Scalar::Ulint | Scalar::Lword | Scalar::Lreal) => cell as i64,
-        Some(Scalar::Real) => return logic.slot_value(variable, Value::Lreal(f64::from_cell(cell))),
+        Some(Scalar::Lint | Scalar::Ulint | Scalar::Lword) => cell as i64,
+        Some(scalar @ (Scalar::Real | Scalar::Lreal)) => {
+            let most = match scalar {
+                Scalar::Real => f64::from(f32::MAX),
+                _ => f64::MAX,
+            };
+            // `None` for what is no number.
+            return logic.slot_value(variable, Value::Lreal(f64::from_cell(cell).clamp(-most, most)));
+        }
         Some(Scalar::Time) => match f64::from_cell(cell) {
             seconds if seconds.is_nan() => return None,
             seconds => (seconds * 1e9).round() as i64,
@@ -87,6 +94,13 @@ mod tests {
             of("d", 0.1_f64.to_cell()).map(|slot| back("d", slot)),
             Some(0.1_f64.to_bits())
         );
+        for name in ["r", "d"] {
+            assert_eq!(of(name, f64::NAN.to_cell()), None, "{name}");
+        }
+        let ends = [f64::INFINITY, f64::NEG_INFINITY].map(|value| [of("r", value.to_cell()), of("d", value.to_cell())]);
+        let slot = |value: f64| Some(value.to_bits() as i64);
+        let most = f64::from(f32::MAX);
+        assert_eq!(ends, [[slot(most), slot(f64::MAX)], [slot(-most), slot(f64::MIN)]]);
         assert_eq!(of("t", 1.5_f64.to_cell()), Some(1_500_000_000));
         assert_eq!(back("t", 1_500_000_000), 1.5_f64.to_cell());
         assert_eq!(

@@ -453,7 +453,10 @@ fn place(retained: &Retained, known: &HashMap<String, &Variable>, logic: &Logic)
         (low..=high).contains(&number)
     };
     let slot = match variable.scalar() {
-        Some(Scalar::Real | Scalar::Lreal) => value.parse().ok(),
+        Some(Scalar::Real | Scalar::Lreal) => {
+            let bits = value.parse().ok().map(|slot: i64| f64::from_bits(slot as u64));
+            bits.and_then(|number| logic.slot_value(variable, Value::Lreal(number)))
+        }
         Some(scalar) => value.parse().ok().filter(|slot| of_range(scalar, slot)),
         None => logic.slot_value(variable, Value::Text(value)),
     };
