@@ -35,6 +35,8 @@ pub(crate) enum Op {
     Unary(Unary, Scalar),
     Binary(Binary, Scalar),
     Convert(Scalar, Scalar),
+    /// [number of a text] to that of its first so many characters.
+    Cut(u32),
     /// [selector, value for FALSE, value for TRUE]
     Select,
     /// [selector, values]
@@ -67,7 +69,7 @@ impl Op {
     pub(crate) fn grows(self) -> i64 {
         match self {
             Op::Push(_) | Op::Load(_) | Op::LoadThis(_) | Op::Address(_) | Op::AddressThis(_) => 1,
-            Op::LoadAt | Op::Offset(_) | Op::Unary(..) | Op::Convert(..) => 0,
+            Op::LoadAt | Op::Offset(_) | Op::Unary(..) | Op::Convert(..) | Op::Cut(_) => 0,
             Op::Jump(_) | Op::Count { .. } | Op::Guard { .. } | Op::Return => 0,
             Op::Store(_) | Op::StoreThis(_) | Op::Index { .. } | Op::Binary(..) => -1,
             Op::JumpUnless(_) | Op::Switch(_) | Op::Call(_) | Op::Block(_) => -1,

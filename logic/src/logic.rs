@@ -51,6 +51,7 @@ impl Variable {
     pub fn scalar(&self) -> Option<Scalar> {
         match self.kind {
             Leaf::Scalar(scalar) => Some(scalar),
+            Leaf::Text(_) => Some(Scalar::String),
             Leaf::Enumeration(_) => None,
         }
     }
@@ -60,7 +61,7 @@ impl Variable {
         match self.kind {
             Leaf::Scalar(Scalar::Bool) => ": TRUE or FALSE",
             Leaf::Scalar(Scalar::Time) => ": T#1s500ms, or milliseconds",
-            Leaf::Scalar(Scalar::String) => ": a text of the program",
+            Leaf::Scalar(Scalar::String) | Leaf::Text(_) => ": a text of the program",
             Leaf::Scalar(_) | Leaf::Enumeration(_) => "",
         }
     }
@@ -77,6 +78,8 @@ impl Variable {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Leaf {
     Scalar(Scalar),
+    /// A STRING of so many characters.
+    Text(u32),
     Enumeration(u32),
 }
 
@@ -99,6 +102,8 @@ pub struct Logic {
     pub(crate) places: Box<[(u32, u32)]>,
     pub(crate) switches: Box<[Switch]>,
     pub(crate) texts: Box<[String]>,
+    /// Length, text, and the text of its first so many characters; ordered.
+    pub(crate) cuts: Box<[(u32, u32, u32)]>,
     /// Names of the values of each enumeration.
     pub(crate) enumerations: Box<[Vec<(String, i64)>]>,
     /// As it is at the start.
@@ -207,6 +212,15 @@ impl Logic {
         self.texts.get(number as usize).map(String::as_str)
     }
 
+    /// The number of the first so many characters of a text.
+    ///
+    /// RT: no allocation, no locks, bounded by the logarithm of the texts.
+    pub(crate) fn cut(&self, text: i64, length: u32) -> i64 {
+        let key = |(of_length, of_text, _): &(u32, u32, u32)| (*of_length, i64::from(*of_text));
+        let found = self.cuts.binary_search_by_key(&(length, text), key);
+        found.map_or(text, |found| i64::from(self.cuts[found].2))
+    }
+
     /// The shortest name under which [`Logic::variable`] finds a variable.
     pub fn name(&self, variable: &Variable) -> String {
         match self.variable(&variable.name) {
@@ -251,7 +265,7 @@ impl Logic {
             Leaf::Scalar(Scalar::Real) => Value::Real(f64::from_bits(slot as u64) as f32),
             Leaf::Scalar(Scalar::Lreal) => Value::Lreal(f64::from_bits(slot as u64)),
             Leaf::Scalar(Scalar::Time) => Value::Time(slot),
-            Leaf::Scalar(Scalar::String) => {
+            Leaf::Scalar(Scalar::String) | Leaf::Text(_) => {
                 let text = usize::try_from(slot).ok().and_then(|index| self.texts.get(index));
                 Value::Text(text.map_or("", String::as_str))
             }
@@ -277,6 +291,11 @@ impl Logic {
             }
             (Leaf::Scalar(Scalar::String), Value::Text(text)) => {
                 let index = self.texts.iter().position(|known| known == text);
+                index.map(|index| index as i64)
+            }
+            (Leaf::Text(length), Value::Text(text)) => {
+                let index = self.texts.iter().position(|known| known == text);
+                let index = index.filter(|_| text.chars().count() <= length as usize);
                 index.map(|index| index as i64)
             }
             (Leaf::Enumeration(index), value) => {
@@ -310,7 +329,7 @@ impl Logic {
                 _ => crate::duration::of_milliseconds(text)?,
             }),
             Leaf::Scalar(scalar) if scalar.is_real() => Value::Lreal(text.parse().ok()?),
-            Leaf::Scalar(Scalar::String) => Value::Text(text),
+            Leaf::Scalar(Scalar::String) | Leaf::Text(_) => Value::Text(text),
             Leaf::Enumeration(_) => text.parse().map_or(Value::Text(text), Value::Integer),
             Leaf::Scalar(_) => Value::Integer(text.parse().ok()?),
         };

@@ -293,6 +293,10 @@ impl Runtime {
                     let a = machine.pop();
                     machine.push(convert(from, to, a, &mut flags));
                 }
+                Op::Cut(length) => {
+                    let text = machine.pop();
+                    machine.push(logic.cut(text, length));
+                }
                 Op::Select => {
                     let b = machine.pop();
                     let a = machine.pop();

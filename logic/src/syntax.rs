@@ -49,6 +49,8 @@ pub(crate) struct TypeText {
 pub(crate) enum TypeKind {
     Named(Name),
     Array(Vec<(Expression, Expression)>, Box<TypeText>),
+    /// `STRING[20]`
+    Text(Box<Expression>),
     /// In TYPE only.
     Struct(Vec<Variable>),
     /// In TYPE only; values that are given.
@@ -63,6 +65,16 @@ pub(crate) enum Initial {
     List(Vec<(Option<Expression>, Initial)>, Span),
     /// `(x := 1, y := 2)`
     Members(Vec<(Name, Initial)>, Span),
+}
+
+impl Initial {
+    /// Where it stands.
+    pub(crate) fn at(&self) -> Span {
+        match self {
+            Initial::Value(value) => value.at,
+            Initial::List(_, at) | Initial::Members(_, at) => *at,
+        }
+    }
 }
 
 /// What kind of VAR a variable stands in.
@@ -124,6 +136,42 @@ pub(crate) struct Expression {
     pub(crate) at: Span,
     /// How deep it is nested: what walks through it calls itself so often.
     pub(crate) depth: u32,
+}
+
+impl Expression {
+    /// Variables that it reads are added to these, but no more than so many in all.
+    pub(crate) fn reads(&self, all: &mut Vec<Access>, most: usize) {
+        if all.len() >= most {
+            return;
+        }
+        match &self.kind {
+            ExpressionKind::Variable(access) => {
+                for step in &access.steps {
+                    if let Step::Index(indices, _) = step {
+                        indices.iter().for_each(|index| index.reads(all, most));
+                    }
+                }
+                all.push(access.clone());
+            }
+            ExpressionKind::Unary(_, operand) | ExpressionKind::Typed(_, operand) => operand.reads(all, most),
+            ExpressionKind::Binary(_, left, right) => {
+                left.reads(all, most);
+                right.reads(all, most);
+            }
+            ExpressionKind::Call(_, arguments) => {
+                for argument in arguments {
+                    if let ArgumentValue::Given(value) = &argument.value {
+                        value.reads(all, most);
+                    }
+                }
+            }
+            ExpressionKind::Integer(_)
+            | ExpressionKind::Real(_)
+            | ExpressionKind::Bool(_)
+            | ExpressionKind::Time(_)
+            | ExpressionKind::Text(_) => {}
+        }
+    }
 }
 
 #[derive(Clone, Debug)]

@@ -4,7 +4,7 @@ mod common;
 
 use common::{errors, warnings};
 
-const HEAD: &str = "PROGRAM p VAR a, b, level : INT; r : REAL; c, d : BOOL; t : TON; l : ARRAY[1..3] OF INT; w : WORD; u : TIME; END_VAR VAR_OUTPUT q : BOOL; END_VAR VAR_INPUT i : BOOL; END_VAR\n";
+const HEAD: &str = "PROGRAM p VAR a, b, level : INT; r : REAL; c, d : BOOL; t : TON; l : ARRAY[1..3] OF INT; w : WORD; u : TIME; s : STRING[4]; END_VAR VAR_OUTPUT q : BOOL; END_VAR VAR_INPUT i : BOOL; END_VAR\n";
 
 /// The errors of these statements, from their second line on.
 fn told(statements: &str) -> Vec<String> {
@@ -251,6 +251,44 @@ fn declarations() {
             "TYPE s : STRUCT if : INT; x : INT; END_STRUCT; t : INT; END_TYPE PROGRAM p VAR a : s; b : t; END_VAR a.x := b; END_PROGRAM",
             "1:17: if is a word of the language",
         ),
+        (
+            "FUNCTION_BLOCK f VAR_INPUT t : TON; END_VAR t(IN := TRUE); END_FUNCTION_BLOCK",
+            "1:45: t is an input, and is not called here: what the call keeps would be lost; VAR_IN_OUT hands it over",
+        ),
+        (
+            "FUNCTION_BLOCK f VAR_INPUT t : ARRAY[1..2] OF TON; END_VAR t[1](IN := TRUE); END_FUNCTION_BLOCK",
+            "1:60: t[..] is an input, and is not called here: what the call keeps would be lost; VAR_IN_OUT hands it over",
+        ),
+        (
+            "FUNCTION_BLOCK f VAR_INPUT t : TON; END_VAR t.IN := TRUE; END_FUNCTION_BLOCK",
+            "1:45: t.IN is an input, and is not assigned here",
+        ),
+        (
+            "FUNCTION_BLOCK f VAR_IN_OUT t : TON; END_VAR t(IN := TRUE); END_FUNCTION_BLOCK
+             FUNCTION_BLOCK g VAR_INPUT t : TON; END_VAR VAR x : f; END_VAR x(t := t); END_FUNCTION_BLOCK",
+            "2:84: t is an input, and is not called here: what the call keeps would be lost; VAR_IN_OUT hands it over",
+        ),
+        (
+            "VAR_GLOBAL g : INT; END_VAR PROGRAM p VAR_EXTERNAL CONSTANT g : INT; END_VAR g := 1; END_PROGRAM",
+            "1:78: g is a constant, and is not assigned here",
+        ),
+        (
+            "VAR_GLOBAL g : INT; END_VAR FUNCTION_BLOCK f VAR_IN_OUT x : INT; END_VAR x := 1; END_FUNCTION_BLOCK
+             PROGRAM p VAR_EXTERNAL CONSTANT g : INT; END_VAR VAR b : f; END_VAR b(x := g); END_PROGRAM",
+            "2:89: g is a constant, and is not assigned here",
+        ),
+        (
+            "VAR_GLOBAL g : TON; END_VAR PROGRAM p VAR_EXTERNAL CONSTANT g : TON; END_VAR g(); END_PROGRAM",
+            "1:78: g is a constant, and is not called here: what the call keeps would be lost; VAR_IN_OUT hands it over",
+        ),
+        (
+            "VAR_GLOBAL g : INT; END_VAR PROGRAM p VAR_EXTERNAL g : INT := 5; END_VAR END_PROGRAM",
+            "1:63: g has its value of the start where it is declared, in VAR_GLOBAL",
+        ),
+        (
+            "PROGRAM p VAR a : STRING[0]; END_VAR END_PROGRAM",
+            "1:26: a STRING holds 1 to 65535 characters",
+        ),
         ("CLASS c END_CLASS", "1:1: object orientation is not supported"),
         ("TYPE a : INT; END_TYPE", "1:1: there is no PROGRAM in the file"),
         ("", "1:1: there is no PROGRAM in the file"),
@@ -300,6 +338,22 @@ fn what_may_not_be_meant_is_a_warning() {
         ),
         ("{hint} a := 1;", "2:1: note: the pragma has no effect"),
         (
+            "FOR a := 1 TO level DO level := 2; END_FOR;",
+            "2:24: warning: level is altered in the loop, whose TO and BY hold as they were before the first iteration",
+        ),
+        (
+            "FOR a := 1 TO 9 BY l[1] DO WHILE c DO l[b] := 2; END_WHILE; END_FOR;",
+            "2:39: warning: l is altered in the loop, whose TO and BY hold as they were before the first iteration",
+        ),
+        (
+            "FOR a := 1 TO TIME_TO_INT(t.ET) DO t(IN := c, PT := u); END_FOR;",
+            "2:36: warning: t is altered in the loop, whose TO and BY hold as they were before the first iteration",
+        ),
+        (
+            "s := 'ABCDEF';",
+            "2:6: warning: the text is longer than STRING[4], and is cut to its first 4 characters",
+        ),
+        (
             "r := INT_TO_REAL(a * b);",
             "2:18: warning: this is worked out as INT, and becomes wider behind it: write INT_TO_REAL(..) of each value",
         ),
@@ -307,6 +361,10 @@ fn what_may_not_be_meant_is_a_warning() {
     for (statements, wanted) in cases {
         assert_eq!(of(statements), [wanted], "{statements}");
     }
+    assert!(
+        of("FOR a := 1 TO l[1] DO l[2] := a; END_FOR; level := 9; FOR a := level TO 3 DO level := 1; END_FOR;")
+            .is_empty()
+    );
     assert!(of("r := (-r) ** 2; q := FALSE; IF c THEN q := TRUE; END_IF;").is_empty());
     let of_enumeration = "TYPE e : (x, y); END_TYPE PROGRAM p VAR v : e; n : INT; END_VAR\nCASE v OF x: n := 1; y: n := 2; ELSE n := 3; END_CASE; END_PROGRAM";
     assert_eq!(

@@ -869,3 +869,62 @@ fn what_is_no_number_is_an_error_and_a_number() {
         }
     }
 }
+
+/// A STRING[n] holds n characters, whatever it is given, wherever it stands.
+#[test]
+fn a_text_is_cut_to_the_length_of_its_variable() {
+    let declarations = "
+        TYPE Label : STRUCT code : STRING[3]; END_STRUCT; Short : STRING(2) := 'xyz'; END_TYPE
+        FUNCTION first : STRING[1] VAR_INPUT x : STRING; END_VAR first := x; END_FUNCTION
+        FUNCTION_BLOCK keep VAR_INPUT x : STRING[2]; END_VAR VAR_OUTPUT y : STRING; END_VAR y := x; END_FUNCTION_BLOCK
+        PROGRAM p VAR CONSTANT n : INT := 4; END_VAR
+        VAR code : STRING[n]; three : STRING[3]; all : STRING := 'ABCDEF'; other : STRING[20]; l : Label; s : Short; k : keep;
+            a : ARRAY[1..2] OF STRING[2] := ['ABC', 'ÄÖÜ']; i : INT := 2; b, c : BOOL; r : STRING; END_VAR";
+    let cases = [
+        (
+            "code := 'ABCDEF'; b := code = 'ABCD'; c := code <> 'ABCDEF';",
+            ["b", "c", "code"],
+            ["1", "1", "ABCD"],
+        ),
+        (
+            "code := all; three := code; r := three;",
+            ["code", "three", "r"],
+            ["ABCD", "ABC", "ABC"],
+        ),
+        (
+            "all := 'AB'; code := all; other := code;",
+            ["code", "other", "all"],
+            ["AB", "AB", "AB"],
+        ),
+        (
+            "code := SEL(TRUE, 'A', all); l.code := code; r := first(all);",
+            ["code", "l.code", "r"],
+            ["ABCD", "ABC", "A"],
+        ),
+        (
+            "k(x := all); r := k.y; s := all;",
+            ["r", "s", "k.x"],
+            ["AB", "AB", "AB"],
+        ),
+        (
+            "r := a[2]; a[i] := all; b := a[i] = 'AB';",
+            ["r", "a[2]", "b"],
+            ["ÄÖ", "AB", "1"],
+        ),
+        ("r := a[1]; all := s;", ["r", "all", "s"], ["AB", "xy", "xy"]),
+        (
+            "b := code = ''; three := 'ABC'; c := three = all;",
+            ["b", "c", "three"],
+            ["1", "0", "ABC"],
+        ),
+    ];
+    for (statements, names, wanted) in cases {
+        assert_eq!(after(declarations, statements, &names), wanted, "{statements}");
+    }
+    let runtime = start("PROGRAM p VAR s : STRING[2]; t : STRING := 'long'; u : STRING := 'ok'; END_VAR END_PROGRAM");
+    let logic = runtime.logic();
+    let s = logic.variable("s").unwrap();
+    assert!(logic.slot_value(s, logic::Value::Text("ok")).is_some());
+    assert_eq!(logic.slot_value(s, logic::Value::Text("long")), None);
+    assert_eq!(s.ty, "STRING[2]");
+}

@@ -4,7 +4,7 @@ use super::expression::{Checker, Read};
 use super::tree::{Base, Node, NodeKind, Place};
 use super::types::Type;
 use crate::diagnostic::{Kind, Span};
-use crate::syntax::{Access, Expression, Section};
+use crate::syntax::{Access, Expression, ExpressionKind, Section, Step};
 use std::collections::BTreeSet;
 
 impl Checker<'_, '_, '_> {
@@ -22,7 +22,16 @@ impl Checker<'_, '_, '_> {
         if let Some(found) = self.find(&access.name) {
             self.found(found).assigned = true;
         }
+        self.told_of_limit(access);
         Ok(place)
+    }
+
+    /// What TO or BY of a loop around reads and is altered in it: others work it out before each iteration.
+    pub(super) fn told_of_limit(&mut self, access: &Access) {
+        if self.limits.iter().any(|limit| overlaps(limit, access)) {
+            let name = access.name.text.clone();
+            self.compiler.told.warning(access.at, Kind::LimitAltered { name });
+        }
     }
 
     /// `target := value;`
@@ -76,4 +85,21 @@ impl Checker<'_, '_, '_> {
         }
         Ok(place)
     }
+}
+
+/// Whether two may be the same, or one a part of the other.
+fn overlaps(one: &Access, other: &Access) -> bool {
+    let number = |index: &Expression| match index.kind {
+        ExpressionKind::Integer(value) => Some(value),
+        _ => None,
+    };
+    let is_other = |(one, other): (&Step, &Step)| match (one, other) {
+        (Step::Member(one), Step::Member(other)) => one.key() != other.key(),
+        (Step::Index(one, _), Step::Index(other, _)) => {
+            let mut pairs = one.iter().map(number).zip(other.iter().map(number));
+            pairs.any(|(one, other)| one.is_some() && other.is_some() && one != other)
+        }
+        _ => false,
+    };
+    one.name.key() == other.name.key() && !one.steps.iter().zip(&other.steps).any(is_other)
 }

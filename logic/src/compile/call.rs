@@ -18,6 +18,8 @@ impl Checker<'_, '_, '_> {
             let name = instance.name;
             return self.error(access.at, Kind::NoBlock { name });
         };
+        self.may_be_called(&instance)?;
+        self.told_of_limit(access);
         let unit = unit as usize;
         if self.compiler.units[unit].block.is_none() {
             self.compiler.body(unit, access.at)?;
@@ -165,7 +167,11 @@ impl Checker<'_, '_, '_> {
                 };
                 let target = match self.place(access)? {
                     // An instance is passed on, though it is not assigned.
-                    block if matches!(block.ty, Type::Block(_)) => block,
+                    block if matches!(block.ty, Type::Block(_)) => {
+                        self.may_be_called(&block)?;
+                        self.told_of_limit(access);
+                        block
+                    }
                     _ => self.target(access)?,
                 };
                 if target.ty != variable.ty {

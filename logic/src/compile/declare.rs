@@ -9,7 +9,7 @@ use crate::diagnostic::kind::nearest;
 use crate::diagnostic::{Kind, Reported, Span};
 use crate::scalar::Scalar;
 use crate::syntax::{self, Expression, Initial, Name, Section, TypeKind, TypeText, UnitKind, key};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 type Read<T> = Result<T, Reported>;
 
@@ -37,6 +37,7 @@ impl<'a> Compiler<'a, '_> {
                 variables: Vec::new(),
                 by_name: BTreeMap::new(),
                 result: None,
+                constant_externals: BTreeSet::new(),
                 interface: State::Untouched,
                 body: State::Untouched,
                 image: Vec::new(),
@@ -97,6 +98,7 @@ impl<'a> Compiler<'a, '_> {
             variables,
             by_name,
             result: None,
+            constant_externals: BTreeSet::new(),
             interface: State::Done(()),
             body: State::Wrong,
             frame: 0,
@@ -260,7 +262,7 @@ impl<'a> Compiler<'a, '_> {
             TypeKind::Struct(members) => (self.structure(&declaration.name, members)?, None),
             TypeKind::Enumeration(values) => (self.enumeration(&declaration.name, values)?, None),
             TypeKind::Named(name) => self.named_type(name)?,
-            TypeKind::Array(..) => (self.type_of(None, &declaration.ty)?, None),
+            TypeKind::Array(..) | TypeKind::Text(_) => (self.type_of(None, &declaration.ty)?, None),
         };
         let initial = match &declaration.initial {
             Some(initial) => Some(self.initial(None, ty, initial)?),
@@ -363,6 +365,14 @@ impl<'a> Compiler<'a, '_> {
                 Ok(self.types.array(array))
             }
             TypeKind::Enumeration(values) => self.enumeration_without_a_name(text.at, values),
+            TypeKind::Text(length) => {
+                let whole = Type::Scalar(Scalar::Lint);
+                let value = Checker::new(self, unit).constant(length, whole)?;
+                match u16::try_from(value) {
+                    Ok(length) if length > 0 => Ok(Type::Text(u32::from(length))),
+                    _ => Err(self.told.error(length.at, Kind::TextLength)),
+                }
+            }
             TypeKind::Struct(_) => Err(Reported),
         }
     }
@@ -578,7 +588,14 @@ impl<'a> Compiler<'a, '_> {
             let nearest = nearest(&name, self.globals.iter().map(|global| global.name.as_str()));
             return Err(self.told.error(text.name.at, Kind::Undeclared { name, nearest }));
         };
-        let declared = self.globals[*global].ty;
+        let global = &self.globals[*global];
+        let declared = global.ty;
+        if let Some(initial) = &text.initial {
+            return Err(self.told.error(initial.at(), Kind::ExternalInitial { name }));
+        }
+        if text.constant {
+            self.units[unit].constant_externals.insert(text.name.key());
+        }
         if declared != ty {
             let wanted = self.types.name(declared, &self.units);
             return Err(self.told.error(text.ty.at, Kind::ExternalType { name, wanted }));

@@ -145,6 +145,10 @@ impl Emitter {
                 self.node(compiler, operand);
                 self.op(Op::Convert(*from, *to), at);
             }
+            NodeKind::Cut(length, operand) => {
+                self.node(compiler, operand);
+                self.op(Op::Cut(*length), at);
+            }
             NodeKind::AndThen(left, right) => {
                 self.node(compiler, left);
                 let to_false = self.op(Op::JumpUnless(0), at);

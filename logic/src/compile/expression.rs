@@ -21,6 +21,8 @@ pub(super) struct Checker<'c, 'a, 't> {
     pub(super) unit: Option<usize>,
     /// Control variables of the loops around.
     pub(super) controls: Vec<String>,
+    /// What TO and BY of the loops around read.
+    pub(super) limits: Vec<Access>,
     pub(super) emitter: Emitter,
     /// What is declared takes constants only.
     pub(super) is_declaration: bool,
@@ -33,6 +35,7 @@ impl<'c, 'a, 't> Checker<'c, 'a, 't> {
             compiler,
             unit,
             controls: Vec::new(),
+            limits: Vec::new(),
             emitter: Emitter::default(),
             is_declaration: true,
         }
@@ -323,6 +326,27 @@ impl<'c, 'a, 't> Checker<'c, 'a, 't> {
         Node { ty, kind, at }
     }
 
+    /// A text as a STRING of so many characters.
+    fn cut(&mut self, node: Node, length: u32) -> Node {
+        let (ty, at) = (Type::Text(length), node.at);
+        let Some(number) = node.value() else {
+            let kind = NodeKind::Cut(length, Box::new(node));
+            return Node { ty, kind, at };
+        };
+        let text = usize::try_from(number)
+            .ok()
+            .and_then(|number| self.compiler.texts.get(number));
+        let text = text.map_or("", String::as_str);
+        let Some((end, _)) = text.char_indices().nth(length as usize) else {
+            return Node::constant(ty, number, at);
+        };
+        let short = text[..end].to_owned();
+        let short = self.compiler.text(&short);
+        let name = self.type_name(ty);
+        self.compiler.told.warning(at, Kind::TextCut { ty: name, length });
+        Node::constant(ty, short, at)
+    }
+
     /// A value of a type that becomes a wider one: operators and functions that choose work in the wider one, so that nothing is
     /// lost before it becomes wider.
     fn worked_out_in(&mut self, node: Node, to: Scalar) -> Read<Node> {
@@ -374,6 +398,9 @@ impl<'c, 'a, 't> Checker<'c, 'a, 't> {
         let at = node.at;
         match (&node.kind, node.ty, to) {
             (_, from, to) if from == to => Ok(node),
+            (_, Type::Text(short), Type::Text(length)) if short < length => Ok(Node { ty: to, ..node }),
+            (_, Type::Text(_), Type::Scalar(Scalar::String)) => Ok(Node { ty: to, ..node }),
+            (_, from, Type::Text(length)) if from.scalar() == Some(Scalar::String) => Ok(self.cut(node, length)),
             (NodeKind::Integer(value), _, Type::Scalar(Scalar::Bool)) => {
                 let word = if *value == 0 { "FALSE" } else { "TRUE" };
                 let value = value.to_string();
@@ -465,6 +492,9 @@ impl<'c, 'a, 't> Checker<'c, 'a, 't> {
                 }
                 (Some(Type::AnyInteger | Type::AnyReal), ty) => Some(ty),
                 (Some(known), Type::AnyInteger | Type::AnyReal) => Some(known),
+                (Some(a), b) if [a, b].iter().all(|ty| ty.scalar() == Some(Scalar::String)) => {
+                    Some(Type::Scalar(Scalar::String))
+                }
                 (Some(Type::Scalar(a)), Type::Scalar(b)) => Some(Type::Scalar(a.common(b)?)),
                 _ => return None,
             };

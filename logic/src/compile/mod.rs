@@ -38,6 +38,8 @@ pub const ITERATIONS_MAX: u32 = 1000;
 const CODE_MAX: usize = 1 << 20;
 /// Values that are laid out at most, those of types counted, too.
 const LAYOUT_MAX: usize = 1 << 22;
+/// Octets of all texts that are cut, at most.
+const CUTS_MAX: usize = 1 << 24;
 /// Types and calls are nested so deep at most.
 const DEPTH_MAX: usize = 32;
 
@@ -98,6 +100,8 @@ struct Unit<'a> {
     variables: Vec<Variable>,
     by_name: BTreeMap<String, usize>,
     result: Option<Type>,
+    /// Names of VAR_EXTERNAL CONSTANT.
+    constant_externals: BTreeSet<String>,
     /// Of its variables, and of its code.
     interface: State<()>,
     body: State<Body>,
@@ -234,6 +238,7 @@ impl<'a, 't> Compiler<'a, 't> {
             return Err(self.told.finish());
         }
         self.addresses();
+        let cuts = self.cuts();
         if self.told.has_errors() {
             return Err(self.told.finish());
         }
@@ -264,6 +269,7 @@ impl<'a, 't> Compiler<'a, 't> {
             places: places.into(),
             switches: self.switches.into(),
             texts: self.texts.into(),
+            cuts: cuts.into(),
             memory: self.memory.into(),
             entry,
             stack,
@@ -275,6 +281,34 @@ impl<'a, 't> Compiler<'a, 't> {
             retained: retained.into(),
             warnings: self.told.finish(),
         })
+    }
+
+    /// Every text of the program, cut to every length that it may be cut to: length, text, what is left of it.
+    fn cuts(&mut self) -> Vec<(u32, u32, u32)> {
+        let lengths: BTreeSet<u32> = self
+            .code
+            .iter()
+            .filter_map(|op| if let Op::Cut(length) = op { Some(*length) } else { None })
+            .collect();
+        let (mut cuts, mut octets, mut number) = (Vec::new(), 0, 0);
+        // What is left of a text may be cut again.
+        while let Some(text) = self.texts.get(number).filter(|_| !lengths.is_empty()).cloned() {
+            let mut lengths = lengths.iter().peekable();
+            for (length, (end, _)) in text.char_indices().enumerate() {
+                if lengths.next_if(|wanted| **wanted as usize == length).is_some() {
+                    octets += end;
+                    if octets > CUTS_MAX {
+                        self.told.error(Span::default(), Kind::Texts { most: CUTS_MAX });
+                        return Vec::new();
+                    }
+                    let short = self.text(&text[..end]) as u32;
+                    cuts.push((length as u32, number as u32, short));
+                }
+            }
+            number += 1;
+        }
+        cuts.sort_unstable();
+        cuts
     }
 
     /// No two variables are at one address: neither would know what the other assigns.
@@ -351,6 +385,7 @@ impl<'a, 't> Compiler<'a, 't> {
         };
         let kind = match ty {
             Type::Scalar(scalar) => Leaf::Scalar(scalar),
+            Type::Text(length) => Leaf::Text(length),
             Type::Enumeration(index) => Leaf::Enumeration(index),
             Type::Structure(index) => {
                 for member in &self.types.structures[index as usize].members {

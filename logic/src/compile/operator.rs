@@ -263,6 +263,7 @@ impl Checker<'_, '_, '_> {
         common = match common {
             Type::AnyInteger => Type::Scalar(Scalar::Lint),
             Type::AnyReal => LREAL,
+            Type::Text(_) => Type::Scalar(Scalar::String),
             // What is worked out of integers below 32 bits is worked out in 32 bits, as others do it.
             Type::Scalar(scalar)
                 if scalar.is_integer() && scalar.bits() < 32 && pair.iter().any(Node::is_worked_out) =>

@@ -9,6 +9,10 @@ use crate::diagnostic::{Kind, Span};
 use crate::scalar::Scalar;
 use crate::syntax::{Access, Expression, Name, Section, Step, UnitKind, key};
 
+/// Why something is not assigned.
+const CONSTANT: &str = "a constant";
+const INPUT: &str = "an input";
+
 /// A variable of the unit, or a global one, by its place among them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Found {
@@ -97,10 +101,13 @@ impl Checker<'_, '_, '_> {
             .address
             .as_ref()
             .is_some_and(|address| address.starts_with("%I"));
+        // VAR_EXTERNAL CONSTANT: of this unit, whatever others do with it.
+        let is_constant_here = matches!(found, Found::Global(_))
+            && (self.unit).is_some_and(|unit| self.compiler.units[unit].constant_externals.contains(&name.key()));
         let read_only = match variable.section {
-            _ if variable.constant => Some("a constant"),
-            Section::Input => Some("an input"),
-            _ if is_input_address => Some("an input"),
+            _ if variable.constant || is_constant_here => Some(CONSTANT),
+            Section::Input => Some(INPUT),
+            _ if is_input_address => Some(INPUT),
             _ => None,
         };
         let (base, offset) = match (found, variable.section) {
@@ -131,6 +138,17 @@ impl Checker<'_, '_, '_> {
             place.read_only = place.read_only.or(Some("an instance of a function block"));
         }
         Ok(place)
+    }
+
+    /// Refuses an instance that is an input or a constant: it is a copy, or is not to change, so that a call would have no effect.
+    pub(super) fn may_be_called(&mut self, instance: &Place) -> Read<()> {
+        match instance.read_only.filter(|what| [CONSTANT, INPUT].contains(what)) {
+            Some(what) => {
+                let name = instance.name.clone();
+                self.error(instance.at, Kind::CalledCopy { name, what })
+            }
+            None => Ok(()),
+        }
     }
 
     fn member(&mut self, place: &mut Place, member: &Name) -> Read<()> {
@@ -189,7 +207,7 @@ impl Checker<'_, '_, '_> {
                 },
             );
         };
-        (place.ty, place.read_only) = (ty, read_only);
+        (place.ty, place.read_only) = (ty, place.read_only.or(read_only));
         place.offset += offset;
         place.name = format!("{}.{}", place.name, member.text);
         Ok(())

@@ -12,6 +12,8 @@ use crate::syntax::{Access, Expression, Label, Name, Section, Statement, Stateme
 use std::collections::BTreeSet;
 
 const BOOL: Type = Type::Scalar(Scalar::Bool);
+/// Variables in TO and BY of one loop of which it is told that they are altered inside.
+const LIMITS_MAX: usize = 20;
 
 impl Compiler<'_, '_> {
     /// Compiles a unit, unless that is done; `at`: where it is called.
@@ -44,6 +46,7 @@ impl Compiler<'_, '_> {
         let mut checker = Checker {
             unit: Some(unit),
             controls: Vec::new(),
+            limits: Vec::new(),
             emitter: Emitter::default(),
             is_declaration: false,
             compiler: self,
@@ -431,7 +434,12 @@ impl Checker<'_, '_, '_> {
             exits.push(self.emitter.op(Op::Guard { slot, exit }, at));
         }
         self.controls.push(control.key());
+        let around = self.limits.len();
+        for limit in [Some(limits.to), limits.by].into_iter().flatten() {
+            limit.reads(&mut self.limits, around + LIMITS_MAX);
+        }
         self.iteration(body, true);
+        self.limits.truncate(around);
         self.controls.pop();
         // Behind the last iteration, too: programs see by it that the loop ran to its end.
         let compiler = &*self.compiler;

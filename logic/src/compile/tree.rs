@@ -22,6 +22,8 @@ pub(super) enum NodeKind {
     Unary(Unary, Scalar, Box<Node>),
     Binary(Binary, Scalar, Box<Node>, Box<Node>),
     Convert(Scalar, Scalar, Box<Node>),
+    /// The first so many characters of a text.
+    Cut(u32, Box<Node>),
     AndThen(Box<Node>, Box<Node>),
     OrElse(Box<Node>, Box<Node>),
     Select(Box<[Node; 3]>),

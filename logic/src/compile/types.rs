@@ -10,6 +10,8 @@ pub(super) enum Type {
     AnyInteger,
     AnyReal,
     Scalar(Scalar),
+    /// A STRING of so many characters at most.
+    Text(u32),
     /// By their places in [`Types`]; blocks among the units.
     Enumeration(u32),
     Structure(u32),
@@ -21,13 +23,14 @@ impl Type {
     pub(super) fn scalar(self) -> Option<Scalar> {
         match self {
             Type::Scalar(scalar) => Some(scalar),
+            Type::Text(_) => Some(Scalar::String),
             _ => None,
         }
     }
 
     /// One slot.
     pub(super) fn is_single(self) -> bool {
-        matches!(self, Type::Scalar(_) | Type::Enumeration(_))
+        matches!(self, Type::Scalar(_) | Type::Text(_) | Type::Enumeration(_))
     }
 }
 
@@ -93,6 +96,7 @@ impl Types {
             Type::AnyInteger => "an integer".into(),
             Type::AnyReal => "a real number".into(),
             Type::Scalar(scalar) => scalar.name().into(),
+            Type::Text(length) => format!("STRING[{length}]"),
             Type::Enumeration(index) => self.enumerations[index as usize].name.clone(),
             Type::Structure(index) => self.structures[index as usize].name.clone(),
             Type::Block(unit) => units[unit as usize].name.clone(),

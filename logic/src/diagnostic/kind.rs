@@ -67,6 +67,8 @@ pub enum Kind {
     Recursive { name: String },
     #[error("{value} belongs to several enumerations: write {example}#{value}")]
     Ambiguous { value: String, example: String },
+    #[error("{name} has its value of the start where it is declared, in VAR_GLOBAL")]
+    ExternalInitial { name: String },
     #[error("the type of {name} is {wanted} where it is declared")]
     ExternalType { name: String, wanted: String },
     #[error("{name} is at {address}, as another variable is")]
@@ -85,6 +87,10 @@ pub enum Kind {
     ResultType,
     #[error("bounds of an array are from -2147483648 to 2147483647, the lower one first")]
     Bounds,
+    #[error("a STRING holds 1 to 65535 characters")]
+    TextLength,
+    #[error("the texts, cut to the lengths of all STRING[n], have more than {most} octets")]
+    Texts { most: usize },
     #[error("the variables need more memory than {most} values")]
     Memory { most: usize },
     #[error("the program is too long: more than {most} instructions")]
@@ -157,6 +163,8 @@ pub enum Kind {
     // Calls and assignments
     #[error("{name} is {what}, and is not assigned here")]
     ReadOnly { name: String, what: &'static str },
+    #[error("{name} is {what}, and is not called here: what the call keeps would be lost; VAR_IN_OUT hands it over")]
+    CalledCopy { name: String, what: &'static str },
     #[error("{name} is a function block: declare an instance of it, VAR x : {name}; END_VAR, and call that")]
     BlockAsFunction { name: String },
     #[error("{name} is a program: it runs by itself, once a scan")]
@@ -192,6 +200,10 @@ pub enum Kind {
     // Not meant
     #[error("{name} is assigned twice; the last value counts")]
     AssignedTwice { name: String },
+    #[error("{name} is altered in the loop, whose TO and BY hold as they were before the first iteration")]
+    LimitAltered { name: String },
+    #[error("the text is longer than {ty}, and is cut to its first {length} characters")]
+    TextCut { ty: String, length: u32 },
     #[error("ELSE is never reached: every value is selected above")]
     ElseUnreachable,
     #[error("this branch is never reached: the condition above is TRUE")]

@@ -248,15 +248,17 @@ impl Parser<'_, '_> {
         }
         let name = self.name()?;
         if name.text.eq_ignore_ascii_case("STRING") && (self.is_sign("[") || self.is_sign("(")) {
-            // Texts are those of the program, so their length needs no limit.
             let close = if self.take_sign("[") {
                 "]"
             } else {
                 self.advance();
                 ")"
             };
-            self.expression()?;
+            let length = self.expression()?;
             self.sign(close)?;
+            let at = start.to(self.last());
+            let kind = TypeKind::Text(Box::new(length));
+            return Ok(TypeText { kind, at });
         } else if self.is_sign("(") {
             return Err(self.told.error(start, Kind::Unsupported("a subrange".into())));
         }
