@@ -168,7 +168,7 @@ fn declarations() {
         ),
         (
             "PROGRAM p VAR a : ARRAY[1..100000] OF INT; END_VAR END_PROGRAM",
-            "1:19: the variables need more memory than 65536 values",
+            "1:19: the variables need 100000 values, and there is room for 65536",
         ),
         (
             "PROGRAM p VAR a : ARRAY[1..2] OF INT := [1, 2, 3]; END_VAR END_PROGRAM",
@@ -432,5 +432,58 @@ fn what_nests_too_deep_or_is_too_long_is_refused() {
     assert_eq!(
         errors(&" ".repeat(2 << 20)),
         ["1:1: a program has at most 1048576 octets"]
+    );
+}
+
+/// Memory that is passed is told once, with what is needed, and what depends on it is good.
+#[test]
+fn memory_that_is_passed_is_told_once() {
+    let told = |text: &str| errors(text);
+    assert_eq!(
+        told("PROGRAM p VAR a, b : ARRAY[1..40000] OF INT; c, d : INT; END_VAR c := d + a[1] + b[2]; END_PROGRAM"),
+        ["1:9: the variables need 80002 values, and there is room for 65536"]
+    );
+    assert_eq!(
+        told(
+            "PROGRAM p VAR a, b : ARRAY[1..70000] OF INT; c : ARRAY[1..80000] OF INT; END_VAR a[1] := c[2]; END_PROGRAM"
+        ),
+        ["1:22: the variables need 70000 values, and there is room for 65536"]
+    );
+    assert_eq!(
+        told(
+            "TYPE s : STRUCT a, b, c : ARRAY[1..30000] OF INT; END_STRUCT END_TYPE PROGRAM p VAR x, y : s; END_VAR x := y; END_PROGRAM"
+        ),
+        ["1:6: the variables need 90000 values, and there is room for 65536"]
+    );
+}
+
+/// Whatever is 65,536 values long is taken, however it is put together.
+#[test]
+fn all_the_memory_there_is_can_be_used() {
+    let members = |count: usize| (0..count).map(|n| format!("a{n} : BOOL; ")).collect::<String>();
+    for (count, variables) in [(3000, 21), (1000, 65), (65_530, 1)] {
+        let names: Vec<String> = (0..variables).map(|n| format!("x{n}")).collect();
+        let text = format!(
+            "TYPE s : STRUCT {} END_STRUCT END_TYPE PROGRAM p VAR {} : s; END_VAR x0.a7 := TRUE; END_PROGRAM",
+            members(count),
+            names.join(", ")
+        );
+        let logic = logic::compile(&text).unwrap_or_else(|told| panic!("{count}: {}", told[0]));
+        assert_eq!(logic.values(), count * variables);
+    }
+}
+
+/// A long row of inputs is refused, not worked out to the end of the stack.
+#[test]
+fn a_function_takes_so_many_inputs_and_no_more() {
+    let inputs = |count: usize| vec!["a"; count].join(", ");
+    assert_eq!(
+        told(&format!("a := ADD({});", inputs(100_000))),
+        ["2:6: ADD takes 250 inputs at most, not 100000"]
+    );
+    let _ = common::after(
+        "PROGRAM p VAR a : INT; END_VAR",
+        &format!("a := ADD({});", inputs(250)),
+        &[],
     );
 }

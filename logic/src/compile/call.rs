@@ -6,9 +6,9 @@ use super::tree::{Base, Place};
 use super::types::Type;
 use crate::block::Block;
 use crate::code::Op;
-use crate::diagnostic::kind::nearest;
 use crate::diagnostic::{Kind, Reported};
 use crate::syntax::{Access, Argument, ArgumentValue, ExpressionKind, Section, UnitKind};
+use std::collections::BTreeSet;
 
 impl Checker<'_, '_, '_> {
     /// `instance(IN := x, Q => y);`
@@ -28,7 +28,7 @@ impl Checker<'_, '_, '_> {
             self.compiler.told_of_falling_edge(access.at);
         }
         let instance = self.fixed(instance)?;
-        let mut given = Vec::new();
+        let mut given = BTreeSet::new();
         let mut good = Ok(());
         for argument in arguments {
             good = self.argument(unit, &instance, argument, &mut given).and(good);
@@ -80,7 +80,7 @@ impl Checker<'_, '_, '_> {
         if instance.indices.is_empty() {
             return Ok(instance);
         }
-        let slot = self.compiler.allocate(&[0], instance.at)?;
+        let slot = self.compiler.allocate(&[0], instance.at);
         self.emitter.address(self.compiler, &instance);
         self.emitter.op(Op::Store(slot), instance.at);
         Ok(Place {
@@ -105,7 +105,13 @@ impl Checker<'_, '_, '_> {
     }
 
     /// Gives an input its value, and a VAR_IN_OUT its variable; looks at outputs.
-    fn argument(&mut self, unit: usize, instance: &Place, argument: &Argument, given: &mut Vec<String>) -> Read<()> {
+    fn argument(
+        &mut self,
+        unit: usize,
+        instance: &Place,
+        argument: &Argument,
+        given: &mut BTreeSet<String>,
+    ) -> Read<()> {
         let called = &self.compiler.units[unit];
         let name = called.name.clone();
         let Some(wanted) = &argument.name else {
@@ -141,7 +147,8 @@ impl Checker<'_, '_, '_> {
         let Some(variable) = found.filter(|variable| fits(variable.section)) else {
             let direction = if takes { "output" } else { "input" };
             let known = called.variables.iter().filter(|variable| fits(variable.section));
-            let nearest = nearest(&wanted.text, known.map(|variable| variable.name.as_str()));
+            let known = known.map(|variable| variable.name.as_str());
+            let nearest = self.compiler.told.nearest(&wanted.text, known);
             let argument = wanted.text.clone();
             return self.error(
                 wanted.at,
@@ -153,11 +160,10 @@ impl Checker<'_, '_, '_> {
                 },
             );
         };
-        if given.contains(&variable.name) {
+        if !given.insert(variable.name.clone()) {
             let argument = variable.name;
             return self.error(wanted.at, Kind::ArgumentTwice { argument });
         }
-        given.push(variable.name.clone());
         let place = self.part(unit, instance, &wanted.text, wanted.at)?;
         match &argument.value {
             ArgumentValue::Given(value) if variable.section == Section::InOut => {

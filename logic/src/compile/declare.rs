@@ -5,13 +5,15 @@ use super::types::{ArrayType, Enumeration, Member, Structure, Type};
 use super::{Compiler, DEPTH_MAX, Declared, LAYOUT_MAX, MEMORY_MAX, State, Unit, Variable};
 use crate::block::Block;
 use crate::code::NOWHERE;
-use crate::diagnostic::kind::nearest;
 use crate::diagnostic::{Kind, Reported, Span};
 use crate::scalar::Scalar;
 use crate::syntax::{self, Expression, Initial, Name, Section, TypeKind, TypeText, UnitKind, key};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 type Read<T> = Result<T, Reported>;
+
+/// Octets of the name of an enumeration that is given none, about.
+const NAME_MAX: usize = 100;
 
 impl<'a> Compiler<'a, '_> {
     /// Declares all that the file does; what is wrong is told.
@@ -121,7 +123,9 @@ impl<'a> Compiler<'a, '_> {
 
     fn globals_of(&mut self, variables: &[&'a syntax::Variable]) {
         for variable in variables {
-            let _ = self.global(variable);
+            if self.global(variable).is_err() {
+                self.refused.insert((None, variable.name.key()));
+            }
         }
     }
 
@@ -131,7 +135,7 @@ impl<'a> Compiler<'a, '_> {
             return Err(self.told.error(text.name.at, Kind::Twice { name }));
         }
         let (mut variable, image) = self.variable(None, text)?;
-        variable.offset = self.allocate(&image, text.name.at)?;
+        variable.offset = self.allocate(&image, text.name.at);
         self.global_by_name.insert(text.name.key(), self.globals.len());
         self.globals.push(variable);
         Ok(())
@@ -145,7 +149,10 @@ impl<'a> Compiler<'a, '_> {
             None if text.constant => return Err(self.told.error(text.name.at, Kind::ConstantWithoutValue)),
             None => match &text.ty.kind {
                 TypeKind::Named(name) => match self.named_type(name)?.1 {
-                    Some(initial) => initial,
+                    Some(initial) => {
+                        self.lay_out(initial.len(), text.name.at)?;
+                        initial.to_vec()
+                    }
                     None => self.image(ty, text.name.at)?,
                 },
                 _ => self.image(ty, text.name.at)?,
@@ -232,7 +239,9 @@ impl<'a> Compiler<'a, '_> {
             .iter()
             .filter(|unit| unit.kind == UnitKind::Block)
             .map(|unit| unit.name.as_str());
-        let nearest = nearest(&name.text, known.into_iter().chain(own).chain(blocks));
+        let nearest = self
+            .told
+            .nearest(&name.text, known.into_iter().chain(own).chain(blocks));
         let name_text = name.text.clone();
         Err(self.told.error(
             name.at,
@@ -265,7 +274,7 @@ impl<'a> Compiler<'a, '_> {
             TypeKind::Array(..) | TypeKind::Text(_) => (self.type_of(None, &declaration.ty)?, None),
         };
         let initial = match &declaration.initial {
-            Some(initial) => Some(self.initial(None, ty, initial)?),
+            Some(initial) => Some(self.initial(None, ty, initial)?.into()),
             None => inherited,
         };
         if let (Type::Enumeration(index), Some(initial)) = (ty, &initial) {
@@ -278,13 +287,14 @@ impl<'a> Compiler<'a, '_> {
     }
 
     fn structure(&mut self, name: &Name, members: &'a [syntax::Variable]) -> Read<Type> {
-        let (mut image, mut known) = (Vec::new(), Vec::<Member>::new());
+        let (mut image, mut known, mut by_name) = (Vec::new(), Vec::new(), HashMap::new());
+        let mut needed = 0;
         for member in members {
             if let Some((_, at)) = &member.address {
                 return Err(self.told.error(*at, Kind::AddressPlace));
             }
             let (variable, values) = self.variable(None, member)?;
-            if known.iter().any(|other| key(&other.name) == member.name.key()) {
+            if by_name.insert(member.name.key(), known.len()).is_some() {
                 let name = member.name.text.clone();
                 return Err(self.told.error(member.name.at, Kind::Twice { name }));
             }
@@ -293,12 +303,18 @@ impl<'a> Compiler<'a, '_> {
                 ty: variable.ty,
                 offset: image.len() as u32,
             });
-            image.extend(values);
-            self.lay_out(image.len(), member.name.at)?;
+            needed += values.len();
+            if needed <= MEMORY_MAX {
+                image.extend(values);
+            }
+        }
+        if needed > MEMORY_MAX {
+            return Err(self.too_great(needed, name.at));
         }
         self.types.structures.push(Structure {
             name: name.text.clone(),
             members: known,
+            by_name,
             image,
         });
         Ok(Type::Structure(self.types.structures.len() as u32 - 1))
@@ -306,13 +322,13 @@ impl<'a> Compiler<'a, '_> {
 
     fn enumeration(&mut self, name: &Name, values: &'a [(Name, Option<Expression>)]) -> Read<Type> {
         let index = self.types.enumerations.len() as u32;
-        let mut known: Vec<(String, i64)> = Vec::new();
+        let (mut known, mut by_name) = (Vec::new(), HashMap::new());
         let mut next = 0_i64;
         for (value, number) in values {
             if let Some(number) = number {
                 next = Checker::new(self, None).constant(number, Type::Scalar(Scalar::Dint))?;
             }
-            if known.iter().any(|(other, _)| key(other) == value.key()) {
+            if by_name.insert(value.key(), next).is_some() {
                 let name = value.text.clone();
                 return Err(self.told.error(value.at, Kind::Twice { name }));
             }
@@ -320,10 +336,12 @@ impl<'a> Compiler<'a, '_> {
             self.values.entry(value.key()).or_default().push((index, next));
             next += 1;
         }
+        self.types.enumeration_by_name.entry(name.key()).or_insert(index);
         self.types.enumerations.push(Enumeration {
             name: name.text.clone(),
             initial: known.first().map_or(0, |(_, value)| *value),
             values: known,
+            by_name,
         });
         Ok(Type::Enumeration(index))
     }
@@ -333,8 +351,17 @@ impl<'a> Compiler<'a, '_> {
         if let Some(ty) = self.unnamed.get(&at.start) {
             return Ok(*ty);
         }
-        let names: Vec<&str> = values.iter().map(|(name, _)| name.text.as_str()).collect();
-        let text = format!("({})", names.join(", "));
+        let mut text = String::from("(");
+        for (name, _) in values {
+            let comma = if text.len() > 1 { ", " } else { "" };
+            // Each element of an array of them has this name of its type.
+            if text.len() > NAME_MAX {
+                text += &format!("{comma}..");
+                break;
+            }
+            text += &format!("{comma}{}", name.text);
+        }
+        text += ")";
         let ty = self.enumeration(&Name { text, at }, values)?;
         self.unnamed.insert(at.start, ty);
         Ok(ty)
@@ -359,8 +386,9 @@ impl<'a> Compiler<'a, '_> {
                 }
                 let array = ArrayType { dimensions, element };
                 let size = self.types.size(element, &self.units).max(1) as usize;
-                if array.count().saturating_mul(size) > MEMORY_MAX {
-                    return Err(self.told.error(text.at, Kind::Memory { most: MEMORY_MAX }));
+                let needed = array.count().saturating_mul(size);
+                if needed > MEMORY_MAX {
+                    return Err(self.too_great(needed, text.at));
                 }
                 Ok(self.types.array(array))
             }
@@ -379,11 +407,15 @@ impl<'a> Compiler<'a, '_> {
 
     /// So many values more are laid out.
     fn lay_out(&mut self, values: usize, at: Span) -> Read<()> {
-        self.laid_out += values;
-        if values > MEMORY_MAX || self.laid_out > LAYOUT_MAX {
-            return Err(self.told.error(at, Kind::Memory { most: MEMORY_MAX }));
+        let before = self.laid_out;
+        self.laid_out = before.saturating_add(values);
+        if self.laid_out <= LAYOUT_MAX {
+            return Ok(());
         }
-        Ok(())
+        if before <= LAYOUT_MAX {
+            self.told.error(at, Kind::Layout { most: LAYOUT_MAX });
+        }
+        Err(Reported)
     }
 
     /// Values of something that is given none.
@@ -442,28 +474,29 @@ impl<'a> Compiler<'a, '_> {
 
     /// A member that is given a value at the start: any of a structure, an input of a block.
     fn member_at_start(&mut self, ty: Type, name: &Name) -> Read<(Type, u32)> {
-        let key_of = name.key();
-        let known: Vec<(&str, Type, u32)> = match ty {
+        let wanted = name.key();
+        let nearest = match ty {
             Type::Structure(index) => {
-                let members = &self.types.structures[index as usize].members;
-                members
-                    .iter()
-                    .map(|member| (member.name.as_str(), member.ty, member.offset))
-                    .collect()
+                let structure = &self.types.structures[index as usize];
+                if let Some(index) = structure.by_name.get(&wanted) {
+                    let member = &structure.members[*index];
+                    return Ok((member.ty, member.offset));
+                }
+                let names = structure.members.iter().map(|member| member.name.as_str());
+                self.told.nearest(&name.text, names)
             }
             Type::Block(unit) => {
-                let inputs = self.unit(unit as usize).variables.iter();
-                let inputs = inputs.filter(|variable| variable.section == Section::Input);
-                inputs
-                    .map(|input| (input.name.as_str(), input.ty, input.offset))
-                    .collect()
+                let unit = self.unit(unit as usize);
+                let is_input = |variable: &&Variable| variable.section == Section::Input;
+                let found = unit.by_name.get(&wanted).map(|index| &unit.variables[*index]);
+                if let Some(input) = found.filter(is_input) {
+                    return Ok((input.ty, input.offset));
+                }
+                let inputs = unit.variables.iter().filter(is_input);
+                self.told.nearest(&name.text, inputs.map(|input| input.name.as_str()))
             }
-            _ => Vec::new(),
+            _ => None,
         };
-        if let Some((_, ty, offset)) = known.iter().find(|(member, ..)| key(member) == key_of) {
-            return Ok((*ty, *offset));
-        }
-        let nearest = nearest(&name.text, known.iter().map(|(member, ..)| *member));
         let (owner, member) = (self.types.name(ty, &self.units), name.text.clone());
         Err(self.told.error(
             name.at,
@@ -498,7 +531,11 @@ impl<'a> Compiler<'a, '_> {
         };
         let mut all_good = Ok(());
         for variable in &text.variables {
-            all_good = self.own_variable(unit, text.kind, variable).and(all_good);
+            let good = self.own_variable(unit, text.kind, variable);
+            if good.is_err() {
+                self.refused.insert((Some(unit), variable.name.key()));
+            }
+            all_good = good.and(all_good);
         }
         if let Some(result) = &text.result {
             let ty = self.type_of(Some(unit), result)?;
@@ -523,7 +560,7 @@ impl<'a> Compiler<'a, '_> {
         }
         if text.kind != UnitKind::Block {
             let image = self.units[unit].image.clone();
-            self.units[unit].frame = self.allocate(&image, text.name.at)?;
+            self.units[unit].frame = self.allocate(&image, text.name.at);
         }
         all_good
     }
@@ -572,11 +609,6 @@ impl<'a> Compiler<'a, '_> {
         own.image.extend_from_slice(image);
         own.by_name.insert(key(&variable.name), own.variables.len());
         own.variables.push(variable);
-        let size = own.image.len();
-        self.lay_out(size.min(image.len() + 1), at)?;
-        if size > MEMORY_MAX {
-            return Err(self.told.error(at, Kind::Memory { most: MEMORY_MAX }));
-        }
         Ok(())
     }
 
@@ -585,7 +617,12 @@ impl<'a> Compiler<'a, '_> {
         let ty = self.type_of(Some(unit), &text.ty)?;
         let name = text.name.text.clone();
         let Some(global) = self.global_by_name.get(&text.name.key()) else {
-            let nearest = nearest(&name, self.globals.iter().map(|global| global.name.as_str()));
+            if self.refused.contains(&(None, text.name.key())) {
+                return Err(Reported);
+            }
+            let nearest = self
+                .told
+                .nearest(&name, self.globals.iter().map(|global| global.name.as_str()));
             return Err(self.told.error(text.name.at, Kind::Undeclared { name, nearest }));
         };
         let global = &self.globals[*global];

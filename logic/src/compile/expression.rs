@@ -141,26 +141,24 @@ impl<'c, 'a, 't> Checker<'c, 'a, 't> {
             node.at = at;
             return self.coerce(node, Type::Scalar(scalar));
         }
-        let enumerations = &self.compiler.types.enumerations;
-        let found = enumerations
-            .iter()
-            .position(|known| known.name.eq_ignore_ascii_case(&prefix.text));
+        let types = &self.compiler.types;
+        let found = types.enumeration_by_name.get(&prefix.key());
         let (Some(index), ExpressionKind::Variable(access)) = (found, &value.kind) else {
-            let known = enumerations
-                .iter()
-                .map(|known| known.name.as_str())
-                .chain(Scalar::ALL.map(Scalar::name));
-            let nearest = crate::diagnostic::kind::nearest(&prefix.text, known);
+            let known = types.enumerations.iter().map(|known| known.name.as_str());
+            let nearest = self
+                .compiler
+                .told
+                .nearest(&prefix.text, known.chain(Scalar::ALL.map(Scalar::name)));
             let name = prefix.text.clone();
             return self.error(prefix.at, Kind::NoType { name, nearest });
         };
-        let values = &enumerations[index].values;
-        let member = &access.name.text;
-        if let Some((_, number)) = values.iter().find(|(known, _)| known.eq_ignore_ascii_case(member)) {
-            return Ok(Node::constant(Type::Enumeration(index as u32), *number, at));
+        let enumeration = &types.enumerations[*index as usize];
+        if let Some(number) = enumeration.by_name.get(&access.name.key()) {
+            return Ok(Node::constant(Type::Enumeration(*index), *number, at));
         }
-        let nearest = crate::diagnostic::kind::nearest(member, values.iter().map(|(known, _)| known.as_str()));
-        let (name, member) = (enumerations[index].name.clone(), member.clone());
+        let names = enumeration.values.iter().map(|(known, _)| known.as_str());
+        let nearest = self.compiler.told.nearest(&access.name.text, names);
+        let (name, member) = (enumeration.name.clone(), access.name.text.clone());
         self.error(value.at, Kind::NoMember { name, member, nearest })
     }
 

@@ -1,13 +1,17 @@
 //! Calls of functions: those of the file, and those of the standard.
 
+use super::CODE_MAX;
 use super::expression::{Checker, Read};
 use super::tree::{Node, NodeKind};
 use super::types::Type;
 use crate::arithmetic::{Binary, Unary};
-use crate::diagnostic::kind::nearest;
 use crate::diagnostic::{Kind, Span};
 use crate::scalar::Scalar;
 use crate::syntax::{self, Argument, ArgumentValue, Expression, Name, Section, UnitKind, key};
+use std::collections::HashMap;
+
+/// Inputs of a standard function that takes any number of them: each is one level of what is worked out.
+const INPUTS_MAX: usize = 250;
 
 /// A function of the standard.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -110,7 +114,7 @@ impl Checker<'_, '_, '_> {
         let known = units
             .map(|unit| unit.name.as_str())
             .chain(FUNCTIONS.iter().map(|(name, ..)| *name));
-        let nearest = nearest(&name.text, known);
+        let nearest = self.compiler.told.nearest(&name.text, known);
         self.error(
             name.at,
             Kind::NoFunction {
@@ -143,12 +147,19 @@ impl Checker<'_, '_, '_> {
         let inputs: Vec<_> = inputs
             .map(|input| (input.name.clone(), input.ty, input.offset))
             .collect();
-        let image = called.image.clone();
-        let by_name = arguments.iter().filter(|argument| argument.name.is_some()).count();
-        if by_name != 0 && by_name != arguments.len() {
+        self.compiler.given += inputs.len();
+        if self.compiler.given > CODE_MAX {
+            return self.error(at, Kind::Code { most: CODE_MAX });
+        }
+        let by_name: HashMap<String, usize> = match arguments.first() {
+            Some(Argument { name: Some(_), .. }) => inputs.iter().map(|(input, ..)| key(input)).zip(0..).collect(),
+            _ => HashMap::new(),
+        };
+        let named = arguments.iter().filter(|argument| argument.name.is_some()).count();
+        if named != 0 && named != arguments.len() {
             return self.error(at, Kind::ArgumentsMixed);
         }
-        if by_name == 0 && arguments.len() != inputs.len() {
+        if named == 0 && arguments.len() != inputs.len() {
             let (wanted, got) = (count_of(inputs.len()), arguments.len());
             return self.error(
                 at,
@@ -165,7 +176,7 @@ impl Checker<'_, '_, '_> {
                 None => place,
                 Some(wanted) => {
                     let names = inputs.iter().map(|(input, ..)| input.as_str());
-                    self.input_named(&name_text, wanted, names)?
+                    self.input_named(&name_text, wanted, &by_name, names)?
                 }
             };
             let value = self.given(argument, &name_text)?;
@@ -180,7 +191,10 @@ impl Checker<'_, '_, '_> {
             let value = match given {
                 Some(value) => value,
                 // What is left out has the value of its declaration.
-                None if ty.is_single() => Node::constant(ty, image[offset as usize], at),
+                None if ty.is_single() => {
+                    let image = &self.compiler.units[unit].image;
+                    Node::constant(ty, image[offset as usize], at)
+                }
                 None => {
                     return self.error(
                         at,
@@ -201,12 +215,13 @@ impl Checker<'_, '_, '_> {
         &mut self,
         name: &str,
         wanted: &Name,
-        known: impl Iterator<Item = &'n str> + Clone,
+        by_name: &HashMap<String, usize>,
+        known: impl Iterator<Item = &'n str>,
     ) -> Read<usize> {
-        if let Some(index) = known.clone().position(|input| key(input) == wanted.key()) {
-            return Ok(index);
+        if let Some(index) = by_name.get(&wanted.key()) {
+            return Ok(*index);
         }
-        let (nearest, argument) = (nearest(&wanted.text, known), wanted.text.clone());
+        let (nearest, argument) = (self.compiler.told.nearest(&wanted.text, known), wanted.text.clone());
         let name = name.to_owned();
         self.error(
             wanted.at,
@@ -264,8 +279,12 @@ impl Checker<'_, '_, '_> {
             let name = name.to_owned();
             return self.error(at, Kind::ArgumentCount { name, wanted, got });
         }
-        let by_name = arguments.iter().filter(|argument| argument.name.is_some()).count();
-        if by_name != 0 && by_name != got {
+        if got > INPUTS_MAX {
+            let (name, wanted) = (name.to_owned(), format!("{INPUTS_MAX} inputs at most"));
+            return self.error(at, Kind::ArgumentCount { name, wanted, got });
+        }
+        let named = arguments.iter().filter(|argument| argument.name.is_some()).count();
+        if named != 0 && named != got {
             return self.error(at, Kind::ArgumentsMixed);
         }
         // IN1, IN2, IN3 ..; of MUX K, IN0, IN1 ..
@@ -275,11 +294,12 @@ impl Checker<'_, '_, '_> {
             None => format!("IN{}", place + 1),
         });
         let names: Vec<String> = names.collect();
+        let by_name: HashMap<String, usize> = names.iter().map(|name| key(name)).zip(0..).collect();
         let mut ordered: Vec<Option<&Expression>> = vec![None; got];
         for (place, argument) in arguments.iter().enumerate() {
             let index = match &argument.name {
                 None => place,
-                Some(wanted) => self.input_named(name, wanted, names.iter().map(String::as_str))?,
+                Some(wanted) => self.input_named(name, wanted, &by_name, names.iter().map(String::as_str))?,
             };
             let value = self.given(argument, name)?;
             if ordered[index].replace(value).is_some() {

@@ -20,12 +20,13 @@ mod types;
 
 use crate::block::Block;
 use crate::code::{Op, Switch};
-use crate::diagnostic::{Diagnostic, Diagnostics, Kind, Reported, Span, place};
+use crate::diagnostic::{Diagnostic, Diagnostics, Kind, Lines, Reported, Span};
 use crate::logic::{Leaf, Logic, Names, Role, Unbound, Variable as LogicVariable};
 use crate::scalar::Scalar;
 use crate::syntax::{self, Section, UnitKind};
 use crate::{parse, token};
 use std::collections::{BTreeMap, BTreeSet};
+use std::rc::Rc;
 use types::Type;
 
 /// Octets of a program at most.
@@ -38,6 +39,8 @@ pub const ITERATIONS_MAX: u32 = 1000;
 const CODE_MAX: usize = 1 << 20;
 /// Values that are laid out at most, those of types counted, too.
 const LAYOUT_MAX: usize = 1 << 22;
+/// Octets of the names of all single values at most.
+const NAMES_MAX: usize = 1 << 24;
 /// Octets of all texts that are cut, at most.
 const CUTS_MAX: usize = 1 << 24;
 /// Types and calls are nested so deep at most.
@@ -58,7 +61,7 @@ pub fn compile(text: &str) -> Result<Logic, Vec<Diagnostic>> {
     let mut compiler = Compiler::new(&file, told);
     compiler.declare();
     compiler.bodies();
-    compiler.finish(text)
+    compiler.finish()
 }
 
 /// Where the compilation of something is.
@@ -123,7 +126,7 @@ struct Body {
 }
 
 /// A type that has a name, and the values it gives at the start where it gives some.
-type Declared = (Type, Option<Vec<i64>>);
+type Declared = (Type, Option<Rc<[i64]>>);
 
 struct Compiler<'a, 't> {
     file: &'a syntax::File,
@@ -139,7 +142,15 @@ struct Compiler<'a, 't> {
     globals: Vec<Variable>,
     global_by_name: BTreeMap<String, usize>,
     memory: Vec<i64>,
+    /// Values that the variables need, whatever there is room for, and where the first one is beyond it.
+    needed: usize,
+    beyond: Option<Span>,
+    memory_told: bool,
+    /// Names that were declared wrongly, of units and of VAR_GLOBAL: told once.
+    refused: BTreeSet<(Option<usize>, String)>,
     laid_out: usize,
+    /// Inputs of functions that calls give values to.
+    given: usize,
     depth: usize,
     code: Vec<Op>,
     /// Octets of the text.
@@ -150,6 +161,14 @@ struct Compiler<'a, 't> {
     texts: Vec<String>,
     text_by_content: BTreeMap<String, i64>,
     falling_edge_told: bool,
+}
+
+/// Single values of variables, as they are found.
+#[derive(Default)]
+struct Leaves {
+    all: Vec<LogicVariable>,
+    /// Of their names.
+    octets: usize,
 }
 
 impl<'a, 't> Compiler<'a, 't> {
@@ -166,7 +185,12 @@ impl<'a, 't> Compiler<'a, 't> {
             globals: Vec::new(),
             global_by_name: BTreeMap::new(),
             memory: Vec::new(),
+            needed: 0,
+            beyond: None,
+            memory_told: false,
+            refused: BTreeSet::new(),
             laid_out: 0,
+            given: 0,
             depth: 0,
             code: Vec::new(),
             places: Vec::new(),
@@ -194,14 +218,30 @@ impl<'a, 't> Compiler<'a, 't> {
         number
     }
 
-    /// Puts values into the memory; the slot of the first one.
-    fn allocate(&mut self, image: &[i64], at: Span) -> Result<u32, Reported> {
+    /// Puts values into the memory; the slot of the first one. What is beyond it is told at the end, once.
+    fn allocate(&mut self, image: &[i64], at: Span) -> u32 {
         let slot = self.memory.len();
-        if slot + image.len() > MEMORY_MAX {
-            return Err(self.told.error(at, Kind::Memory { most: MEMORY_MAX }));
+        self.needed = self.needed.saturating_add(image.len());
+        if self.needed > MEMORY_MAX {
+            self.beyond = self.beyond.or(Some(at));
+            return 0;
         }
         self.memory.extend_from_slice(image);
-        Ok(slot as u32)
+        slot as u32
+    }
+
+    /// So many values of one type are more than there is room for.
+    fn too_great(&mut self, needed: usize, at: Span) -> Reported {
+        if !std::mem::replace(&mut self.memory_told, true) {
+            self.told.error(
+                at,
+                Kind::Memory {
+                    needed,
+                    most: MEMORY_MAX,
+                },
+            );
+        }
+        Reported
     }
 
     fn bodies(&mut self) {
@@ -214,7 +254,7 @@ impl<'a, 't> Compiler<'a, 't> {
         }
     }
 
-    fn finish(mut self, text: &str) -> Result<Logic, Vec<Diagnostic>> {
+    fn finish(mut self) -> Result<Logic, Vec<Diagnostic>> {
         let entry = self.code.len() as u32;
         let (mut steps_max, mut stack, mut nesting) = (1_u64, 0, 0);
         for unit in 0..self.units.len() {
@@ -231,6 +271,9 @@ impl<'a, 't> Compiler<'a, 't> {
             nesting = nesting.max(1 + body.nesting);
         }
         self.code.push(Op::Return);
+        if let Some(at) = self.beyond {
+            self.too_great(self.needed, at);
+        }
         if self.code.len() > CODE_MAX {
             self.told.error(Span::default(), Kind::Code { most: CODE_MAX });
         }
@@ -242,10 +285,13 @@ impl<'a, 't> Compiler<'a, 't> {
         if self.told.has_errors() {
             return Err(self.told.finish());
         }
-        let lines = Lines::new(text);
-        let mut places: Vec<(u32, u32)> = self.places.iter().map(|at| lines.place(text, *at)).collect();
+        let lines = Rc::clone(&self.told.lines);
+        let mut places: Vec<(u32, u32)> = self.places.iter().map(|at| lines.place(*at)).collect();
         places.resize(self.code.len(), (1, 1));
-        let variables = self.leaves(&lines, text);
+        let variables = self.leaves(&lines);
+        if self.told.has_errors() {
+            return Err(self.told.finish());
+        }
         let mut retained: Vec<u32> = variables
             .iter()
             .filter(|variable| variable.retain)
@@ -253,7 +299,7 @@ impl<'a, 't> Compiler<'a, 't> {
             .collect();
         retained.sort_unstable();
         let unbound = self.unbound.iter().map(|(at, steps)| {
-            let (line, column) = lines.place(text, at.start);
+            let (line, column) = lines.place(at.start);
             Unbound {
                 line,
                 column,
@@ -329,8 +375,8 @@ impl<'a, 't> Compiler<'a, 't> {
     }
 
     /// All variables of programs and all global ones by their single values, in the order of the file.
-    fn leaves(&self, lines: &Lines, text: &str) -> Vec<LogicVariable> {
-        let mut leaves = Vec::new();
+    fn leaves(&mut self, lines: &Lines<'_>) -> Vec<LogicVariable> {
+        let mut leaves = Leaves::default();
         let globals = self.globals.iter().map(|variable| ("", 0, variable));
         let programs = self.units.iter().filter(|unit| unit.kind == UnitKind::Program);
         let own = programs.flat_map(|unit| {
@@ -368,16 +414,23 @@ impl<'a, 't> Compiler<'a, 't> {
                 retain: variable.retain,
                 constant: variable.constant,
                 address: variable.address.clone(),
-                line: lines.place(text, variable.at.start).0,
+                line: lines.place(variable.at.start).0,
                 slot: frame + variable.offset,
                 kind: Leaf::Scalar(Scalar::Bool),
             };
             self.leaves_of(variable.ty, &whole, &mut leaves);
         }
-        leaves
+        if leaves.octets > NAMES_MAX {
+            self.told.error(Span::default(), Kind::Names { most: NAMES_MAX });
+        }
+        leaves.all
     }
 
-    fn leaves_of(&self, ty: Type, whole: &LogicVariable, leaves: &mut Vec<LogicVariable>) {
+    fn leaves_of(&self, ty: Type, whole: &LogicVariable, leaves: &mut Leaves) {
+        leaves.octets += whole.name.len() + whole.program.len();
+        if leaves.octets > NAMES_MAX {
+            return;
+        }
         let part = |name: String, offset: u32| LogicVariable {
             name,
             slot: whole.slot + offset,
@@ -429,28 +482,10 @@ impl<'a, 't> Compiler<'a, 't> {
             }
             Type::AnyInteger | Type::AnyReal => return,
         };
-        leaves.push(LogicVariable {
+        leaves.all.push(LogicVariable {
             ty: self.types.name(ty, &self.units),
             kind,
             ..whole.clone()
         });
-    }
-}
-
-/// Where the lines of a text begin.
-struct Lines(Vec<u32>);
-
-impl Lines {
-    fn new(text: &str) -> Lines {
-        let ends = text.bytes().enumerate().filter(|(_, octet)| *octet == b'\n');
-        Lines(std::iter::once(0).chain(ends.map(|(at, _)| at as u32 + 1)).collect())
-    }
-
-    /// Line and column of an octet, counted from 1.
-    fn place(&self, text: &str, at: u32) -> (u32, u32) {
-        let line = self.0.partition_point(|start| *start <= at).max(1);
-        let start = self.0[line - 1];
-        let column = place(&text[start as usize..], at.saturating_sub(start)).1;
-        (line as u32, column)
     }
 }

@@ -4,10 +4,9 @@ use super::expression::{Checker, Read};
 use super::tree::{Base, Index, Node, Place};
 use super::types::Type;
 use super::{State, Variable};
-use crate::diagnostic::kind::nearest;
 use crate::diagnostic::{Kind, Span};
 use crate::scalar::Scalar;
-use crate::syntax::{Access, Expression, Name, Section, Step, UnitKind, key};
+use crate::syntax::{Access, Expression, Name, Section, Step, UnitKind};
 
 /// Why something is not assigned.
 const CONSTANT: &str = "a constant";
@@ -58,12 +57,8 @@ impl Checker<'_, '_, '_> {
     fn undeclared<T>(&mut self, name: &Name) -> Read<T> {
         let compiler = &self.compiler;
         // A declaration that is wrong has been told; what depends on it is not told again.
-        let is_wrong = |unit: usize| {
-            let text = compiler.units[unit].text.map_or(&[][..], |text| &text.variables);
-            let mut known = text.iter().chain(&compiler.file.globals);
-            known.any(|variable| variable.name.key() == name.key())
-        };
-        if self.unit.is_some_and(is_wrong) && compiler.told.has_errors() {
+        let is_refused = |unit: Option<usize>| compiler.refused.contains(&(unit, name.key()));
+        if is_refused(self.unit) || is_refused(None) {
             return Err(crate::diagnostic::Reported);
         }
         let own = self.unit.map_or(&[][..], |unit| &compiler.units[unit].variables);
@@ -72,7 +67,8 @@ impl Checker<'_, '_, '_> {
             .chain(&compiler.globals)
             .map(|variable| variable.name.as_str());
         let values = compiler.types.enumerations.iter().flat_map(|known| &known.values);
-        let nearest = nearest(&name.text, variables.chain(values.map(|(name, _)| name.as_str())));
+        let names = variables.chain(values.map(|(name, _)| name.as_str()));
+        let nearest = compiler.told.nearest(&name.text, names);
         let name_text = name.text.clone();
         self.error(
             name.at,
@@ -154,15 +150,14 @@ impl Checker<'_, '_, '_> {
     fn member(&mut self, place: &mut Place, member: &Name) -> Read<()> {
         let wanted = member.key();
         let compiler = &self.compiler;
-        let (found, known): (_, Vec<&str>) = match place.ty {
+        let found = match place.ty {
             Type::Structure(index) => {
-                let members = &compiler.types.structures[index as usize].members;
-                let found = members.iter().find(|member| key(&member.name) == wanted);
-                let names = members.iter().map(|member| member.name.as_str());
-                (
-                    found.map(|member| (member.ty, member.offset, place.read_only)),
-                    names.collect(),
-                )
+                let structure = &compiler.types.structures[index as usize];
+                let found = structure.by_name.get(&wanted).map(|index| &structure.members[*index]);
+                let names = structure.members.iter().map(|member| member.name.as_str());
+                found
+                    .map(|member| (member.ty, member.offset, None))
+                    .ok_or_else(|| compiler.told.nearest(&member.text, names))
             }
             Type::Block(unit) => {
                 let unit = &compiler.units[unit as usize];
@@ -180,32 +175,30 @@ impl Checker<'_, '_, '_> {
                 }
                 let read_only =
                     |section: Section| (section == Section::Output).then_some("an output of a function block");
-                let names = unit
-                    .variables
-                    .iter()
-                    .filter(visible)
-                    .map(|variable| variable.name.as_str());
-                (
-                    found.map(|found| (found.ty, found.offset, read_only(found.section))),
-                    names.collect(),
-                )
+                let names = unit.variables.iter().filter(visible);
+                let names = names.map(|variable| variable.name.as_str());
+                found
+                    .map(|found| (found.ty, found.offset, read_only(found.section)))
+                    .ok_or_else(|| compiler.told.nearest(&member.text, names))
             }
             _ => {
                 let ty = self.type_name(place.ty);
                 return self.error(member.at, Kind::NoStruct { ty });
             }
         };
-        let Some((ty, offset, read_only)) = found else {
-            let nearest = nearest(&member.text, known);
-            let (name, member_text) = (self.type_name(place.ty), member.text.clone());
-            return self.error(
-                member.at,
-                Kind::NoMember {
-                    name,
-                    member: member_text,
-                    nearest,
-                },
-            );
+        let (ty, offset, read_only) = match found {
+            Ok(found) => found,
+            Err(nearest) => {
+                let (name, member_text) = (self.type_name(place.ty), member.text.clone());
+                return self.error(
+                    member.at,
+                    Kind::NoMember {
+                        name,
+                        member: member_text,
+                        nearest,
+                    },
+                );
+            }
         };
         (place.ty, place.read_only) = (ty, place.read_only.or(read_only));
         place.offset += offset;

@@ -9,7 +9,7 @@ use crate::code::{Op, Switch};
 use crate::diagnostic::{Kind, Reported, Span};
 use crate::scalar::Scalar;
 use crate::syntax::{Access, Expression, Label, Name, Section, Statement, StatementKind, UnitKind};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 const BOOL: Type = Type::Scalar(Scalar::Bool);
 /// Variables in TO and BY of one loop of which it is told that they are altered inside.
@@ -90,7 +90,7 @@ impl Checker<'_, '_, '_> {
             let template = if ty.is_single() {
                 None
             } else {
-                Some(self.compiler.allocate(&image, at)?)
+                Some(self.compiler.allocate(&image, at))
             };
             self.emitter.initialise(offset, ty, &image, template, at);
         }
@@ -100,6 +100,10 @@ impl Checker<'_, '_, '_> {
     fn statements(&mut self, statements: &[Statement]) {
         let mut assigned = BTreeSet::new();
         for statement in statements {
+            // Told at the end of the unit.
+            if self.emitter.ops.len() > CODE_MAX {
+                return;
+            }
             // What is wrong has been told; the next one may be wrong, too.
             let _ = self.statement(statement, &mut assigned);
         }
@@ -225,14 +229,14 @@ impl Checker<'_, '_, '_> {
         self.emitter.op(Op::Switch(table as u32), selector.at);
         let before = self.emitter.steps;
         let (mut longest, mut ends) = (before, Vec::new());
-        let mut ranges: Vec<(i64, i64, u32)> = Vec::new();
+        // By the first value of each range.
+        let mut ranges: BTreeMap<i64, (i64, u32)> = BTreeMap::new();
         for (labels, body) in branches {
             let target = self.emitter.here();
             for label in labels {
                 // The other labels may be wrong, too.
                 if let Ok((first, last)) = self.label(label, ty, &ranges) {
-                    let behind = ranges.partition_point(|(other, ..)| *other <= first);
-                    ranges.insert(behind, (first, last, target));
+                    ranges.insert(first, (last, target));
                 }
             }
             self.emitter.steps = before;
@@ -243,13 +247,19 @@ impl Checker<'_, '_, '_> {
         let all_selected = match ty {
             Type::Enumeration(index) => {
                 let values = &self.compiler.types.enumerations[index as usize].values;
-                let is_selected = |value: i64| ranges.iter().any(|(first, last, _)| (*first..=*last).contains(&value));
+                let is_selected = |value: i64| {
+                    ranges
+                        .range(..=value)
+                        .next_back()
+                        .is_some_and(|(_, (last, _))| *last >= value)
+                };
                 values.iter().all(|(_, value)| is_selected(*value))
             }
             _ => false,
         };
+        let ranges = ranges.into_iter().map(|(first, (last, target))| (first, last, target));
         let switch = Switch {
-            ranges,
+            ranges: ranges.collect(),
             otherwise: self.emitter.here(),
         };
         self.emitter.switches[table] = switch;
@@ -266,7 +276,7 @@ impl Checker<'_, '_, '_> {
     }
 
     /// First and last value of a label, which are none of those above.
-    fn label(&mut self, label: &Label, ty: Type, above: &[(i64, i64, u32)]) -> Read<(i64, i64)> {
+    fn label(&mut self, label: &Label, ty: Type, above: &BTreeMap<i64, (i64, u32)>) -> Read<(i64, i64)> {
         let first = self.constant_value(&label.first, ty)?;
         let at = label
             .last
@@ -279,10 +289,11 @@ impl Checker<'_, '_, '_> {
         if last < first {
             return self.error(at, Kind::LabelRange);
         }
-        // The nearest ones above are enough, for these do not overlap each other.
-        let behind = above.partition_point(|(other, ..)| *other <= last);
-        if behind > 0 && above[behind - 1].1 >= first {
-            let value = above[behind - 1].0.max(first).to_string();
+        // The nearest one above is enough, for these do not overlap each other.
+        if let Some((other, (end, _))) = above.range(..=last).next_back()
+            && *end >= first
+        {
+            let value = (*other).max(first).to_string();
             return self.error(at, Kind::LabelTwice { value });
         }
         Ok((first, last))
@@ -326,16 +337,16 @@ impl Checker<'_, '_, '_> {
     }
 
     /// A slot with the iterations that are left.
-    fn iterations_left(&mut self, bound: Option<u32>, at: Span) -> Read<u32> {
+    fn iterations_left(&mut self, bound: Option<u32>, at: Span) -> u32 {
         let bound = bound.unwrap_or(ITERATIONS_MAX);
-        let slot = self.compiler.allocate(&[0], at)?;
+        let slot = self.compiler.allocate(&[0], at);
         self.emitter.op(Op::Push(i64::from(bound)), at);
         self.emitter.op(Op::Store(slot), at);
-        Ok(slot)
+        slot
     }
 
     fn while_loop(&mut self, condition: &Expression, bound: Option<u32>, body: &[Statement], at: Span) -> Read<()> {
-        let slot = self.iterations_left(bound, at)?;
+        let slot = self.iterations_left(bound, at);
         let top = self.emitter.here();
         let before = self.emitter.steps;
         let good = self.condition(condition).map(|_| ());
@@ -355,7 +366,7 @@ impl Checker<'_, '_, '_> {
     }
 
     fn repeat_loop(&mut self, until: &Expression, bound: Option<u32>, body: &[Statement], at: Span) -> Read<()> {
-        let slot = self.iterations_left(bound, at)?;
+        let slot = self.iterations_left(bound, at);
         let top = self.emitter.here();
         let before = self.emitter.steps;
         let guard = self.emitter.op(Op::Guard { slot, exit: 0 }, at);
@@ -391,7 +402,7 @@ impl Checker<'_, '_, '_> {
         self.store(&place, &from);
         let bound = limits.bound.unwrap_or(ITERATIONS_MAX);
         // What is left of the loop, its step, what is left of its bound.
-        let slot = self.compiler.allocate(&[0, 0, 0], at)?;
+        let slot = self.compiler.allocate(&[0, 0, 0], at);
         let step = Op::Load(slot + 1);
         let known = from.value().zip(to.value()).zip(by.value());
         let (step, most) = if let Some(((from, to), by)) = known {

@@ -2,9 +2,10 @@
 
 use super::Unit;
 use crate::scalar::Scalar;
+use std::collections::HashMap;
 
 /// A type of a value.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Type {
     /// A literal that becomes any type that holds it.
     AnyInteger,
@@ -38,6 +39,8 @@ impl Type {
 pub(super) struct Enumeration {
     pub(super) name: String,
     pub(super) values: Vec<(String, i64)>,
+    /// By the keys of their names.
+    pub(super) by_name: HashMap<String, i64>,
     pub(super) initial: i64,
 }
 
@@ -45,6 +48,8 @@ pub(super) struct Enumeration {
 pub(super) struct Structure {
     pub(super) name: String,
     pub(super) members: Vec<Member>,
+    /// By the keys of their names.
+    pub(super) by_name: HashMap<String, usize>,
     /// Values at the start.
     pub(super) image: Vec<i64>,
 }
@@ -57,7 +62,7 @@ pub(super) struct Member {
 }
 
 /// Equal if their shapes are.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) struct ArrayType {
     /// First index and length.
     pub(super) dimensions: Vec<(i32, u32)>,
@@ -87,7 +92,9 @@ impl ArrayType {
 pub(super) struct Types {
     pub(super) enumerations: Vec<Enumeration>,
     pub(super) structures: Vec<Structure>,
+    pub(super) enumeration_by_name: HashMap<String, u32>,
     pub(super) arrays: Vec<ArrayType>,
+    array_by_shape: HashMap<ArrayType, u32>,
 }
 
 impl Types {
@@ -141,11 +148,11 @@ impl Types {
 
     /// The array of this shape.
     pub(super) fn array(&mut self, array: ArrayType) -> Type {
-        let known = self.arrays.iter().position(|known| *known == array);
-        let index = known.unwrap_or_else(|| {
+        let next = self.arrays.len() as u32;
+        let index = *self.array_by_shape.entry(array.clone()).or_insert(next);
+        if index == next {
             self.arrays.push(array);
-            self.arrays.len() - 1
-        });
-        Type::Array(index as u32)
+        }
+        Type::Array(index)
     }
 }

@@ -91,8 +91,12 @@ pub enum Kind {
     TextLength,
     #[error("the texts, cut to the lengths of all STRING[n], have more than {most} octets")]
     Texts { most: usize },
-    #[error("the variables need more memory than {most} values")]
-    Memory { most: usize },
+    #[error("the variables need {needed} values, and there is room for {most}")]
+    Memory { needed: usize, most: usize },
+    #[error("types and variables lay out more than {most} values")]
+    Layout { most: usize },
+    #[error("the names of all elements and members have more than {most} octets")]
+    Names { most: usize },
     #[error("the program is too long: more than {most} instructions")]
     Code { most: usize },
     #[error("a constant is needed here")]
@@ -230,12 +234,104 @@ fn cure(text: &Option<String>) -> String {
 
 /// Which of some known names was probably meant: few changes, whatever the case.
 pub(crate) fn nearest<'k>(name: &str, known: impl IntoIterator<Item = &'k str>) -> Option<String> {
-    let name = name.to_ascii_uppercase();
-    let most = if name.chars().count() <= 4 { 1 } else { 2 };
+    let most = if name.len() <= 4 { 1 } else { CHANGES_MAX };
     known
         .into_iter()
-        .map(|known| (strsim::osa_distance(&name, &known.to_ascii_uppercase()), known))
-        .filter(|(distance, known)| *distance <= most && *distance < known.chars().count())
+        .filter_map(|known| Some((changes(name.as_bytes(), known.as_bytes(), most)?, known)))
+        .filter(|(changes, known)| *changes < known.len())
         .min()
         .map(|(_, known)| known.to_owned())
+}
+
+/// Changes that make one name of another one at most.
+const CHANGES_MAX: usize = 2;
+
+/// How many octets are put in, left out, replaced or exchanged with their neighbour to make one name of another one, whatever the
+/// case; `None`: more than `most`. Its cost is that of the shorter name: only what `most` changes can reach is looked at.
+fn changes(a: &[u8], b: &[u8], most: usize) -> Option<usize> {
+    if a.len().abs_diff(b.len()) > most {
+        return None;
+    }
+    let same = |(a, b): &(&u8, &u8)| a.eq_ignore_ascii_case(b);
+    let begin = a.iter().zip(b).take_while(same).count();
+    let (a, b) = (&a[begin..], &b[begin..]);
+    let end = a.iter().rev().zip(b.iter().rev()).take_while(same).count();
+    let (a, b) = (&a[..a.len() - end], &b[..b.len() - end]);
+    // Column `place` of row i stands for j = i + place - most, of which the changes from a[..i] to b[..j] are counted.
+    const WIDTH: usize = 2 * CHANGES_MAX + 1;
+    const FAR: usize = usize::MAX / 2;
+    let (mut last_but_one, mut last) = ([FAR; WIDTH], [FAR; WIDTH]);
+    for (place, count) in (most..WIDTH).enumerate().map(|(count, place)| (place, count)) {
+        last[place] = count;
+    }
+    for i in 1..=a.len() {
+        let mut row = [FAR; WIDTH];
+        for place in 0..=2 * most {
+            let Some(j) = (i + place).checked_sub(most).filter(|j| *j <= b.len()) else {
+                continue;
+            };
+            if j == 0 {
+                row[place] = i;
+                continue;
+            }
+            let replaced = last[place] + usize::from(!a[i - 1].eq_ignore_ascii_case(&b[j - 1]));
+            let left_out = last.get(place + 1).map_or(FAR, |count| count + 1);
+            let put_in = place.checked_sub(1).map_or(FAR, |place| row[place] + 1);
+            let is_exchanged =
+                i > 1 && j > 1 && a[i - 1].eq_ignore_ascii_case(&b[j - 2]) && a[i - 2].eq_ignore_ascii_case(&b[j - 1]);
+            let exchanged = if is_exchanged { last_but_one[place] + 1 } else { FAR };
+            row[place] = replaced.min(left_out).min(put_in).min(exchanged);
+        }
+        if row.iter().all(|count| *count > most) {
+            return None;
+        }
+        (last_but_one, last) = (last, row);
+    }
+    let count = last[(b.len() + most) - a.len()];
+    (count <= most).then_some(count)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The whole table, as it is written in books.
+    fn all_changes(a: &[u8], b: &[u8]) -> usize {
+        let mut table = vec![vec![0; b.len() + 1]; a.len() + 1];
+        for i in 0..=a.len() {
+            for j in 0..=b.len() {
+                table[i][j] = if i == 0 || j == 0 {
+                    i + j
+                } else {
+                    let replaced = table[i - 1][j - 1] + usize::from(a[i - 1] != b[j - 1]);
+                    let mut least = replaced.min(table[i - 1][j] + 1).min(table[i][j - 1] + 1);
+                    if i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1] {
+                        least = least.min(table[i - 2][j - 2] + 1);
+                    }
+                    least
+                };
+            }
+        }
+        table[a.len()][b.len()]
+    }
+
+    #[test]
+    fn few_changes_are_counted_as_in_the_whole_table() {
+        // All words of up to five letters of two.
+        let words: Vec<Vec<u8>> = (0..6_u32)
+            .flat_map(|length| {
+                (0..1 << length).map(move |bits: u32| (0..length).map(|at| b'a' + (bits >> at & 1) as u8).collect())
+            })
+            .collect();
+        for a in &words {
+            for b in &words {
+                for most in 1..=CHANGES_MAX {
+                    let wanted = Some(all_changes(a, b)).filter(|count| *count <= most);
+                    assert_eq!(changes(a, b, most), wanted, "{a:?} {b:?} {most}");
+                }
+            }
+        }
+        assert_eq!(nearest("levl", ["label", "LEVEL", "zebra"]), Some("LEVEL".into()));
+        assert_eq!(nearest("ab", ["cd", "b"]), None);
+    }
 }

@@ -11,6 +11,7 @@ pub use kind::Kind;
 use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};
 use std::fmt;
 use std::ops::Range;
+use std::rc::Rc;
 
 /// Of each severity so many are told: behind them, the file is not what it is taken for.
 const TOLD_MAX: usize = 100;
@@ -93,12 +94,53 @@ impl Span {
     }
 }
 
-/// Line and column of an octet of a text, both counted from 1.
-pub(crate) fn place(text: &str, at: u32) -> (u32, u32) {
-    let before = text.get(..at as usize).unwrap_or(text);
-    let line = before.bytes().filter(|octet| *octet == b'\n').count() + 1;
-    let start = before.rfind('\n').map_or(0, |end| end + 1);
-    (line as u32, before[start..].chars().count() as u32 + 1)
+/// Where lines and characters of a text begin.
+#[derive(Debug)]
+pub(crate) struct Lines<'t> {
+    text: &'t str,
+    /// First octet of each line.
+    lines: Vec<usize>,
+    /// Characters before each stretch of [`Lines::STRETCH`] octets: a long line is not counted through for each of its places.
+    characters: Vec<u32>,
+}
+
+impl<'t> Lines<'t> {
+    const STRETCH: usize = 64;
+
+    fn new(text: &'t str) -> Lines<'t> {
+        let ends = text.bytes().enumerate().filter(|(_, octet)| *octet == b'\n');
+        let mut sum = 0;
+        let stretches = text.as_bytes().chunks(Self::STRETCH).map(|stretch| {
+            let before = sum;
+            sum += characters(stretch);
+            before
+        });
+        Lines {
+            text,
+            lines: std::iter::once(0).chain(ends.map(|(at, _)| at + 1)).collect(),
+            characters: stretches.collect(),
+        }
+    }
+
+    /// Characters that begin before an octet.
+    fn before(&self, at: usize) -> u32 {
+        let at = at.min(self.text.len());
+        let stretch = (at / Self::STRETCH).min(self.characters.len().saturating_sub(1));
+        let rest = &self.text.as_bytes()[stretch * Self::STRETCH..at];
+        self.characters.get(stretch).copied().unwrap_or(0) + characters(rest)
+    }
+
+    /// Line and column of an octet, both counted from 1.
+    pub(crate) fn place(&self, at: u32) -> (u32, u32) {
+        let line = self.lines.partition_point(|start| *start <= at as usize).max(1);
+        let start = self.lines[line - 1];
+        (line as u32, self.before(at as usize) - self.before(start) + 1)
+    }
+}
+
+/// Characters that begin in a part of a text.
+fn characters(octets: &[u8]) -> u32 {
+    octets.iter().filter(|octet| **octet & 0xC0 != 0x80).count() as u32
 }
 
 /// An error has been told; whoever sees this leaves out what depends on it.
@@ -109,21 +151,32 @@ pub(crate) struct Reported;
 #[derive(Debug)]
 pub(crate) struct Diagnostics<'t> {
     text: &'t str,
+    pub(crate) lines: Rc<Lines<'t>>,
     told: Vec<Diagnostic>,
-    errors: usize,
+    /// How many were told of each severity.
+    counts: [usize; 3],
+    has_errors: bool,
 }
 
 impl<'t> Diagnostics<'t> {
     pub(crate) fn new(text: &'t str) -> Diagnostics<'t> {
         Diagnostics {
             text,
+            lines: Rc::new(Lines::new(text)),
             told: Vec::new(),
-            errors: 0,
+            counts: [0; 3],
+            has_errors: false,
         }
     }
 
+    /// Which of some known names was probably meant; nobody looks for it for an error that is not told any more.
+    pub(crate) fn nearest<'k>(&self, name: &str, known: impl IntoIterator<Item = &'k str>) -> Option<String> {
+        let is_told = self.counts[Severity::Error as usize] < TOLD_MAX;
+        is_told.then(|| kind::nearest(name, known)).flatten()
+    }
+
     pub(crate) fn error(&mut self, at: Span, kind: Kind) -> Reported {
-        self.errors += 1;
+        self.has_errors = true;
         self.tell(Severity::Error, at, kind);
         Reported
     }
@@ -137,12 +190,12 @@ impl<'t> Diagnostics<'t> {
     }
 
     fn tell(&mut self, severity: Severity, at: Span, kind: Kind) {
-        let all = self.told.iter().filter(|told| told.severity == severity).count();
-        if all >= TOLD_MAX {
+        if self.counts[severity as usize] >= TOLD_MAX {
             return;
         }
         let start = (at.start as usize).min(self.text.len());
-        let line_start = self.text[..start].rfind('\n').map_or(0, |end| end + 1);
+        let (line, column) = self.lines.place(start as u32);
+        let line_start = self.lines.lines[line as usize - 1];
         let rest = &self.text[line_start..];
         let line_text = rest.split(['\n', '\r']).next().unwrap_or_default();
         let from = (start - line_start).min(line_text.len());
@@ -150,7 +203,6 @@ impl<'t> Diagnostics<'t> {
             .saturating_sub(line_start)
             .clamp(from, line_text.len());
         let again = |told: &Diagnostic| told.kind == kind && told.severity == severity;
-        let (line, column) = place(self.text, start as u32);
         if self
             .told
             .iter()
@@ -158,6 +210,7 @@ impl<'t> Diagnostics<'t> {
         {
             return;
         }
+        self.counts[severity as usize] += 1;
         self.told.push(Diagnostic {
             severity,
             line,
@@ -169,12 +222,35 @@ impl<'t> Diagnostics<'t> {
     }
 
     pub(crate) fn has_errors(&self) -> bool {
-        self.errors > 0
+        self.has_errors
     }
 
     /// All in the order of the text.
     pub(crate) fn finish(mut self) -> Vec<Diagnostic> {
         self.told.sort_by_key(|told| (told.line, told.column));
         self.told
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_are_counted_in_characters_of_their_line() {
+        let text = format!("é{}\n\r\n{}ü", "a".repeat(200), "ä".repeat(100));
+        let lines = Lines::new(&text);
+        let mut wanted = (1, 1);
+        for (at, letter) in text.char_indices() {
+            assert_eq!(lines.place(at as u32), wanted, "{at}");
+            wanted = if letter == '\n' {
+                (wanted.0 + 1, 1)
+            } else {
+                (wanted.0, wanted.1 + 1)
+            };
+        }
+        assert_eq!(lines.place(text.len() as u32), wanted);
+        assert_eq!(lines.place(u32::MAX), wanted);
+        assert_eq!(Lines::new("").place(5), (1, 1));
     }
 }
