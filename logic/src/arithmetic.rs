@@ -10,6 +10,8 @@ use crate::scalar::Scalar;
 #[rustfmt::skip]
 pub(crate) enum Unary {
     Negate, Not, Absolute, SquareRoot, Ln, Log, Exp, Sin, Cos, Tan, Asin, Acos, Atan, Truncate,
+    /// Of decimal digits of four bits each to their number, and back; of the type of the digits.
+    OfDigits, ToDigits,
 }
 
 /// Operations on two values of one type; those that shift and scale have their own kind of right value.
@@ -91,7 +93,7 @@ pub(crate) fn unary(operation: Unary, scalar: Scalar, a: i64, flags: &mut Flags)
     if scalar.is_real() {
         let a = real(a);
         let value = match operation {
-            Unary::Negate | Unary::Not => -a,
+            Unary::Negate | Unary::Not | Unary::OfDigits | Unary::ToDigits => -a,
             Unary::Absolute => a.abs(),
             Unary::SquareRoot => a.sqrt(),
             Unary::Ln => libm::log(a),
@@ -108,10 +110,33 @@ pub(crate) fn unary(operation: Unary, scalar: Scalar, a: i64, flags: &mut Flags)
         return real_result(scalar, value, flags);
     }
     match operation {
+        Unary::OfDigits | Unary::ToDigits => digits(operation, scalar, a as u64).unwrap_or_else(|| {
+            flags.wrong = Some(Wrong::Bcd);
+            0
+        }),
         Unary::Not => scalar.wrap(!scalar.number(a)).0,
         Unary::Absolute => wrapped(scalar, scalar.number(a).abs(), flags),
         _ => wrapped(scalar, -scalar.number(a), flags),
     }
+}
+
+/// Decimal digits of four bits each to their number, or the other way; `None`: they are none, or are too many.
+fn digits(operation: Unary, scalar: Scalar, value: u64) -> Option<i64> {
+    let (from, to) = match operation {
+        Unary::OfDigits => (16, 10),
+        _ => (10, 16),
+    };
+    let (mut rest, mut result, mut place) = (value, 0_u64, 1_u64);
+    for _ in 0..scalar.bits() / 4 {
+        let digit = rest % from;
+        rest /= from;
+        if digit > 9 {
+            return None;
+        }
+        result += digit * place;
+        place = place.wrapping_mul(to);
+    }
+    (rest == 0).then_some(result as i64)
 }
 
 /// RT: no allocation, no locks, bounded.

@@ -18,6 +18,7 @@ pub(crate) enum Block {
     FallingEdge,
     SetDominant,
     ResetDominant,
+    Semaphore,
     /// Of a type of integer.
     CountUp(Scalar),
     CountDown(Scalar),
@@ -48,6 +49,12 @@ const RESET_DOMINANT: &[Variable] = &[
     ("S", Section::Input, Scalar::Bool),
     ("R1", Section::Input, Scalar::Bool),
     ("Q1", Section::Output, Scalar::Bool),
+];
+const SEMAPHORE: &[Variable] = &[
+    ("CLAIM", Section::Input, Scalar::Bool),
+    ("RELEASE", Section::Input, Scalar::Bool),
+    ("BUSY", Section::Output, Scalar::Bool),
+    ("X", Section::Local, Scalar::Bool),
 ];
 const COUNT_UP: &[Variable] = &[
     ("CU", Section::Input, Scalar::Bool),
@@ -89,6 +96,7 @@ impl Block {
             ("F_TRIG", Block::FallingEdge),
             ("SR", Block::SetDominant),
             ("RS", Block::ResetDominant),
+            ("SEMA", Block::Semaphore),
         ];
         let mut all: Vec<_> = simple.map(|(name, block)| (name.to_owned(), block)).into();
         type OfType = fn(Scalar) -> Block;
@@ -113,6 +121,7 @@ impl Block {
             Block::RisingEdge | Block::FallingEdge => (EDGE, Scalar::Int),
             Block::SetDominant => (SET_DOMINANT, Scalar::Int),
             Block::ResetDominant => (RESET_DOMINANT, Scalar::Int),
+            Block::Semaphore => (SEMAPHORE, Scalar::Int),
             Block::CountUp(scalar) => (COUNT_UP, scalar),
             Block::CountDown(scalar) => (COUNT_DOWN, scalar),
             Block::CountBoth(scalar) => (COUNT_BOTH, scalar),
@@ -149,6 +158,16 @@ impl Block {
             Block::ResetDominant => {
                 if let Some([set, reset, q]) = slots.first_chunk_mut() {
                     *q = !*reset & (*set | *q) & 1;
+                }
+            }
+            Block::Semaphore => {
+                if let Some([claim, release, busy, taken]) = slots.first_chunk_mut() {
+                    *busy = *taken;
+                    if *claim != 0 {
+                        *taken = 1;
+                    } else if *release != 0 {
+                        (*busy, *taken) = (0, 0);
+                    }
                 }
             }
             Block::CountUp(scalar) => {

@@ -37,6 +37,10 @@ pub(crate) enum Op {
     Convert(Scalar, Scalar),
     /// [number of a text] to that of its first so many characters.
     Cut(u32),
+    /// [number of a text] to its place in the order of all.
+    Rank,
+    /// [values] to whether each stands so to the next one.
+    Row(Binary, Scalar, u32),
     /// [selector, value for FALSE, value for TRUE]
     Select,
     /// [selector, values]
@@ -69,12 +73,13 @@ impl Op {
     pub(crate) fn grows(self) -> i64 {
         match self {
             Op::Push(_) | Op::Load(_) | Op::LoadThis(_) | Op::Address(_) | Op::AddressThis(_) => 1,
-            Op::LoadAt | Op::Offset(_) | Op::Unary(..) | Op::Convert(..) | Op::Cut(_) => 0,
+            Op::LoadAt | Op::Offset(_) | Op::Unary(..) | Op::Convert(..) | Op::Cut(_) | Op::Rank => 0,
             Op::Jump(_) | Op::Count { .. } | Op::Guard { .. } | Op::Return => 0,
             Op::Store(_) | Op::StoreThis(_) | Op::Index { .. } | Op::Binary(..) => -1,
             Op::JumpUnless(_) | Op::Switch(_) | Op::Call(_) | Op::Block(_) => -1,
             Op::StoreAt | Op::Copy(_) | Op::Select | Op::Iterations(..) => -2,
             Op::Choose(values) => -i64::from(values),
+            Op::Row(.., values) => 1 - i64::from(values),
         }
     }
 
@@ -82,6 +87,7 @@ impl Op {
     pub(crate) fn steps(self) -> u64 {
         match self {
             Op::Copy(slots) => 1 + u64::from(slots),
+            Op::Row(.., values) => u64::from(values),
             _ => 1,
         }
     }

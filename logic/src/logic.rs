@@ -66,7 +66,7 @@ impl Variable {
         }
     }
 
-    fn full_name(&self) -> String {
+    pub(crate) fn full_name(&self) -> String {
         match self.program.as_str() {
             "" => self.name.clone(),
             program => format!("{program}.{}", self.name),
@@ -102,6 +102,8 @@ pub struct Logic {
     pub(crate) places: Box<[(u32, u32)]>,
     pub(crate) switches: Box<[Switch]>,
     pub(crate) texts: Box<[String]>,
+    /// Of each text its place in the order of all; empty where none is needed.
+    pub(crate) ranks: Box<[u32]>,
     /// Length, text, and the text of its first so many characters; ordered.
     pub(crate) cuts: Box<[(u32, u32, u32)]>,
     /// Names of the values of each enumeration.
@@ -219,6 +221,14 @@ impl Logic {
         let key = |(of_length, of_text, _): &(u32, u32, u32)| (*of_length, i64::from(*of_text));
         let found = self.cuts.binary_search_by_key(&(length, text), key);
         found.map_or(text, |found| i64::from(self.cuts[found].2))
+    }
+
+    /// The place of a text in the order of all.
+    ///
+    /// RT: no allocation, no locks, bounded.
+    pub(crate) fn rank(&self, text: i64) -> i64 {
+        let rank = usize::try_from(text).ok().and_then(|text| self.ranks.get(text));
+        rank.map_or(0, |rank| i64::from(*rank))
     }
 
     /// The shortest name under which [`Logic::variable`] finds a variable.

@@ -25,6 +25,8 @@ pub enum Wrong {
     Index,
     /// MUX with a selector that is no place of its inputs: the result is 0.
     Selector,
+    /// A BCD of something else than decimal digits, or a number that has more of them than there is room for: the result is 0.
+    Bcd,
     /// BY 0: the loop is left out.
     StepZero,
     /// The loop ends.
@@ -35,12 +37,13 @@ pub enum Wrong {
 
 impl Wrong {
     /// All of them.
-    pub const ALL: [Wrong; 8] = [
+    pub const ALL: [Wrong; 9] = [
         Wrong::DivisionByZero,
         Wrong::NoNumber,
         Wrong::RealRange,
         Wrong::Index,
         Wrong::Selector,
+        Wrong::Bcd,
         Wrong::StepZero,
         Wrong::Iterations,
         Wrong::Steps,
@@ -56,6 +59,7 @@ impl fmt::Display for Wrong {
             Wrong::RealRange => "the result is beyond the range of its type, and stays at its end",
             Wrong::Index => "an index is out of its array: 0 is read, nothing is written",
             Wrong::Selector => "MUX has no input of this number: the result is 0",
+            Wrong::Bcd => "these are no decimal digits (BCD), or there is no room for them: the result is 0",
             Wrong::StepZero => "the step of the loop is 0: it is left out",
             Wrong::Iterations => {
                 "the loop has more iterations than it is bound to, and ends: {max_iterations := n} sets more"
@@ -297,6 +301,15 @@ impl Runtime {
                     let text = machine.pop();
                     machine.push(logic.cut(text, length));
                 }
+                Op::Rank => {
+                    let text = machine.pop();
+                    machine.push(logic.rank(text));
+                }
+                Op::Row(operation, scalar, values) => {
+                    let holds = |a, b| binary(operation, scalar, a, b, &mut flags) != 0;
+                    let holds = machine.row(values, holds);
+                    machine.push(i64::from(holds));
+                }
                 Op::Select => {
                     let b = machine.pop();
                     let a = machine.pop();
@@ -436,6 +449,14 @@ impl Machine<'_> {
             let value = self.read(source.saturating_add(offset));
             self.write(target.saturating_add(offset), value);
         }
+    }
+
+    /// Takes values off the stack; whether each stands so to the next one.
+    fn row(&mut self, values: u32, mut holds: impl FnMut(i64, i64) -> bool) -> bool {
+        let first = self.top.saturating_sub(values as usize);
+        let row = self.stack.get(first..self.top).unwrap_or_default();
+        self.top = first;
+        row.windows(2).all(|pair| holds(pair[0], pair[1]))
     }
 
     /// Takes the selector and values off the stack; `None`: no value has this number.

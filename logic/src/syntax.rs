@@ -28,6 +28,19 @@ pub(crate) struct File {
     pub(crate) types: Vec<TypeDeclaration>,
     pub(crate) globals: Vec<Variable>,
     pub(crate) units: Vec<Unit>,
+    /// VAR_CONFIG.
+    pub(crate) placed: Vec<Placed>,
+    /// RESOURCE, and programs of CONFIGURATION with their types.
+    pub(crate) resources: Vec<Name>,
+    pub(crate) instances: Vec<(Name, Name)>,
+}
+
+/// `resource.program.variable AT %IX0.0 : BOOL;`
+#[derive(Debug)]
+pub(crate) struct Placed {
+    pub(crate) path: Vec<Name>,
+    pub(crate) address: (String, Span),
+    pub(crate) ty: TypeText,
 }
 
 /// `name : ty := initial;` in TYPE.
@@ -63,6 +76,8 @@ pub(crate) enum Initial {
     Value(Expression),
     /// `[1, 2(0)]`, each with how often it comes.
     List(Vec<(Option<Expression>, Initial)>, Span),
+    /// In a list what is repeated as it is: `3()`
+    Default(Span),
     /// `(x := 1, y := 2)`
     Members(Vec<(Name, Initial)>, Span),
 }
@@ -72,7 +87,7 @@ impl Initial {
     pub(crate) fn at(&self) -> Span {
         match self {
             Initial::Value(value) => value.at,
-            Initial::List(_, at) | Initial::Members(_, at) => *at,
+            Initial::List(_, at) | Initial::Members(_, at) | Initial::Default(at) => *at,
         }
     }
 }
@@ -85,6 +100,8 @@ pub(crate) enum Section {
     Output,
     InOut,
     Temporary,
+    /// VAR_IN_OUT of a program: a variable of its own, which the outside reads or writes.
+    Shared,
     Global,
     External,
 }
@@ -98,6 +115,8 @@ pub(crate) struct Variable {
     pub(crate) retain: bool,
     /// `AT %IX0.0`, `AT 'io.5.in-03'`
     pub(crate) address: Option<(String, Span)>,
+    /// R_EDGE: true, F_EDGE: false.
+    pub(crate) edge: Option<bool>,
     /// Shared by all names of a declaration.
     pub(crate) ty: Rc<TypeText>,
     pub(crate) initial: Option<Rc<Initial>>,
@@ -247,6 +266,8 @@ impl Binary {
 #[derive(Clone, Debug)]
 pub(crate) struct Argument {
     pub(crate) name: Option<Name>,
+    /// `NOT Q => y`
+    pub(crate) inverted: bool,
     pub(crate) value: ArgumentValue,
 }
 

@@ -218,6 +218,11 @@ impl Lexer<'_, '_> {
         self.at += 1;
         let address = self.take(|letter| letter.is_ascii_alphanumeric() || letter == '.');
         let address = format!("%{}", address.to_ascii_uppercase());
+        // Its place is given later.
+        if matches!(address.as_str(), "%I" | "%Q" | "%M") && self.rest().starts_with('*') {
+            self.at += 1;
+            return self.push(start, Token::Address(address + "*"));
+        }
         let mut rest = address[1..].strip_prefix(['I', 'Q', 'M']);
         rest = rest.map(|rest| rest.strip_prefix(['X', 'B', 'W', 'D', 'L']).unwrap_or(rest));
         let is_number =

@@ -74,11 +74,11 @@ impl Checker<'_, '_, '_> {
         }
     }
 
-    /// The control variable of FOR: an integer of the unit that may be assigned.
+    /// The control variable of FOR: an integer of the unit or of VAR_GLOBAL that may be assigned.
     pub(super) fn control(&mut self, access: &Access) -> Read<Place> {
         let place = self.target(access)?;
         // One that is passed by reference may be counted by two loops at once.
-        let is_own = place.base == Base::This;
+        let is_own = matches!(place.base, Base::This | Base::Global);
         let is_integer = matches!(place.ty, Type::Scalar(scalar) if scalar.is_integer());
         if !is_own || !is_integer || !access.steps.is_empty() {
             return self.error(access.at, Kind::ControlVariable);

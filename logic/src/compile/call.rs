@@ -1,13 +1,16 @@
 //! Calls of function blocks.
 
-use super::State;
 use super::expression::{Checker, Read};
+use super::function::count_of;
 use super::tree::{Base, Place};
 use super::types::Type;
+use super::{State, Variable};
+use crate::arithmetic::Unary;
 use crate::block::Block;
 use crate::code::Op;
 use crate::diagnostic::{Kind, Reported};
-use crate::syntax::{Access, Argument, ArgumentValue, ExpressionKind, Section, UnitKind};
+use crate::scalar::Scalar;
+use crate::syntax::{Access, Argument, ArgumentValue, ExpressionKind, Name, Section, UnitKind};
 use std::collections::BTreeSet;
 
 impl Checker<'_, '_, '_> {
@@ -27,6 +30,8 @@ impl Checker<'_, '_, '_> {
         if self.compiler.units[unit].block == Some(Block::FallingEdge) {
             self.compiler.told_of_falling_edge(access.at);
         }
+        let named = self.named(unit, access, arguments)?;
+        let arguments = named.as_deref().unwrap_or(arguments);
         let instance = self.fixed(instance)?;
         let mut given = BTreeSet::new();
         let mut good = Ok(());
@@ -52,11 +57,52 @@ impl Checker<'_, '_, '_> {
             if let (Some(name), ArgumentValue::Taken(target)) = (&argument.name, &argument.value) {
                 let output = self.part(unit, &instance, &name.text, name.at)?;
                 let target = self.target(target)?;
-                let value = self.coerce(Self::read(output, name.at), target.ty)?;
+                let mut value = Self::read(output, name.at);
+                if argument.inverted {
+                    value = match value.ty.scalar() {
+                        Some(scalar) if scalar == Scalar::Bool || scalar.is_bit_string() => {
+                            self.folded(Unary::Not, scalar, value)
+                        }
+                        _ => return self.no_operand("NOT", &value),
+                    };
+                }
+                let value = self.coerce(value, target.ty)?;
                 self.store(&target, &value);
             }
         }
         Ok(())
+    }
+
+    /// Inputs that are given by place, with their names; `None`: all have names.
+    fn named(&mut self, unit: usize, access: &Access, arguments: &[Argument]) -> Read<Option<Vec<Argument>>> {
+        let by_place = arguments.iter().filter(|argument| argument.name.is_none()).count();
+        if by_place == 0 {
+            return Ok(None);
+        }
+        if by_place < arguments.len() {
+            return self.error(access.at, Kind::ArgumentsMixed);
+        }
+        let called = &self.compiler.units[unit];
+        let is_input = |variable: &&Variable| matches!(variable.section, Section::Input | Section::InOut);
+        let inputs: Vec<String> = called
+            .variables
+            .iter()
+            .filter(is_input)
+            .map(|input| input.name.clone())
+            .collect();
+        if arguments.len() > inputs.len() {
+            let (name, wanted, got) = (called.name.clone(), count_of(inputs.len()), arguments.len());
+            return self.error(access.at, Kind::ArgumentCount { name, wanted, got });
+        }
+        let at = |argument: &Argument| match &argument.value {
+            ArgumentValue::Given(value) => value.at,
+            ArgumentValue::Taken(access) => access.at,
+        };
+        let named = inputs.into_iter().zip(arguments).map(|(text, argument)| Argument {
+            name: Some(Name { text, at: at(argument) }),
+            ..argument.clone()
+        });
+        Ok(Some(named.collect()))
     }
 
     /// What is called; names that are none of an instance are told with what they are.
@@ -115,24 +161,7 @@ impl Checker<'_, '_, '_> {
         let called = &self.compiler.units[unit];
         let name = called.name.clone();
         let Some(wanted) = &argument.name else {
-            let mut inputs = called
-                .variables
-                .iter()
-                .filter(|variable| variable.section == Section::Input);
-            let first = inputs
-                .next()
-                .map_or_else(|| "IN".to_owned(), |input| input.name.clone());
-            let at = match &argument.value {
-                ArgumentValue::Given(value) => value.at,
-                ArgumentValue::Taken(access) => access.at,
-            };
-            return self.error(
-                at,
-                Kind::ArgumentsByPlace {
-                    name: instance.name.clone(),
-                    first,
-                },
-            );
+            return Err(Reported);
         };
         let takes = matches!(argument.value, ArgumentValue::Taken(_));
         let fits = |section: Section| match section {
@@ -192,7 +221,7 @@ impl Checker<'_, '_, '_> {
                     );
                 }
                 let slot = Place {
-                    ty: Type::Scalar(crate::scalar::Scalar::Lint),
+                    ty: Type::Scalar(Scalar::Lint),
                     ..place
                 };
                 let compiler = &*self.compiler;

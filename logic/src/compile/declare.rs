@@ -18,10 +18,14 @@ const NAME_MAX: usize = 100;
 impl<'a> Compiler<'a, '_> {
     /// Declares all that the file does; what is wrong is told.
     pub(super) fn declare(&mut self) {
-        for (name, block) in Block::all() {
-            self.standard_block(name, block);
-        }
         let file = self.file;
+        for (name, block) in Block::all() {
+            // Many programs bring their own one.
+            let is_own = |own: &syntax::Unit| own.name.text.eq_ignore_ascii_case(&name);
+            if block != Block::Semaphore || !file.units.iter().any(is_own) {
+                self.standard_block(name, block);
+            }
+        }
         for (index, declaration) in file.types.iter().enumerate() {
             if self.is_free(&declaration.name) {
                 self.declared.insert(declaration.name.key(), (index, State::Untouched));
@@ -84,6 +88,7 @@ impl<'a> Compiler<'a, '_> {
                 offset,
                 value: None,
                 address: None,
+                edge: None,
                 at: Span::default(),
                 assigned: true,
             })
@@ -111,12 +116,13 @@ impl<'a> Compiler<'a, '_> {
     fn is_free(&mut self, name: &Name) -> bool {
         let key = name.key();
         let is_known = Scalar::of_name(&key).is_some()
-            || super::function::is_standard(&key)
+            || super::function::is_reserved(&key)
             || self.declared.contains_key(&key)
             || self.unit_by_name.contains_key(&key);
         if is_known {
             let name_text = name.text.clone();
             self.told.error(name.at, Kind::Twice { name: name_text });
+            self.refused.insert((None, key));
         }
         !is_known
     }
@@ -158,8 +164,17 @@ impl<'a> Compiler<'a, '_> {
                 _ => self.image(ty, text.name.at)?,
             },
         };
+        let kind = unit.map(|unit| self.units[unit].kind);
+        if text.edge.is_some() {
+            let keeps = matches!(kind, Some(UnitKind::Block | UnitKind::Program));
+            if !keeps || text.section != Section::Input || ty != Type::Scalar(Scalar::Bool) {
+                return Err(self.told.error(text.ty.at, Kind::EdgePlace));
+            }
+        }
         if let Some((address, at)) = &text.address {
-            let in_program = unit.is_none_or(|unit| self.units[unit].kind == UnitKind::Program);
+            // One whose place is given later may be in a block, too.
+            let is_open = address.ends_with('*') && kind == Some(UnitKind::Block);
+            let in_program = matches!(kind, None | Some(UnitKind::Program)) || is_open;
             self.address(ty, address, *at, in_program)?;
         }
         let variable = Variable {
@@ -171,6 +186,7 @@ impl<'a> Compiler<'a, '_> {
             offset: 0,
             value: (text.constant && ty.is_single()).then_some(image.first().copied().unwrap_or(0)),
             address: text.address.as_ref().map(|(address, _)| address.clone()),
+            edge: None,
             at: text.name.at,
             assigned: false,
         };
@@ -178,11 +194,11 @@ impl<'a> Compiler<'a, '_> {
     }
 
     /// Whether something may be at this address.
-    fn address(&mut self, ty: Type, address: &str, at: Span, in_program: bool) -> Read<()> {
+    pub(super) fn address(&mut self, ty: Type, address: &str, at: Span, in_program: bool) -> Read<()> {
         let Some(scalar) = ty.scalar().filter(|scalar| in_program && *scalar != Scalar::String) else {
             return Err(self.told.error(at, Kind::AddressPlace));
         };
-        if let Some(letters) = address.strip_prefix('%') {
+        if let Some(letters) = address.strip_prefix('%').filter(|letters| !letters.ends_with('*')) {
             let bits = match letters.as_bytes().get(1) {
                 Some(b'B') => 8,
                 Some(b'W') => 16,
@@ -231,6 +247,9 @@ impl<'a> Compiler<'a, '_> {
         {
             self.deeper(name.at, |compiler| compiler.interface(unit, name.at))?;
             return Ok((Type::Block(unit as u32), None));
+        }
+        if self.refused.contains(&(None, key)) {
+            return Err(Reported);
         }
         let known = Scalar::ALL.map(Scalar::name);
         let own = self.file.types.iter().map(|declaration| declaration.name.text.as_str());
@@ -407,14 +426,13 @@ impl<'a> Compiler<'a, '_> {
 
     /// So many values more are laid out.
     fn lay_out(&mut self, values: usize, at: Span) -> Read<()> {
-        let before = self.laid_out;
-        self.laid_out = before.saturating_add(values);
+        self.laid_out = self.laid_out.saturating_add(values);
         if self.laid_out <= LAYOUT_MAX {
             return Ok(());
         }
-        if before <= LAYOUT_MAX {
-            self.told.error(at, Kind::Layout { most: LAYOUT_MAX });
-        }
+        // Told at the end, once.
+        self.needed = self.needed.saturating_add(values);
+        self.beyond = self.beyond.or(Some(at));
         Err(Reported)
     }
 
@@ -432,6 +450,7 @@ impl<'a> Compiler<'a, '_> {
                 self.lay_out(1, value.at)?;
                 Ok(vec![Checker::new(self, unit).constant(value, ty)?])
             }
+            (Initial::Default(at), _) => self.image(ty, *at),
             (Initial::List(values, at), Type::Array(index)) => {
                 let array = self.types.arrays[index as usize].clone();
                 let mut image = self.image(ty, *at)?;
@@ -442,12 +461,20 @@ impl<'a> Compiler<'a, '_> {
                         Some(count) => Checker::new(self, unit).constant(count, Type::Scalar(Scalar::Lint))?,
                         None => 1,
                     };
-                    let value = self.initial(unit, array.element, value)?;
+                    let value = match value {
+                        Initial::Default(_) => None,
+                        value => Some(self.initial(unit, array.element, value)?),
+                    };
                     let count = usize::try_from(count).unwrap_or(usize::MAX);
                     let got = element.saturating_add(count);
                     if got > wanted {
                         return Err(self.told.error(*at, Kind::InitialCount { wanted, got }));
                     }
+                    // What is repeated without a value stays as it is.
+                    let Some(value) = value else {
+                        element = got;
+                        continue;
+                    };
                     for place in image[element * stride..got * stride].chunks_exact_mut(stride.max(1)) {
                         place.copy_from_slice(&value);
                     }
@@ -465,9 +492,9 @@ impl<'a> Compiler<'a, '_> {
                 }
                 Ok(image)
             }
-            (Initial::Value(Expression { at, .. }) | Initial::List(_, at) | Initial::Members(_, at), _) => {
+            _ => {
                 let ty = self.types.name(ty, &self.units);
-                Err(self.told.error(*at, Kind::InitialShape(ty)))
+                Err(self.told.error(initial.at(), Kind::InitialShape(ty)))
             }
         }
     }
@@ -552,6 +579,7 @@ impl<'a> Compiler<'a, '_> {
                 offset: 0,
                 value: None,
                 address: None,
+                edge: None,
                 at: text.name.at,
                 assigned: false,
             };
@@ -568,7 +596,7 @@ impl<'a> Compiler<'a, '_> {
     fn own_variable(&mut self, unit: usize, kind: UnitKind, text: &'a syntax::Variable) -> Read<()> {
         let section = match text.section {
             Section::Global => Some("VAR_GLOBAL"),
-            Section::InOut if kind != UnitKind::Block => Some("VAR_IN_OUT"),
+            Section::InOut if kind == UnitKind::Function => Some("VAR_IN_OUT"),
             Section::Output if kind == UnitKind::Function => Some("VAR_OUTPUT"),
             Section::External if kind == UnitKind::Function => Some("VAR_EXTERNAL"),
             Section::Input | Section::Output | Section::InOut | Section::Temporary if text.constant => Some("CONSTANT"),
@@ -582,20 +610,42 @@ impl<'a> Compiler<'a, '_> {
         if text.section == Section::External {
             return self.external(unit, text);
         }
-        let (variable, image) = self.variable(Some(unit), text)?;
+        let (mut variable, image) = self.variable(Some(unit), text)?;
         let keeps = text.retain || text.address.is_some() || matches!(variable.ty, Type::Block(_));
         let forgets = kind == UnitKind::Function || text.section == Section::Temporary;
         if forgets && keeps {
             let name = text.name.text.clone();
             return Err(self.told.error(text.name.at, Kind::StateInFunction { name }));
         }
-        // A variable that is passed by reference is the address of another one.
-        let image = if text.section == Section::InOut {
-            vec![NOWHERE]
-        } else {
-            image
+        let image = match (text.section, kind) {
+            (Section::InOut, UnitKind::Program) => {
+                variable.section = Section::Shared;
+                image
+            }
+            // A variable that is passed by reference is the address of another one.
+            (Section::InOut, _) => vec![NOWHERE],
+            _ => image,
         };
-        self.add_variable(unit, variable, &image)
+        let Some(is_rising) = text.edge else {
+            return self.add_variable(unit, variable, &image);
+        };
+        // The input is the first one of the slots of a block that sees its edges; the others have names that no program writes.
+        variable.edge = Some(if is_rising {
+            Block::RisingEdge
+        } else {
+            Block::FallingEdge
+        });
+        let hidden = ["Q", "M"].map(|name| Variable {
+            name: format!("{}.{name}", variable.name),
+            section: Section::Local,
+            edge: None,
+            ..variable.clone()
+        });
+        self.add_variable(unit, variable, &image)?;
+        for variable in hidden {
+            self.add_variable(unit, variable, &[0])?;
+        }
+        Ok(())
     }
 
     fn add_variable(&mut self, unit: usize, mut variable: Variable, image: &[i64]) -> Read<()> {

@@ -149,6 +149,14 @@ impl Emitter {
                 self.node(compiler, operand);
                 self.op(Op::Cut(*length), at);
             }
+            NodeKind::Rank(operand) => {
+                self.node(compiler, operand);
+                self.op(Op::Rank, at);
+            }
+            NodeKind::Row(operation, scalar, operands) => {
+                operands.iter().for_each(|operand| self.node(compiler, operand));
+                self.op(Op::Row(*operation, *scalar, operands.len() as u32), at);
+            }
             NodeKind::AndThen(left, right) => {
                 self.node(compiler, left);
                 let to_false = self.op(Op::JumpUnless(0), at);

@@ -118,9 +118,12 @@ impl<'c, 'a, 't> Checker<'c, 'a, 't> {
             ExpressionKind::Binary(operator, left, right) => {
                 let expected = expected.filter(|_| !operator.compares());
                 let left = self.expression(left, expected)?;
-                // The value of an enumeration on the right is one of that on the left.
-                let enumeration = Some(left.ty).filter(|ty| matches!(ty, Type::Enumeration(_)));
-                let right = self.expression(right, enumeration.or(expected))?;
+                // The value of an enumeration on the right is one of that on the left, a NOT of a literal one of its bits.
+                let wanted = Some(left.ty).filter(|ty| match ty {
+                    Type::Enumeration(_) => true,
+                    ty => ty.scalar().is_some_and(Scalar::is_bit_string),
+                });
+                let right = self.expression(right, wanted.or(expected))?;
                 self.operator(*operator, left, right, expected, at)
             }
             ExpressionKind::Call(name, arguments) => self.function(name, arguments, expected, at),
@@ -132,9 +135,6 @@ impl<'c, 'a, 't> Checker<'c, 'a, 't> {
         let at = prefix.at.to(value.at);
         if let Some(scalar) = Scalar::of_name(&prefix.text) {
             let mut node = self.expression(value, None)?;
-            if let (Scalar::Bool, NodeKind::Integer(number @ (0 | 1))) = (scalar, &node.kind) {
-                return Ok(Node::constant(BOOL, *number as i64, at));
-            }
             if node.value().is_none() && !matches!(node.kind, NodeKind::Integer(_) | NodeKind::Real(_)) {
                 return self.error(value.at, Kind::Constant);
             }
@@ -399,10 +399,12 @@ impl<'c, 'a, 't> Checker<'c, 'a, 't> {
             (_, Type::Text(short), Type::Text(length)) if short < length => Ok(Node { ty: to, ..node }),
             (_, Type::Text(_), Type::Scalar(Scalar::String)) => Ok(Node { ty: to, ..node }),
             (_, from, Type::Text(length)) if from.scalar() == Some(Scalar::String) => Ok(self.cut(node, length)),
+            (NodeKind::Integer(value @ (0 | 1)), _, Type::Scalar(Scalar::Bool)) => {
+                Ok(Node::constant(to, *value as i64, at))
+            }
             (NodeKind::Integer(value), _, Type::Scalar(Scalar::Bool)) => {
-                let word = if *value == 0 { "FALSE" } else { "TRUE" };
                 let value = value.to_string();
-                self.error(at, Kind::NumberForBool { value, word })
+                self.error(at, Kind::NumberForBool { value })
             }
             (NodeKind::Integer(value), _, Type::Scalar(scalar)) if scalar.is_integer() || scalar.is_bit_string() => {
                 let (low, high) = scalar.range();

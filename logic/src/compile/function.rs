@@ -30,6 +30,11 @@ enum Standard {
     Select,
     Multiplex,
     Convert(Scalar, Scalar),
+    /// Of a REAL or LREAL without what is behind its point.
+    Cut(Scalar, Scalar),
+    /// Of decimal digits of four bits each, and to them.
+    OfDigits(Scalar, Scalar),
+    ToDigits(Scalar, Scalar),
 }
 
 /// Functions with their inputs.
@@ -49,9 +54,9 @@ const FUNCTIONS: [(&str, Standard, &[&str]); 38] = {
         ("ADD", Operator(Word::Add, true), PAIR), ("SUB", Operator(Word::Subtract, false), PAIR),
         ("MUL", Operator(Word::Multiply, true), PAIR), ("DIV", Operator(Word::Divide, false), PAIR),
         ("MOD", Operator(Word::Modulo, false), PAIR),
-        ("GT", Operator(Word::Greater, false), PAIR), ("GE", Operator(Word::GreaterEqual, false), PAIR),
-        ("EQ", Operator(Word::Equal, false), PAIR), ("LE", Operator(Word::LessEqual, false), PAIR),
-        ("LT", Operator(Word::Less, false), PAIR), ("NE", Operator(Word::NotEqual, false), PAIR),
+        ("GT", Operator(Word::Greater, true), PAIR), ("GE", Operator(Word::GreaterEqual, true), PAIR),
+        ("EQ", Operator(Word::Equal, true), PAIR), ("LE", Operator(Word::LessEqual, true), PAIR),
+        ("LT", Operator(Word::Less, true), PAIR), ("NE", Operator(Word::NotEqual, false), PAIR),
         ("AND", Operator(Word::And, true), PAIR), ("OR", Operator(Word::Or, true), PAIR), ("XOR", Operator(Word::Xor, true), PAIR),
         ("SHL", Shift(Binary::ShiftLeft), SHIFT), ("SHR", Shift(Binary::ShiftRight), SHIFT),
         ("ROL", Shift(Binary::RotateLeft), SHIFT), ("ROR", Shift(Binary::RotateRight), SHIFT),
@@ -60,21 +65,85 @@ const FUNCTIONS: [(&str, Standard, &[&str]); 38] = {
     ]
 };
 
-fn standard(name: &str) -> Option<(String, Standard, &'static [&'static str])> {
-    let same = |(known, ..): &&(&str, Standard, &'static [&'static str])| known.eq_ignore_ascii_case(name);
-    if let Some((known, function, inputs)) = FUNCTIONS.iter().find(same) {
-        return Some(((*known).to_owned(), *function, inputs));
+/// A function by its name, with the type that its name gives to its inputs.
+struct Named {
+    name: String,
+    function: Standard,
+    inputs: &'static [&'static str],
+    of: Option<Scalar>,
+}
+
+fn standard(name: &str) -> Option<Named> {
+    let name = name.to_ascii_uppercase();
+    let known = |wanted: &str| FUNCTIONS.iter().find(|(known, ..)| *known == wanted);
+    if let Some((_, function, inputs)) = known(&name) {
+        let (function, inputs, of) = (*function, *inputs, None);
+        return Some(Named {
+            name,
+            function,
+            inputs,
+            of,
+        });
     }
-    let upper = name.to_ascii_uppercase();
-    let (from, to) = upper.split_once("_TO_")?;
+    if let Some(function) = conversion(&name) {
+        let (inputs, of) = (&["IN"][..], None);
+        return Some(Named {
+            name,
+            function,
+            inputs,
+            of,
+        });
+    }
+    let (base, of) = match name.as_str() {
+        "MULTIME" => ("MUL", Scalar::Time),
+        "DIVTIME" => ("DIV", Scalar::Time),
+        name => {
+            let (base, of) = name.rsplit_once('_')?;
+            (base, Scalar::of_name(of)?)
+        }
+    };
+    let (_, function, inputs) = known(base)?;
+    let (function, inputs, of) = (*function, *inputs, Some(of));
+    Some(Named {
+        name,
+        function,
+        inputs,
+        of,
+    })
+}
+
+/// `INT_TO_REAL`, `REAL_TRUNC_INT`, `WORD_BCD_TO_UINT`, `UINT_TO_BCD_WORD`.
+fn conversion(name: &str) -> Option<Standard> {
+    let bits = |name: &str| Scalar::of_name(name).filter(|scalar| scalar.is_bit_string());
+    let whole = |name: &str| Scalar::of_name(name).filter(|scalar| scalar.is_integer());
+    if let Some((from, to)) = name.split_once("_TRUNC_") {
+        let from = Scalar::of_name(from).filter(|from| from.is_real())?;
+        return Some(Standard::Cut(from, whole(to)?));
+    }
+    if let Some((from, to)) = name.split_once("_BCD_TO_") {
+        return Some(Standard::OfDigits(bits(from)?, whole(to)?));
+    }
+    let (from, to) = name.split_once("_TO_")?;
+    if let Some(to) = to.strip_prefix("BCD_") {
+        return Some(Standard::ToDigits(whole(from)?, bits(to)?));
+    }
     let (from, to) = (Scalar::of_name(from)?, Scalar::of_name(to)?);
-    let converts = from != to && from != Scalar::String && to != Scalar::String;
-    converts.then(|| (upper.clone(), Standard::Convert(from, to), &["IN"][..]))
+    (from != Scalar::String && to != Scalar::String).then_some(Standard::Convert(from, to))
 }
 
 /// Whether a name is that of a standard function.
 pub(super) fn is_standard(name: &str) -> bool {
     standard(name).is_some()
+}
+
+/// Whether a file may have no function of its own that is called so.
+pub(super) fn is_reserved(name: &str) -> bool {
+    let Some(named) = standard(name) else { return false };
+    match named.function {
+        Standard::Convert(from, to) => from != to,
+        Standard::Cut(..) | Standard::OfDigits(..) | Standard::ToDigits(..) => false,
+        _ => named.of.is_none(),
+    }
 }
 
 impl Checker<'_, '_, '_> {
@@ -88,9 +157,9 @@ impl Checker<'_, '_, '_> {
         if let Some(unit) = self.compiler.unit_by_name.get(&name.key()).copied() {
             return self.own_function(unit, name, arguments, at);
         }
-        if let Some((known, function, inputs)) = standard(&name.text) {
-            let values = self.in_order(&known, function, inputs, arguments, at)?;
-            return self.standard(&known, function, &values, expected, at);
+        if let Some(named) = standard(&name.text) {
+            let values = self.in_order(&named.name, named.function, named.inputs, arguments, at)?;
+            return self.standard(&named, &values, expected, at);
         }
         let name_text = name.text.clone();
         if let Some(found) = self.find(name) {
@@ -310,23 +379,19 @@ impl Checker<'_, '_, '_> {
         Ok(ordered.into_iter().flatten().collect())
     }
 
-    fn standard(
-        &mut self,
-        name: &str,
-        function: Standard,
-        values: &[&Expression],
-        expected: Option<Type>,
-        at: Span,
-    ) -> Read<Node> {
+    fn standard(&mut self, named: &Named, values: &[&Expression], expected: Option<Type>, at: Span) -> Read<Node> {
         const LREAL: Type = Type::Scalar(Scalar::Lreal);
+        let (name, of) = (named.name.as_str(), named.of.map(Type::Scalar));
+        // What a name gives to inputs is what is wanted of them.
+        let expected = of.or(expected);
         // Each has one input at least.
         let first = values[0];
-        match function {
+        match named.function {
             Standard::Real(operation) => {
                 let wanted = expected
                     .filter(|ty| ty.scalar().is_some_and(Scalar::is_real))
                     .unwrap_or(LREAL);
-                let mut node = self.typed(first, Some(wanted))?;
+                let mut node = self.typed_input(first, Some(wanted), of)?;
                 let scalar = node.ty.scalar().filter(|scalar| scalar.is_integer());
                 if let Some(real) = scalar.and_then(|scalar| scalar.common(wanted.scalar()?)) {
                     node = self.coerce(node, Type::Scalar(real))?;
@@ -337,7 +402,7 @@ impl Checker<'_, '_, '_> {
                 }
             }
             Standard::Absolute => {
-                let node = self.typed(first, expected)?;
+                let node = self.typed_input(first, expected, of)?;
                 match node.ty.scalar() {
                     Some(scalar) if scalar.is_number() => Ok(self.folded(Unary::Absolute, scalar, Node { at, ..node })),
                     _ => self.no_operand(name, &node),
@@ -352,9 +417,9 @@ impl Checker<'_, '_, '_> {
                 let cut = self.folded(Unary::Truncate, scalar, Node { at, ..node });
                 Ok(self.converted(scalar, to.unwrap_or(Scalar::Dint), cut))
             }
-            Standard::Move => self.typed(first, expected),
+            Standard::Move => self.typed_input(first, expected, of),
             Standard::Not => {
-                let node = self.typed(first, expected)?;
+                let node = self.typed_input(first, expected, of)?;
                 match node.ty.scalar() {
                     Some(scalar) if scalar == Scalar::Bool || scalar.is_bit_string() => {
                         Ok(self.folded(Unary::Not, scalar, Node { at, ..node }))
@@ -363,17 +428,28 @@ impl Checker<'_, '_, '_> {
                 }
             }
             Standard::Operator(word, _) => {
-                let expected = expected.filter(|_| !word.compares());
-                let mut sum = self.expression(first, expected)?;
+                if word.compares() {
+                    let mut nodes: Vec<Node> = Vec::new();
+                    for value in values {
+                        let enumeration = nodes.first().map(|node| node.ty);
+                        let enumeration = enumeration.filter(|ty| matches!(ty, Type::Enumeration(_)));
+                        nodes.push(self.input(value, enumeration, of)?);
+                    }
+                    return self.comparison(word, nodes, at);
+                }
+                // What TIME is multiplied by is a number, and so is an exponent.
+                let scales = matches!(word, syntax::Binary::Multiply | syntax::Binary::Divide);
+                let is_alike = word != syntax::Binary::Power && !(scales && named.of == Some(Scalar::Time));
+                let others = of.filter(|_| is_alike);
+                let mut sum = self.input(first, expected, of)?;
                 for value in &values[1..] {
-                    let enumeration = Some(sum.ty).filter(|ty| matches!(ty, Type::Enumeration(_)));
-                    let right = self.expression(value, enumeration.or(expected))?;
+                    let right = self.input(value, others.or(expected.filter(|_| is_alike)), others)?;
                     sum = self.operator(word, sum, right, expected, at)?;
                 }
                 Ok(sum)
             }
             Standard::Shift(operation) => {
-                let node = self.typed(first, expected)?;
+                let node = self.typed_input(first, expected, of)?;
                 let Some(scalar) = node.ty.scalar().filter(|scalar| scalar.is_bit_string()) else {
                     return self.no_operand(name, &node);
                 };
@@ -385,7 +461,7 @@ impl Checker<'_, '_, '_> {
                 self.folded_pair(operation, scalar, [node, count], ty, at)
             }
             Standard::Extreme(operation) => {
-                let (ty, nodes) = self.alike(name, values, expected, at)?;
+                let (ty, nodes) = self.alike(name, values, expected, of, at)?;
                 let scalar = self.ordered(name, ty, &nodes)?;
                 let mut nodes = nodes.into_iter();
                 let Some(mut extreme) = nodes.next() else {
@@ -397,7 +473,7 @@ impl Checker<'_, '_, '_> {
                 Ok(extreme)
             }
             Standard::Limit => {
-                let (ty, nodes) = self.alike(name, values, expected, at)?;
+                let (ty, nodes) = self.alike(name, values, expected, of, at)?;
                 let scalar = self.ordered(name, ty, &nodes)?;
                 let Ok([low, value, high]) = <[Node; 3]>::try_from(nodes) else {
                     return Err(crate::diagnostic::Reported);
@@ -407,7 +483,7 @@ impl Checker<'_, '_, '_> {
             }
             Standard::Select => {
                 let selector = self.expression_of(first, Type::Scalar(Scalar::Bool))?;
-                let (ty, nodes) = self.alike(name, &values[1..], expected, at)?;
+                let (ty, nodes) = self.alike(name, &values[1..], expected, of, at)?;
                 let mut nodes = nodes.into_iter();
                 let (Some(for_false), Some(for_true)) = (nodes.next(), nodes.next()) else {
                     return Err(crate::diagnostic::Reported);
@@ -420,7 +496,7 @@ impl Checker<'_, '_, '_> {
                 if !selector.ty.scalar().is_some_and(Scalar::is_integer) {
                     return self.no_operand(name, &selector);
                 }
-                let (ty, mut nodes) = self.alike(name, &values[1..], expected, at)?;
+                let (ty, mut nodes) = self.alike(name, &values[1..], expected, of, at)?;
                 nodes.insert(0, selector);
                 let kind = NodeKind::Choose(nodes);
                 Ok(Node { ty, kind, at })
@@ -437,7 +513,39 @@ impl Checker<'_, '_, '_> {
                 }
                 Ok(self.converted(from, to, Node { at, ..node }))
             }
+            Standard::Cut(from, to) => {
+                let node = self.expression_of(first, Type::Scalar(from))?;
+                let cut = self.folded(Unary::Truncate, from, Node { at, ..node });
+                Ok(self.converted(from, to, cut))
+            }
+            Standard::OfDigits(from, to) => {
+                let node = self.expression_of(first, Type::Scalar(from))?;
+                let mut number = self.folded(Unary::OfDigits, from, Node { at, ..node });
+                number.ty = Type::Scalar(Scalar::Ulint);
+                Ok(self.converted(Scalar::Ulint, to, number))
+            }
+            Standard::ToDigits(from, to) => {
+                let node = self.expression_of(first, Type::Scalar(from))?;
+                // A negative number has too many digits then.
+                let number = self.converted(from, Scalar::Ulint, Node { at, ..node });
+                let mut digits = self.folded(Unary::ToDigits, to, number);
+                digits.ty = Type::Scalar(to);
+                Ok(digits)
+            }
         }
+    }
+
+    /// An input; `of`: the type that the name of the function gives it.
+    fn input(&mut self, value: &Expression, expected: Option<Type>, of: Option<Type>) -> Read<Node> {
+        match of {
+            Some(of) => self.expression_of(value, of),
+            None => self.expression(value, expected),
+        }
+    }
+
+    fn typed_input(&mut self, value: &Expression, expected: Option<Type>, of: Option<Type>) -> Read<Node> {
+        let node = self.input(value, expected, of)?;
+        self.settle(node, expected)
     }
 
     /// Inputs of one type.
@@ -446,11 +554,12 @@ impl Checker<'_, '_, '_> {
         name: &str,
         values: &[&Expression],
         expected: Option<Type>,
+        of: Option<Type>,
         at: Span,
     ) -> Read<(Type, Vec<Node>)> {
         let mut nodes = Vec::new();
         for value in values {
-            nodes.push(self.expression(value, expected)?);
+            nodes.push(self.input(value, expected, of)?);
         }
         let Some(common) = self.common(&nodes, expected) else {
             let different = nodes
@@ -493,7 +602,7 @@ impl Checker<'_, '_, '_> {
     /// A type whose values have an order.
     fn ordered(&mut self, name: &str, ty: Type, nodes: &[Node]) -> Read<Scalar> {
         match ty.scalar() {
-            Some(scalar) if scalar.is_number() || scalar == Scalar::Time => Ok(scalar),
+            Some(scalar) if scalar != Scalar::String => Ok(scalar),
             _ => {
                 let node = nodes[0].clone();
                 self.no_operand(name, &node)
@@ -502,7 +611,7 @@ impl Checker<'_, '_, '_> {
     }
 }
 
-fn count_of(inputs: usize) -> String {
+pub(super) fn count_of(inputs: usize) -> String {
     match inputs {
         1 => "1 input".into(),
         count => format!("{count} inputs"),

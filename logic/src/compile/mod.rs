@@ -87,6 +87,8 @@ struct Variable {
     /// Of a constant of an elementary type.
     value: Option<i64>,
     address: Option<String>,
+    /// The block that sees the edges of an input, whose first slot it is.
+    edge: Option<Block>,
     at: Span,
     /// Some statement assigns it.
     assigned: bool,
@@ -272,7 +274,11 @@ impl<'a, 't> Compiler<'a, 't> {
         }
         self.code.push(Op::Return);
         if let Some(at) = self.beyond {
-            self.too_great(self.needed, at);
+            if self.needed > MEMORY_MAX {
+                self.too_great(self.needed, at);
+            } else {
+                self.told.error(at, Kind::Layout { most: LAYOUT_MAX });
+            }
         }
         if self.code.len() > CODE_MAX {
             self.told.error(Span::default(), Kind::Code { most: CODE_MAX });
@@ -282,6 +288,7 @@ impl<'a, 't> Compiler<'a, 't> {
         }
         self.addresses();
         let cuts = self.cuts();
+        let ranks = self.ranks();
         if self.told.has_errors() {
             return Err(self.told.finish());
         }
@@ -316,6 +323,7 @@ impl<'a, 't> Compiler<'a, 't> {
             switches: self.switches.into(),
             texts: self.texts.into(),
             cuts: cuts.into(),
+            ranks: ranks.into(),
             memory: self.memory.into(),
             entry,
             stack,
@@ -357,12 +365,28 @@ impl<'a, 't> Compiler<'a, 't> {
         cuts
     }
 
+    /// Of each text its place in the order of all, by the codes of their characters.
+    fn ranks(&self) -> Vec<u32> {
+        if !self.code.contains(&Op::Rank) {
+            return Vec::new();
+        }
+        let mut sorted: Vec<usize> = (0..self.texts.len()).collect();
+        sorted.sort_unstable_by_key(|text| &self.texts[*text]);
+        let mut ranks = vec![0; sorted.len()];
+        for (rank, text) in sorted.into_iter().enumerate() {
+            ranks[text] = rank as u32;
+        }
+        ranks
+    }
+
     /// No two variables are at one address: neither would know what the other assigns.
     fn addresses(&mut self) {
         let mut known = BTreeSet::new();
         let own = self.units.iter().flat_map(|unit| &unit.variables);
         for variable in self.globals.iter().chain(own) {
-            let Some(address) = &variable.address else { continue };
+            let Some(address) = variable.address.as_ref().filter(|address| !address.ends_with('*')) else {
+                continue;
+            };
             let bit = address
                 .strip_prefix('%')
                 .filter(|rest| rest.as_bytes().get(1).is_some_and(u8::is_ascii_digit));
@@ -397,6 +421,8 @@ impl<'a, 't> Compiler<'a, 't> {
             ) {
                 (Section::Input, _) | (_, Some("%I")) => Role::Input,
                 (Section::Output, _) | (_, Some("%Q")) => Role::Output,
+                (Section::Shared, _) if variable.assigned => Role::Output,
+                (Section::Shared, _) => Role::Input,
                 (_, Some(pin)) if !pin.starts_with('%') => {
                     if variable.assigned {
                         Role::Output
@@ -423,7 +449,72 @@ impl<'a, 't> Compiler<'a, 't> {
         if leaves.octets > NAMES_MAX {
             self.told.error(Span::default(), Kind::Names { most: NAMES_MAX });
         }
+        self.place(&mut leaves.all);
         leaves.all
+    }
+
+    /// Gives variables that are declared AT %I* and the like the addresses of VAR_CONFIG. One that has none there is read and
+    /// written by its name.
+    fn place(&mut self, variables: &mut [LogicVariable]) {
+        let file = self.file;
+        if !file.placed.is_empty() {
+            let taken = variables.iter().filter_map(|variable| variable.address.clone());
+            let mut taken: BTreeSet<String> = taken.collect();
+            let names = variables.iter().enumerate();
+            let known: BTreeMap<String, usize> = names
+                .map(|(index, one)| (one.full_name().to_ascii_lowercase(), index))
+                .collect();
+            for placed in &file.placed {
+                let mut path: Vec<String> = placed.path.iter().map(syntax::Name::key).collect();
+                if file
+                    .resources
+                    .iter()
+                    .any(|resource| Some(&resource.key()) == path.first())
+                {
+                    path.remove(0);
+                }
+                let ty = file
+                    .instances
+                    .iter()
+                    .find(|(instance, _)| Some(&instance.key()) == path.first());
+                if let (Some((_, ty)), Some(program)) = (ty, path.first_mut()) {
+                    *program = ty.key();
+                }
+                let (address, at) = &placed.address;
+                // A pin may be read or written, whichever the program does.
+                let letters = address
+                    .get(..2)
+                    .filter(|letters| letters.starts_with('%'))
+                    .unwrap_or("%");
+                let found = known.get(&path.join(".")).map(|index| &mut variables[*index]);
+                let same_type = |one: &&mut LogicVariable| match &placed.ty.kind {
+                    syntax::TypeKind::Named(name) => one.ty.eq_ignore_ascii_case(&name.text),
+                    _ => false,
+                };
+                let is_open = |one: &&mut LogicVariable| {
+                    one.address
+                        .as_ref()
+                        .is_some_and(|open| open.ends_with('*') && open.starts_with(letters))
+                };
+                let Some(found) = found.filter(is_open).filter(same_type) else {
+                    let names: Vec<&str> = placed.path.iter().map(|name| name.text.as_str()).collect();
+                    let (name, address) = (names.join("."), format!("{letters}*"));
+                    self.told.error(*at, Kind::NotToBePlaced { name, address });
+                    continue;
+                };
+                let ty = found.scalar().map_or(Type::AnyInteger, Type::Scalar);
+                if self.address(ty, address, *at, true).is_ok() {
+                    if !taken.insert(address.clone()) {
+                        let (name, address) = (found.name.clone(), address.clone());
+                        self.told.error(*at, Kind::AddressTwice { name, address });
+                    }
+                    found.address = Some(address.clone());
+                }
+            }
+        }
+        for variable in variables {
+            variable.address = variable.address.take().filter(|address| !address.ends_with('*'));
+        }
     }
 
     fn leaves_of(&self, ty: Type, whole: &LogicVariable, leaves: &mut Leaves) {
@@ -470,6 +561,12 @@ impl<'a, 't> Compiler<'a, 't> {
                         self.leaves_of(
                             variable.ty,
                             &LogicVariable {
+                                role: match variable.address.as_deref() {
+                                    Some("%I*") => Role::Input,
+                                    Some("%Q*") => Role::Output,
+                                    _ => whole.role,
+                                },
+                                address: variable.address.clone().or_else(|| whole.address.clone()),
                                 retain: whole.retain || variable.retain,
                                 constant: whole.constant || variable.constant,
                                 ..part(format!("{}.{}", whole.name, variable.name), variable.offset)

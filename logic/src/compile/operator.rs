@@ -24,7 +24,7 @@ impl Checker<'_, '_, '_> {
                 self.arithmetic(operator, left, right, expected, at)
             }
             Word::Power => self.power(left, right, expected, at),
-            Word::And | Word::Or | Word::Xor => self.bitwise(operator, left, right, at),
+            Word::And | Word::Or | Word::Xor => self.bitwise(operator, [left, right], expected, at),
             Word::AndThen | Word::OrElse => {
                 let left = self.coerce(left, BOOL)?;
                 let right = Box::new(self.coerce(right, BOOL)?);
@@ -35,7 +35,7 @@ impl Checker<'_, '_, '_> {
                 Ok(Node { ty: BOOL, kind, at })
             }
             Word::Less | Word::Greater | Word::LessEqual | Word::GreaterEqual | Word::Equal | Word::NotEqual => {
-                self.comparison(operator, left, right, at)
+                self.comparison(operator, vec![left, right], at)
             }
         }
     }
@@ -50,6 +50,14 @@ impl Checker<'_, '_, '_> {
             }
             (Type::Scalar(left), Type::Scalar(right)) if left.is_real() && right.is_integer() => {
                 Some(format!("write {}_TO_{}(..)", right.name(), left.name()))
+            }
+            (Type::Scalar(left), Type::Scalar(right)) if left.is_bit_string() && right.is_bit_string() => {
+                let (narrow, wide) = if left.bits() < right.bits() {
+                    (left, right)
+                } else {
+                    (right, left)
+                };
+                Some(format!("write {}_TO_{}(..)", narrow.name(), wide.name()))
             }
             (Type::Scalar(scalar), Type::AnyReal) | (Type::AnyReal, Type::Scalar(scalar)) if scalar.is_integer() => {
                 Some(format!("write {}_TO_LREAL(..)", scalar.name()))
@@ -213,16 +221,29 @@ impl Checker<'_, '_, '_> {
         self.folded_pair(Binary::Power, scalar, [base, exponent], ty, at)
     }
 
-    fn bitwise(&mut self, word: syntax::Binary, left: Node, right: Node, at: Span) -> Read<Node> {
+    fn bitwise(&mut self, word: syntax::Binary, pair: [Node; 2], expected: Option<Type>, at: Span) -> Read<Node> {
         let operation = match word {
             syntax::Binary::And => Binary::And,
             syntax::Binary::Or => Binary::Or,
             _ => Binary::Xor,
         };
-        let pair = [left, right];
+        let suits = |ty: Type| matches!(ty, Type::Scalar(scalar) if scalar == Scalar::Bool || scalar.is_bit_string());
+        // Two literals are bits where nothing else is wanted.
+        if let [NodeKind::Integer(a), NodeKind::Integer(b)] = [&pair[0].kind, &pair[1].kind]
+            && *a >= 0
+            && *b >= 0
+            && expected.is_none_or(suits)
+        {
+            let value = match operation {
+                Binary::And => a & b,
+                Binary::Or => a | b,
+                _ => a ^ b,
+            };
+            let (ty, kind) = (Type::AnyInteger, NodeKind::Integer(value));
+            return Ok(Node { ty, kind, at });
+        }
         let common = self.common(&pair, None);
         let [left, right] = pair;
-        let suits = |ty: Type| matches!(ty, Type::Scalar(scalar) if scalar == Scalar::Bool || scalar.is_bit_string());
         match common {
             Some(ty @ Type::Scalar(scalar)) if suits(ty) => {
                 let pair = [self.coerce(left, ty)?, self.coerce(right, ty)?];
@@ -244,7 +265,8 @@ impl Checker<'_, '_, '_> {
         }
     }
 
-    fn comparison(&mut self, word: syntax::Binary, left: Node, right: Node, at: Span) -> Read<Node> {
+    /// Values in a row, each compared with the next one.
+    pub(super) fn comparison(&mut self, word: syntax::Binary, mut nodes: Vec<Node>, at: Span) -> Read<Node> {
         use syntax::Binary as Word;
         let operation = match word {
             Word::Less => Binary::Less,
@@ -255,10 +277,14 @@ impl Checker<'_, '_, '_> {
             _ => Binary::NotEqual,
         };
         let equality = matches!(word, Word::Equal | Word::NotEqual);
-        let types = (left.ty, right.ty);
-        let pair = [left, right];
-        let Some(mut common) = self.common(&pair, None) else {
-            return self.no_operands(word.word(), types.0, types.1, at);
+        let first = nodes.first().map_or(BOOL, |node| node.ty);
+        let other = nodes
+            .iter()
+            .map(|node| node.ty)
+            .find(|ty| *ty != first)
+            .unwrap_or(first);
+        let Some(mut common) = self.common(&nodes, None) else {
+            return self.no_operands(word.word(), first, other, at);
         };
         common = match common {
             Type::AnyInteger => Type::Scalar(Scalar::Lint),
@@ -266,25 +292,60 @@ impl Checker<'_, '_, '_> {
             Type::Text(_) => Type::Scalar(Scalar::String),
             // What is worked out of integers below 32 bits is worked out in 32 bits, as others do it.
             Type::Scalar(scalar)
-                if scalar.is_integer() && scalar.bits() < 32 && pair.iter().any(Node::is_worked_out) =>
+                if scalar.is_integer() && scalar.bits() < 32 && nodes.iter().any(Node::is_worked_out) =>
             {
                 Type::Scalar(Scalar::Dint)
             }
             other => other,
         };
-        let scalar = match common {
-            Type::Scalar(scalar) if scalar.is_number() || scalar == Scalar::Time => scalar,
-            Type::Scalar(scalar) if equality => scalar,
+        let mut scalar = match common {
+            Type::Scalar(scalar) => scalar,
             Type::Enumeration(_) if equality => Scalar::Dint,
-            _ => return self.no_operands(word.word(), types.0, types.1, at),
+            _ => return self.no_operands(word.word(), first, other, at),
         };
         if scalar.is_real() && equality {
             let ty = scalar.name();
             self.compiler.told.warning(at, Kind::RealEqual { ty });
         }
-        let [left, right] = pair;
-        let pair = [self.coerce(left, common)?, self.coerce(right, common)?];
-        self.folded_pair(operation, scalar, pair, BOOL, at)
+        for node in &mut nodes {
+            *node = self.coerce(node.clone(), common)?;
+        }
+        // Equal texts have one number; which of others comes first is looked up.
+        if scalar == Scalar::String && !equality {
+            scalar = Scalar::Dint;
+            self.ranks(&mut nodes);
+        }
+        let mut rest = nodes.into_iter();
+        match (rest.next(), rest.next(), rest.next()) {
+            (Some(left), Some(right), None) => self.folded_pair(operation, scalar, [left, right], BOOL, at),
+            (first, second, third) => {
+                let nodes = [first, second, third].into_iter().flatten().chain(rest).collect();
+                let kind = NodeKind::Row(operation, scalar, nodes);
+                Ok(Node { ty: BOOL, kind, at })
+            }
+        }
+    }
+
+    /// Texts to their places in the order of all.
+    fn ranks(&self, nodes: &mut [Node]) {
+        let text = |node: &Node| {
+            let number = usize::try_from(node.value()?).ok()?;
+            self.compiler.texts.get(number).cloned()
+        };
+        let known: Option<Vec<String>> = nodes.iter().map(text).collect();
+        let sorted = known.clone().map(|mut texts| {
+            texts.sort();
+            texts
+        });
+        for (index, node) in nodes.iter_mut().enumerate() {
+            let rank = match (&known, &sorted) {
+                (Some(texts), Some(sorted)) => {
+                    NodeKind::Constant(sorted.partition_point(|text| *text < texts[index]) as i64)
+                }
+                _ => NodeKind::Rank(Box::new(node.clone())),
+            };
+            (node.kind, node.ty) = (rank, Type::Scalar(Scalar::Dint));
+        }
     }
 }
 

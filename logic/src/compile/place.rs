@@ -109,6 +109,8 @@ impl Checker<'_, '_, '_> {
         let (base, offset) = match (found, variable.section) {
             (Found::Global(_), _) => (Base::Global, variable.offset),
             (Found::Own(_), Section::InOut) => (Base::ThisReference(variable.offset), 0),
+            // What is read of it is its edge.
+            (Found::Own(_), _) if variable.edge.is_some() => (Base::This, variable.offset + 1),
             (Found::Own(_), _) => (Base::This, variable.offset),
         };
         let mut place = Place {

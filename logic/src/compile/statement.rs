@@ -5,6 +5,7 @@ use super::expression::{Checker, Read};
 use super::types::Type;
 use super::{Body, CODE_MAX, Compiler, DEPTH_MAX, ITERATIONS_MAX, State};
 use crate::arithmetic::Binary;
+use crate::block::Block;
 use crate::code::{Op, Switch};
 use crate::diagnostic::{Kind, Reported, Span};
 use crate::scalar::Scalar;
@@ -52,6 +53,7 @@ impl Compiler<'_, '_> {
             compiler: self,
         };
         checker.initialise(unit)?;
+        checker.edges(unit);
         checker.statements(&text.body);
         let emitter = checker.emitter;
         if !interface {
@@ -95,6 +97,21 @@ impl Checker<'_, '_, '_> {
             self.emitter.initialise(offset, ty, &image, template, at);
         }
         Ok(())
+    }
+
+    /// Sees the edges of inputs that are R_EDGE or F_EDGE, once a call.
+    fn edges(&mut self, unit: usize) {
+        let edges = self.compiler.units[unit].variables.iter();
+        let edges: Vec<_> = edges
+            .filter_map(|variable| Some((variable.edge?, variable.offset, variable.at)))
+            .collect();
+        for (block, offset, at) in edges {
+            if block == Block::FallingEdge {
+                self.compiler.told_of_falling_edge(at);
+            }
+            self.emitter.op(Op::AddressThis(offset), at);
+            self.emitter.op(Op::Block(block), at);
+        }
     }
 
     fn statements(&mut self, statements: &[Statement]) {

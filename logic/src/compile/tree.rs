@@ -24,6 +24,10 @@ pub(super) enum NodeKind {
     Convert(Scalar, Scalar, Box<Node>),
     /// The first so many characters of a text.
     Cut(u32, Box<Node>),
+    /// The place of a text in the order of all.
+    Rank(Box<Node>),
+    /// Whether each stands so to the next one.
+    Row(Binary, Scalar, Vec<Node>),
     AndThen(Box<Node>, Box<Node>),
     OrElse(Box<Node>, Box<Node>),
     Select(Box<[Node; 3]>),

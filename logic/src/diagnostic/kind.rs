@@ -81,6 +81,10 @@ pub enum Kind {
     GlobalInFunction { name: String },
     #[error("an address belongs to a variable of a program or to VAR_GLOBAL, of an elementary type")]
     AddressPlace,
+    #[error("R_EDGE and F_EDGE belong to inputs of type BOOL of a FUNCTION_BLOCK or PROGRAM")]
+    EdgePlace,
+    #[error("{name} is no variable AT {address} of a program")]
+    NotToBePlaced { name: String, address: String },
     #[error("a function keeps nothing, so it has no function block and no address: {name}")]
     StateInFunction { name: String },
     #[error("the result of a function is an elementary type or an enumeration")]
@@ -115,8 +119,8 @@ pub enum Kind {
         to: String,
         cure_text: Option<String>,
     },
-    #[error("{value} is no BOOL: write {word}")]
-    NumberForBool { value: String, word: &'static str },
+    #[error("{value} is no BOOL: these are 0 and 1, FALSE and TRUE")]
+    NumberForBool { value: String },
     #[error("{value} is out of the range of {ty}: {low} to {high}")]
     OutOfRange {
         value: String,
@@ -157,7 +161,7 @@ pub enum Kind {
     LabelRange,
     #[error("the step of a loop is not 0")]
     StepZero,
-    #[error("the control variable of FOR is an integer variable of its own, no element and no member")]
+    #[error("the control variable of FOR is an integer variable, no element, no member and no VAR_IN_OUT")]
     ControlVariable,
     #[error("{name} counts the loop, and is not assigned inside")]
     ControlAssigned { name: String },
@@ -196,8 +200,6 @@ pub enum Kind {
     ArgumentMissing { name: String, argument: String },
     #[error("arguments are given all by name or all by place")]
     ArgumentsMixed,
-    #[error("inputs of a block are given by name: {name}({first} := ..)")]
-    ArgumentsByPlace { name: String, first: String },
     #[error("{argument} is VAR_IN_OUT: it takes a variable that may be assigned")]
     InOut { argument: String },
 

@@ -4,16 +4,17 @@ use super::{Parser, Read};
 use crate::diagnostic::{Kind, Reported};
 use crate::duration;
 use crate::syntax::{
-    ArgumentValue, Expression, ExpressionKind, File, Initial, Name, Section, TypeDeclaration, TypeKind, TypeText, Unit,
-    UnitKind, Variable,
+    ArgumentValue, Expression, ExpressionKind, File, Initial, Name, Placed, Section, TypeDeclaration, TypeKind,
+    TypeText, Unit, UnitKind, Variable,
 };
 use crate::token::Token;
 use std::rc::Rc;
 
 /// Words that a part of a file begins with.
-const PARTS: [&str; 6] = [
+const PARTS: [&str; 7] = [
     "TYPE",
     "VAR_GLOBAL",
+    "VAR_CONFIG",
     "PROGRAM",
     "FUNCTION",
     "FUNCTION_BLOCK",
@@ -57,6 +58,8 @@ impl Parser<'_, '_> {
             file.units.push(self.unit()?);
         } else if self.is_word("CONFIGURATION") {
             self.configuration(file)?;
+        } else if self.is_word("VAR_CONFIG") {
+            self.places(file)?;
         } else if self.is_any_word(&["CLASS", "INTERFACE", "METHOD"]) {
             let at = self.span();
             self.advance();
@@ -161,6 +164,11 @@ impl Parser<'_, '_> {
         }
         self.sign(":")?;
         let ty = Rc::new(self.type_text()?);
+        let edge = match (self.take_word("R_EDGE"), self.take_word("F_EDGE")) {
+            (true, _) => Some(true),
+            (_, true) => Some(false),
+            _ => None,
+        };
         let initial = self.initial()?.map(Rc::new);
         self.semicolon("the declaration");
         variables.extend(names.into_iter().map(|(name, address)| Variable {
@@ -169,6 +177,7 @@ impl Parser<'_, '_> {
             constant: false,
             retain: false,
             address,
+            edge,
             ty: ty.clone(),
             initial: initial.clone(),
         }));
@@ -290,7 +299,10 @@ impl Parser<'_, '_> {
                     let count = Expression { kind, at, depth: 1 };
                     self.advance();
                     self.advance();
-                    let value = self.nested(Self::initial_value)?;
+                    let value = match self.is_sign(")") {
+                        true => Initial::Default(self.span()),
+                        false => self.nested(Self::initial_value)?,
+                    };
                     self.sign(")")?;
                     values.push((Some(count), value));
                 } else {
@@ -334,8 +346,11 @@ impl Parser<'_, '_> {
                 self.variables(&mut file.globals)?;
             } else if self.take_word("END_RESOURCE") {
                 self.take_sign(";");
+            } else if self.is_word("VAR_CONFIG") {
+                self.places(file)?;
             } else if self.take_word("RESOURCE") {
-                self.name()?;
+                let name = self.name()?;
+                file.resources.push(name);
                 self.word("ON")?;
                 self.name()?;
             } else if self.take_word("TASK") {
@@ -343,6 +358,9 @@ impl Parser<'_, '_> {
             } else if *self.token() == Token::End || self.is_any_word(&["TYPE", "FUNCTION", "FUNCTION_BLOCK"]) {
                 return Err(self.expected("END_CONFIGURATION"));
             } else {
+                if self.is_word("PROGRAM") {
+                    self.instance(file);
+                }
                 while !self.take_sign(";") {
                     if *self.token() == Token::End || self.is_any_word(&["END_RESOURCE", "END_CONFIGURATION"]) {
                         break;
@@ -353,6 +371,54 @@ impl Parser<'_, '_> {
                 self.told.note(at, Kind::ConfigurationIgnored);
             }
         }
+    }
+
+    /// `PROGRAM name WITH task : type`, of which only the names count.
+    fn instance(&mut self, file: &mut File) {
+        let at = |count: usize| match &self.ahead(count).token {
+            Token::Word(text) => Some(Name {
+                text: text.clone(),
+                at: self.ahead(count).at,
+            }),
+            _ => None,
+        };
+        let colon = if self.is_word_ahead(2, "WITH") { 4 } else { 2 };
+        if let (Some(name), Some(ty)) = (at(1), at(colon + 1))
+            && self.ahead(colon).token == Token::Sign(":")
+        {
+            file.instances.push((name, ty));
+        }
+    }
+
+    /// VAR_CONFIG: addresses of variables that are declared AT %I* and the like.
+    fn places(&mut self, file: &mut File) -> Read<()> {
+        self.advance();
+        while !self.take_word("END_VAR") {
+            match self.place() {
+                Ok(placed) => file.placed.push(placed),
+                Err(Reported) => self.skip_declaration("END_VAR")?,
+            }
+        }
+        self.take_sign(";");
+        Ok(())
+    }
+
+    fn place(&mut self) -> Read<Placed> {
+        let mut path = vec![self.name()?];
+        while self.take_sign(".") {
+            path.push(self.name()?);
+        }
+        self.word("AT")?;
+        let at = self.span();
+        let (Token::Address(text) | Token::Text(text)) = self.token().clone() else {
+            return Err(self.expected("an address (%IX0.0) or the name of a pin ('io.5.in-03')"));
+        };
+        self.advance();
+        self.sign(":")?;
+        let ty = self.type_text()?;
+        self.semicolon("the declaration");
+        let address = (text, at);
+        Ok(Placed { path, address, ty })
     }
 
     /// `TASK name(INTERVAL := T#10ms, PRIORITY := 1);`

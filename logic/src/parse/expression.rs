@@ -134,6 +134,10 @@ impl Parser<'_, '_> {
             return Ok(arguments);
         }
         loop {
+            let inverted = self.is_word("NOT") && self.ahead(2).token == Token::Sign("=>");
+            if inverted {
+                self.advance();
+            }
             let is_name = matches!(self.token(), Token::Word(_));
             let behind = &self.ahead(1).token;
             let (given, taken) = (*behind == Token::Sign(":="), *behind == Token::Sign("=>"));
@@ -149,7 +153,7 @@ impl Parser<'_, '_> {
             } else {
                 ArgumentValue::Given(self.expression()?)
             };
-            arguments.push(Argument { name, value });
+            arguments.push(Argument { name, inverted, value });
             if !self.take_sign(",") {
                 self.sign(")")?;
                 return Ok(arguments);
