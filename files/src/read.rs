@@ -89,8 +89,10 @@ pub fn without_mark(text: &[u8]) -> &[u8] {
 pub fn read_text(path: &Path, octets_max: u64) -> io::Result<String> {
     let mut octets = read(path, octets_max)?;
     octets.drain(..octets.len() - without_mark(&octets).len());
-    String::from_utf8(octets).map_err(|_| {
-        let what = "must be UTF-8 text";
+    String::from_utf8(octets).map_err(|error| {
+        let good = error.utf8_error().valid_up_to();
+        let line = error.as_bytes()[..good].iter().filter(|octet| **octet == b'\n').count() + 1;
+        let what = format!("must be UTF-8 text: line {line} is not (of Latin-1 or Windows-1252, iconv -f WINDOWS-1252 -t UTF-8 makes it)");
         io::Error::new(io::ErrorKind::InvalidData, what)
     })
 }
@@ -143,6 +145,9 @@ mod tests {
         assert_eq!(read(&path, 8).unwrap(), "\u{feff}\u{feff}é".as_bytes());
         std::fs::write(&path, "\u{feff}").unwrap();
         assert_eq!(read_text(&path, 8).unwrap(), "");
+        std::fs::write(&path, b"one\ntwo\nr\xF6t\n").unwrap();
+        let error = read_text(&path, 20).unwrap_err().to_string();
+        assert!(error.starts_with("must be UTF-8 text: line 3 is not"), "{error}");
         // The length that the kernel tells of its own files is 0.
         assert!(!read(Path::new("/proc/self/status"), 1 << 16).unwrap().is_empty());
         assert_eq!(

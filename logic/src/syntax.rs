@@ -68,6 +68,8 @@ pub(crate) enum TypeKind {
     Struct(Vec<Variable>),
     /// In TYPE only; values that are given.
     Enumeration(Vec<(Name, Option<Expression>)>),
+    /// What is wrong with it has been told.
+    Wrong,
 }
 
 /// Behind `:=` of a declaration.
@@ -146,6 +148,8 @@ pub(crate) struct Unit {
     pub(crate) name: Name,
     pub(crate) result: Option<TypeText>,
     pub(crate) variables: Vec<Variable>,
+    /// It has more variables than these, which are not supported.
+    pub(crate) extends: bool,
     pub(crate) body: Vec<Statement>,
 }
 
@@ -188,7 +192,8 @@ impl Expression {
             | ExpressionKind::Real(_)
             | ExpressionKind::Bool(_)
             | ExpressionKind::Time(_)
-            | ExpressionKind::Text(_) => {}
+            | ExpressionKind::Text(_)
+            | ExpressionKind::Wrong => {}
         }
     }
 }
@@ -206,6 +211,8 @@ pub(crate) enum ExpressionKind {
     Unary(Unary, Box<Expression>),
     Binary(Binary, Box<Expression>, Box<Expression>),
     Call(Name, Vec<Argument>),
+    /// What is wrong with it has been told.
+    Wrong,
 }
 
 /// A variable, an element or a member.

@@ -20,6 +20,8 @@ pub(crate) enum Token {
     Text(String),
     /// `%IX0.0`
     Address(String),
+    /// A literal that is none of ours, and what it is: `D#2020-01-01`.
+    Unsupported(&'static str, String),
     /// Bound of the next loop, from `{max_iterations := n}`.
     Bound(u32),
     Sign(&'static str),
@@ -32,6 +34,24 @@ pub(crate) struct Placed {
     pub(crate) token: Token,
     pub(crate) at: Span,
 }
+
+/// Types of dates, with the short names of some.
+pub(crate) const DATES: [&str; 11] = [
+    "DATE",
+    "D",
+    "TIME_OF_DAY",
+    "TOD",
+    "DATE_AND_TIME",
+    "DT",
+    "LDATE",
+    "LD",
+    "LTOD",
+    "LDT",
+    "LTIME_OF_DAY",
+];
+
+/// Operators of other languages, and ours.
+const FOREIGN: [(&str, &str); 4] = [("==", "="), ("!=", "<>"), ("&&", "AND"), ("||", "OR")];
 
 /// Longer ones first.
 const SIGNS: [&str; 24] = [
@@ -93,6 +113,9 @@ impl Lexer<'_, '_> {
     }
 
     fn next(&mut self) {
+        if self.foreign() {
+            return;
+        }
         let start = self.at;
         let rest = self.rest();
         let Some(first) = rest.chars().next() else { return };
@@ -105,6 +128,12 @@ impl Lexer<'_, '_> {
             }
             '{' => self.pragma(),
             '\'' => self.string(),
+            '"' => {
+                self.at += 1;
+                self.take(|letter| !matches!(letter, '"' | '\n'));
+                self.at += usize::from(self.rest().starts_with('"'));
+                self.push(start, Token::Unsupported("texts of 16 bits", "WSTRING".into()));
+            }
             '%' => self.address(),
             '0'..='9' => self.number(),
             _ if first.is_ascii_alphabetic() || first == '_' => self.word(),
@@ -119,6 +148,25 @@ impl Lexer<'_, '_> {
                 }
             },
         }
+    }
+
+    /// An operator of another language, which is read as ours.
+    fn foreign(&mut self) -> bool {
+        let start = self.at;
+        let found = FOREIGN.iter().find(|(wrong, _)| self.rest().starts_with(wrong));
+        let Some((wrong, right)) = found.copied() else {
+            return false;
+        };
+        self.at += wrong.len();
+        self.error(start, Kind::Foreign { wrong, right });
+        let is_word = right.starts_with(|letter: char| letter.is_ascii_alphabetic());
+        let token = if is_word {
+            Token::Word(right.into())
+        } else {
+            Token::Sign(right)
+        };
+        self.push(start, token);
+        true
     }
 
     /// Comments of one kind nest.
@@ -244,6 +292,11 @@ impl Lexer<'_, '_> {
             let is_time = ["T", "TIME", "LT", "LTIME"]
                 .iter()
                 .any(|name| word.eq_ignore_ascii_case(name));
+            let is_date = DATES.iter().any(|name| word.eq_ignore_ascii_case(name));
+            if is_date && self.rest().starts_with(|letter: char| letter.is_ascii_digit()) {
+                self.take(|letter| letter.is_ascii_digit() || matches!(letter, '-' | ':' | '.' | '_'));
+                return self.push(start, Token::Unsupported("dates", format!("{word}#")));
+            }
             return if is_time {
                 self.time(start)
             } else {

@@ -40,7 +40,12 @@ fn statements() {
             "a := b * 0.5;",
             "2:6: REAL does not become INT by itself: write REAL_TO_INT(..)",
         ),
-        ("u := 5;", "2:6: an integer does not become TIME by itself: write T#5s"),
+        ("u := 5;", "2:6: an integer does not become TIME by itself: write T#5ms"),
+        (
+            "c := t.ET > 500;",
+            "2:13: an integer does not become TIME by itself: write T#500ms",
+        ),
+        ("b := SHR(a, 2);", "2:10: SHR does not take INT: write INT_TO_WORD(..)"),
         (
             "c := a < b < 3;",
             "2:14: 3 is no BOOL: these are 0 and 1, FALSE and TRUE",
@@ -295,7 +300,7 @@ fn declarations() {
             "PROGRAM p VAR a : STRING[0]; END_VAR END_PROGRAM",
             "1:26: a STRING holds 1 to 65535 characters",
         ),
-        ("CLASS c END_CLASS", "1:1: object orientation is not supported"),
+        ("CLASS c END_CLASS", "1:1: CLASS is not supported (object orientation)"),
         ("TYPE a : INT; END_TYPE", "1:1: there is no PROGRAM in the file"),
         ("", "1:1: there is no PROGRAM in the file"),
         (
@@ -492,4 +497,229 @@ fn a_function_takes_so_many_inputs_and_no_more() {
         &format!("a := ADD({});", inputs(250)),
         &[],
     );
+}
+
+/// All that is told about a program of these declarations and statements, one line each.
+#[track_caller]
+fn tells(text: &str, wanted: &[&str]) {
+    assert_eq!(errors(text), wanted, "{text}");
+}
+
+#[test]
+fn one_slip_in_a_head_is_one_error_and_the_rest_is_told() {
+    let told_of = |statements: &str, wanted: &[&str]| {
+        let mut all = wanted.to_vec();
+        all.push("3:1: zebra is not declared");
+        assert_eq!(told(&format!("{statements}\nzebra := 1;")), all, "{statements}");
+    };
+    let cases: [(&str, &[&str]); 15] = [
+        (
+            "IF a == b THEN zebra2 := 1; END_IF;",
+            &["2:6: == is no operator: write =", "2:16: zebra2 is not declared"],
+        ),
+        (
+            "WHILE a < b && b > 0 DO b := a; END_WHILE;",
+            &["2:13: && is no operator: write AND"],
+        ),
+        (
+            "IF c || d THEN a := 1; ELSIF a != b THEN ; END_IF;",
+            &["2:6: || is no operator: write OR", "2:32: != is no operator: write <>"],
+        ),
+        (
+            "IF a = THEN a := 1; ELSE lemon := 2; END_IF;",
+            &["2:8: THEN is a word of the language", "2:26: lemon is not declared"],
+        ),
+        (
+            "IF a := b THEN a := 1; END_IF;",
+            &["2:6: THEN is expected here, not :="],
+        ),
+        (
+            "IF (a = b THEN a := 1; END_IF;",
+            &["2:11: ) is expected here, not THEN"],
+        ),
+        ("WHILE DO a := 1; END_WHILE;", &["2:7: DO is a word of the language"]),
+        (
+            "FOR a = 1 TO 3 DO b := 2; END_FOR;",
+            &["2:7: = compares: write := to assign"],
+        ),
+        (
+            "FOR a := 1 T 3 DO lemon := 2; END_FOR;",
+            &["2:12: TO is expected here, not T", "2:19: lemon is not declared"],
+        ),
+        (
+            "FOR a := 1 TO 3 BY DO EXIT; END_FOR;",
+            &["2:20: DO is a word of the language"],
+        ),
+        (
+            "FOR a := c TO r DO lemon := 2; END_FOR;",
+            &[
+                "2:10: BOOL does not become INT by itself: write BOOL_TO_INT(..)",
+                "2:15: REAL does not become INT by itself: write REAL_TO_INT(..)",
+                "2:20: lemon is not declared",
+            ],
+        ),
+        (
+            "CASE a + OF 1: b := 1; 2: lemon := 1; END_CASE;",
+            &["2:10: OF is a word of the language", "2:27: lemon is not declared"],
+        ),
+        (
+            "CASE r OF 1: b := 1; ELSE lemon := 2; END_CASE;",
+            &["2:6: CASE does not take REAL", "2:27: lemon is not declared"],
+        ),
+        (
+            "CASE a OF 1 2: b := 1; 3: lemon := 2; END_CASE;",
+            &["2:13: : is expected here, not 2", "2:27: lemon is not declared"],
+        ),
+        (
+            "REPEAT a := 1; UNTIL a == END_REPEAT;",
+            &[
+                "2:24: == is no operator: write =",
+                "2:27: END_REPEAT is a word of the language",
+            ],
+        ),
+    ];
+    for (statements, wanted) in cases {
+        told_of(statements, wanted);
+    }
+}
+
+#[test]
+fn elsif_is_one_word() {
+    let text = "IF a = 1 THEN\n  b := 1;\nELSE IF a = 2 THEN\n  b := 2;\nEND_IF;\nb := b + 1;";
+    assert_eq!(
+        told(text),
+        ["4:1: this IF has no END_IF of its own: ELSIF in one word goes on with the IF above"]
+    );
+    let _ = common::after(
+        "PROGRAM p VAR a : INT; END_VAR",
+        "IF a = 1 THEN ; ELSE IF a = 2 THEN a := 3; END_IF; END_IF;",
+        &[],
+    );
+    for word in ["ELSEIF", "ELSE_IF", "elif"] {
+        assert_eq!(
+            told(&format!(
+                "IF a = 1 THEN b := 1; {word} a = 2 THEN lemon := 2; ELSE b := 3; END_IF;"
+            )),
+            [
+                format!("2:23: {word} is one word, ELSIF"),
+                format!("2:{}: lemon is not declared", 37 + word.len() - 2)
+            ]
+        );
+    }
+}
+
+#[test]
+fn what_is_not_supported_is_named_once_and_not_taken_for_something_else() {
+    tells(
+        "PROGRAM p VAR l : ARRAY[0..9] OF REAL; p : POINTER TO REAL; q : REF_TO INT; k : INT; END_VAR
+         p := ADR(l); FOR k := 0 TO 9 DO p^ := 0.0; END_FOR; q := REF(k); END_PROGRAM",
+        &["1:44: POINTER is not supported (pointers and references)"],
+    );
+    tells(
+        "PROGRAM p VAR w : WORD; c : BOOL; END_VAR\nc := w.3;\nIF w.0 THEN\n  w.15 := FALSE;\nEND_IF;\nEND_PROGRAM",
+        &[
+            "2:6: bits of words are not supported: write (SHR(w, 3) AND 1) <> 0",
+            "3:4: bits of words are not supported: write (SHR(w, 0) AND 1) <> 0",
+            "4:3: bits of words are not supported: write w := w OR 16#8000, or w AND NOT 16#8000",
+        ],
+    );
+    tells(
+        "PROGRAM p VAR s : STRING; b : TOD; d : DATE; n : INT; e : WSTRING[5]; END_VAR n := LEN(s) + FIND(s, 'x'); d := D#2020-01-31; e := \"x\"; END_PROGRAM",
+        &[
+            "1:31: TOD is not supported (dates)",
+            "1:59: WSTRING is not supported",
+            "1:84: LEN is not supported (functions of strings)",
+            "1:131: WSTRING is not supported (texts of 16 bits)",
+        ],
+    );
+    tells(
+        "PROGRAM p VAR go, there : BOOL; END_VAR INITIAL_STEP wait: END_STEP TRANSITION FROM wait TO move := go; END_TRANSITION
+         STEP move: feed(N); END_STEP ACTION feed: there := TRUE; END_ACTION END_PROGRAM",
+        &["1:41: INITIAL_STEP is not supported (SFC, sequential function charts)"],
+    );
+    tells(
+        "FUNCTION_BLOCK base VAR_OUTPUT on : BOOL; END_VAR METHOD m : INT VAR x : INT; END_VAR m := 1; END_METHOD on := TRUE; END_FUNCTION_BLOCK
+         FUNCTION_BLOCK lamp EXTENDS base VAR_OUTPUT bright : INT; END_VAR bright := 5; on := TRUE; END_FUNCTION_BLOCK
+         PROGRAM p VAR l : lamp; c : BOOL; END_VAR l(other := 1); c := l.on; zebra := 1; END_PROGRAM",
+        &["1:51: METHOD is not supported (object orientation)", "3:78: zebra is not declared"],
+    );
+    tells(
+        "PROGRAM p VAR t : TON; n : INT; END_VAR t(EN := TRUE, IN := TRUE); n := ADD(EN := TRUE, IN1 := 1, IN2 := 2); END_PROGRAM",
+        &["1:43: EN is not supported (EN and ENO)"],
+    );
+    tells(
+        "PROGRAM p VAR n : INT; END_VAR ACTION a: n := 1; END_ACTION lemon := 2; END_PROGRAM TYPE u : UNION a : INT; END_UNION; END_TYPE",
+        &[
+            "1:32: ACTION is not supported (actions)",
+            "1:61: lemon is not declared",
+            "1:94: UNION is not supported",
+        ],
+    );
+    // What is called like a word of another tool is nobody else's.
+    let _ = common::after(
+        "PROGRAM p VAR step, action, transition, elsif2, len : INT; END_VAR",
+        "step := 1; action := step; transition := action; len := transition;",
+        &[],
+    );
+}
+
+#[test]
+fn values_of_enumerations_are_found_though_they_are_written_otherwise() {
+    tells(
+        "TYPE Phase : (idle, moving); END_TYPE PROGRAM p VAR phase : Phase; x : Phase; n : INT; END_VAR\n\
+         CASE phase OF\nPhase.idle: n := 1;\nPhase.moving: n := 2;\nEND_CASE; x := Phase.moving; END_PROGRAM",
+        &[
+            "3:1: a value of an enumeration stands behind #: write Phase#idle",
+            "4:1: a value of an enumeration stands behind #: write Phase#moving",
+            "5:16: a value of an enumeration stands behind #: write Phase#moving",
+        ],
+    );
+    tells(
+        "TYPE Phase : (idle, moving); END_TYPE PROGRAM p VAR x : Phase; END_VAR x := Phase.moving; END_PROGRAM",
+        &["1:77: a value of an enumeration stands behind #: write Phase#moving"],
+    );
+    tells(
+        "TYPE Door : (OPEN, CLOSED); END_TYPE PROGRAM p VAR door : Door; open : BOOL; END_VAR\n\
+         CASE door OF OPEN: open := TRUE; CLOSED: open := FALSE; END_CASE; END_PROGRAM",
+        &["2:14: OPEN is the variable open here, for names are read without their case: write Door#OPEN"],
+    );
+}
+
+#[test]
+fn a_declaration_that_is_refused_is_told_once() {
+    let uses = "x := 5; n := x; IF x > 3 THEN x := x + 1; END_IF;";
+    for (declaration, wanted) in [
+        ("x : INT (0..120);", "a subrange is not supported"),
+        ("x : IMT;", "IMT is no type: is INT meant?"),
+        (
+            "x : INT := TRUE;",
+            "BOOL does not become INT by itself: write BOOL_TO_INT(..)",
+        ),
+        (
+            "x : STRUCT a : INT; END_STRUCT;",
+            "a structure without a name of its own (one may be declared in TYPE) is not supported",
+        ),
+    ] {
+        let told = errors(&format!(
+            "PROGRAM p VAR n : INT; {declaration} END_VAR {uses} END_PROGRAM"
+        ));
+        assert_eq!(told.len(), 1, "{told:?}");
+        assert!(told[0].ends_with(wanted), "{told:?}");
+    }
+    tells(
+        "TYPE s : STRUCT a : INT (0..5); b : INT; END_STRUCT END_TYPE VAR_GLOBAL g : INT (0..5); END_VAR PROGRAM p VAR x : s; END_VAR VAR_EXTERNAL g : INT; END_VAR x.b := 1; g := x.a; END_PROGRAM",
+        &["1:21: a subrange is not supported", "1:77: a subrange is not supported"],
+    );
+}
+
+#[test]
+fn xml_is_no_program() {
+    for text in ["<?xml version=\"1.0\"?><a/>", "\u{feff}\r\n <project>", "<!-- x -->"] {
+        assert_eq!(
+            errors(text),
+            [
+                "1:1: this is XML, of another tool: its program stands in CDATA or comes from its export as text, and goes into a file of its own"
+            ]
+        );
+    }
 }

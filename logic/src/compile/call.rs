@@ -1,7 +1,7 @@
 //! Calls of function blocks.
 
 use super::expression::{Checker, Read};
-use super::function::count_of;
+use super::function::{count_of, is_enable};
 use super::tree::{Base, Place};
 use super::types::Type;
 use super::{State, Variable};
@@ -174,6 +174,12 @@ impl Checker<'_, '_, '_> {
             .get(&wanted.key())
             .map(|index| called.variables[*index].clone());
         let Some(variable) = found.filter(|variable| fits(variable.section)) else {
+            if is_enable(wanted) {
+                return Err(self.compiler.told.unsupported(wanted.at, "EN and ENO", &wanted.text));
+            }
+            if self.extends(instance.ty) {
+                return Err(Reported);
+            }
             let direction = if takes { "output" } else { "input" };
             let known = called.variables.iter().filter(|variable| fits(variable.section));
             let known = known.map(|variable| variable.name.as_str());

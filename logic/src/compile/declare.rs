@@ -290,6 +290,7 @@ impl<'a> Compiler<'a, '_> {
             TypeKind::Struct(members) => (self.structure(&declaration.name, members)?, None),
             TypeKind::Enumeration(values) => (self.enumeration(&declaration.name, values)?, None),
             TypeKind::Named(name) => self.named_type(name)?,
+            TypeKind::Wrong => return Err(Reported),
             TypeKind::Array(..) | TypeKind::Text(_) => (self.type_of(None, &declaration.ty)?, None),
         };
         let initial = match &declaration.initial {
@@ -420,7 +421,7 @@ impl<'a> Compiler<'a, '_> {
                     _ => Err(self.told.error(length.at, Kind::TextLength)),
                 }
             }
-            TypeKind::Struct(_) => Err(Reported),
+            TypeKind::Struct(_) | TypeKind::Wrong => Err(Reported),
         }
     }
 
@@ -565,7 +566,9 @@ impl<'a> Compiler<'a, '_> {
             all_good = good.and(all_good);
         }
         if let Some(result) = &text.result {
-            let ty = self.type_of(Some(unit), result)?;
+            let ty = self.type_of(Some(unit), result).inspect_err(|_| {
+                self.refused.insert((Some(unit), text.name.key()));
+            })?;
             if !ty.is_single() {
                 return Err(self.told.error(result.at, Kind::ResultType));
             }

@@ -127,6 +127,7 @@ impl<'c, 'a, 't> Checker<'c, 'a, 't> {
                 self.operator(*operator, left, right, expected, at)
             }
             ExpressionKind::Call(name, arguments) => self.function(name, arguments, expected, at),
+            ExpressionKind::Wrong => Err(Reported),
         }
     }
 
@@ -168,6 +169,17 @@ impl<'c, 'a, 't> Checker<'c, 'a, 't> {
             && let Some(value) = self.value_of_enumeration(&access.name, expected)?
         {
             return Ok(value);
+        }
+        if access.steps.is_empty()
+            && let Some(Type::Enumeration(index)) = expected
+            && let Some(found) = self.find(&access.name)
+        {
+            let (variable, ty) = (self.found(found).name.clone(), self.found(found).ty);
+            let enumeration = &self.compiler.types.enumerations[index as usize];
+            if Some(ty) != expected && enumeration.by_name.contains_key(&access.name.key()) {
+                let (value, name) = (access.name.text.clone(), enumeration.name.clone());
+                return self.error(access.at, Kind::ValueHidden { value, variable, name });
+            }
         }
         if let Some(value) = self.constant_variable(access) {
             return Ok(value);
@@ -235,7 +247,7 @@ impl<'c, 'a, 't> Checker<'c, 'a, 't> {
     pub(super) fn no_operand<T>(&mut self, operator: &str, node: &Node) -> Read<T> {
         let ty = self.type_name(node.ty);
         let cure_text = match node.ty {
-            Type::Scalar(scalar) if scalar.is_integer() && matches!(operator, "NOT" | "AND" | "OR" | "XOR") => {
+            Type::Scalar(scalar) if scalar.is_integer() && is_bitwise(operator) => {
                 let bits = ["BYTE", "WORD", "DWORD", "LWORD"][(scalar.bits() / 8).ilog2() as usize];
                 Some(format!("write {}_TO_{bits}(..)", scalar.name()))
             }
@@ -459,7 +471,8 @@ impl<'c, 'a, 't> Checker<'c, 'a, 't> {
                     (Type::AnyReal, Type::Scalar(to)) if to.is_integer() => {
                         Some(format!("write LREAL_TO_{}(..)", to.name()))
                     }
-                    (Type::AnyInteger | Type::AnyReal, Type::Scalar(Scalar::Time)) => Some("write T#5s".into()),
+                    (Type::AnyInteger, Type::Scalar(Scalar::Time)) => time_cure(&node),
+                    (Type::AnyReal, Type::Scalar(Scalar::Time)) => Some("write T#1.5s".into()),
                     _ => None,
                 };
                 let (from, to) = (self.type_name(from), self.type_name(to));
@@ -500,5 +513,19 @@ impl<'c, 'a, 't> Checker<'c, 'a, 't> {
             };
         }
         common
+    }
+}
+
+/// Whether an operator or function takes bit strings.
+fn is_bitwise(operator: &str) -> bool {
+    let base = operator.split('_').next().unwrap_or(operator);
+    matches!(base, "NOT" | "AND" | "OR" | "XOR" | "SHL" | "SHR" | "ROL" | "ROR")
+}
+
+/// What an integer is written like where a TIME is meant.
+fn time_cure(node: &Node) -> Option<String> {
+    match node.kind {
+        NodeKind::Integer(value) => Some(format!("write T#{value}ms")),
+        _ => None,
     }
 }

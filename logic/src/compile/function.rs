@@ -175,6 +175,12 @@ impl Checker<'_, '_, '_> {
                 ),
             };
         }
+        if let Some(what) = unsupported(&name.text) {
+            return Err(self.compiler.told.unsupported(name.at, what, &name_text));
+        }
+        if self.compiler.refused.contains(&(None, name.key())) {
+            return Err(crate::diagnostic::Reported);
+        }
         let units = self
             .compiler
             .units
@@ -290,6 +296,9 @@ impl Checker<'_, '_, '_> {
         if let Some(index) = by_name.get(&wanted.key()) {
             return Ok(*index);
         }
+        if is_enable(wanted) {
+            return Err(self.compiler.told.unsupported(wanted.at, "EN and ENO", &wanted.text));
+        }
         let (nearest, argument) = (self.compiler.told.nearest(&wanted.text, known), wanted.text.clone());
         let name = name.to_owned();
         self.error(
@@ -307,6 +316,9 @@ impl Checker<'_, '_, '_> {
         match &argument.value {
             ArgumentValue::Given(value) => Ok(value),
             ArgumentValue::Taken(access) => {
+                if let Some(name) = argument.name.as_ref().filter(|name| is_enable(name)) {
+                    return Err(self.compiler.told.unsupported(name.at, "EN and ENO", &name.text));
+                }
                 let argument = argument
                     .name
                     .as_ref()
@@ -338,6 +350,12 @@ impl Checker<'_, '_, '_> {
             function,
             Standard::Operator(_, true) | Standard::Extreme(_) | Standard::Multiplex
         );
+        if let Some(enable) = arguments
+            .iter()
+            .find_map(|one| one.name.as_ref().filter(|name| is_enable(name)))
+        {
+            return Err(self.compiler.told.unsupported(enable.at, "EN and ENO", &enable.text));
+        }
         let got = arguments.len();
         if got != inputs.len() && !(extends && got > inputs.len()) {
             let wanted = if extends {
@@ -609,6 +627,27 @@ impl Checker<'_, '_, '_> {
             }
         }
     }
+}
+
+/// What a function belongs to that others have.
+fn unsupported(name: &str) -> Option<&'static str> {
+    let name = name.to_ascii_uppercase();
+    match name.as_str() {
+        "LEN" | "LEFT" | "RIGHT" | "MID" | "CONCAT" | "INSERT" | "DELETE" | "REPLACE" | "FIND" => {
+            Some("functions of strings")
+        }
+        "ADR" | "REF" | "ADRINST" | "SIZEOF" | "MEMCPY" | "MEMSET" => Some(crate::parse::POINTERS),
+        _ if name.ends_with("_TO_STRING") || name.starts_with("STRING_TO_") => Some("functions of strings"),
+        _ if name.contains("_TIME_OF_DAY") || name.contains("_TOD") || name.contains("DATE_") => Some("dates"),
+        _ => None,
+    }
+}
+
+/// Whether an input or output is EN or ENO.
+pub(super) fn is_enable(name: &Name) -> bool {
+    ["EN", "ENO"]
+        .iter()
+        .any(|enable| name.text.eq_ignore_ascii_case(enable))
 }
 
 pub(super) fn count_of(inputs: usize) -> String {

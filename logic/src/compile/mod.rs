@@ -56,12 +56,23 @@ pub fn compile(text: &str) -> Result<Logic, Vec<Diagnostic>> {
         told.error(Span::default(), Kind::TooLong { most: TEXT_MAX });
         return Err(told.finish());
     }
+    if is_xml(text) {
+        told.error(Span::default(), Kind::Xml);
+        return Err(told.finish());
+    }
     let tokens = token::tokens(text, &mut told);
     let file = parse::file(tokens, &mut told);
     let mut compiler = Compiler::new(&file, told);
     compiler.declare();
     compiler.bodies();
     compiler.finish()
+}
+
+/// Whether a text is the file of a tool that keeps programs in XML: no program begins so.
+fn is_xml(text: &str) -> bool {
+    let text = text.trim_start_matches(|letter: char| letter.is_whitespace() || letter == '\u{feff}');
+    let behind = text.strip_prefix('<').and_then(|rest| rest.chars().next());
+    behind.is_some_and(|letter| letter.is_ascii_alphabetic() || matches!(letter, '?' | '!'))
 }
 
 /// Where the compilation of something is.

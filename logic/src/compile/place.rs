@@ -58,7 +58,8 @@ impl Checker<'_, '_, '_> {
         let compiler = &self.compiler;
         // A declaration that is wrong has been told; what depends on it is not told again.
         let is_refused = |unit: Option<usize>| compiler.refused.contains(&(unit, name.key()));
-        if is_refused(self.unit) || is_refused(None) {
+        let extends = |unit: usize| compiler.units[unit].text.is_some_and(|text| text.extends);
+        if is_refused(self.unit) || is_refused(None) || self.unit.is_some_and(extends) {
             return Err(crate::diagnostic::Reported);
         }
         let own = self.unit.map_or(&[][..], |unit| &compiler.units[unit].variables);
@@ -83,6 +84,16 @@ impl Checker<'_, '_, '_> {
     pub(super) fn place(&mut self, access: &Access) -> Read<Place> {
         let name = &access.name;
         let Some(found) = self.find(name) else {
+            if let (Some(Step::Member(member)), Some(index)) = (
+                access.steps.first(),
+                self.compiler.types.enumeration_by_name.get(&name.key()),
+            ) {
+                let (name, value) = (
+                    self.compiler.types.enumerations[*index as usize].name.clone(),
+                    member.text.clone(),
+                );
+                return self.error(access.at, Kind::EnumerationPoint { name, value });
+            }
             return self.undeclared(name);
         };
         let in_function = self
@@ -183,6 +194,16 @@ impl Checker<'_, '_, '_> {
                     .map(|found| (found.ty, found.offset, read_only(found.section)))
                     .ok_or_else(|| compiler.told.nearest(&member.text, names))
             }
+            Type::Enumeration(index)
+                if compiler.types.enumerations[index as usize]
+                    .by_name
+                    .contains_key(&wanted) =>
+            {
+                let name = compiler.types.enumerations[index as usize].name.clone();
+                let value = member.text.clone();
+                let at = place.at;
+                return self.error(at, Kind::EnumerationPoint { name, value });
+            }
             _ => {
                 let ty = self.type_name(place.ty);
                 return self.error(member.at, Kind::NoStruct { ty });
@@ -190,6 +211,7 @@ impl Checker<'_, '_, '_> {
         };
         let (ty, offset, read_only) = match found {
             Ok(found) => found,
+            Err(_) if self.extends(place.ty) => return Err(crate::diagnostic::Reported),
             Err(nearest) => {
                 let (name, member_text) = (self.type_name(place.ty), member.text.clone());
                 return self.error(
@@ -206,6 +228,14 @@ impl Checker<'_, '_, '_> {
         place.offset += offset;
         place.name = format!("{}.{}", place.name, member.text);
         Ok(())
+    }
+
+    /// Whether something has more variables than are known: it is told where it is declared.
+    pub(super) fn extends(&self, ty: Type) -> bool {
+        match ty {
+            Type::Block(unit) => self.compiler.units[unit as usize].text.is_some_and(|text| text.extends),
+            _ => false,
+        }
     }
 
     fn element(&mut self, place: &mut Place, indices: &[Expression], at: Span) -> Read<()> {

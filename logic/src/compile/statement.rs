@@ -2,6 +2,7 @@
 
 use super::emit::Emitter;
 use super::expression::{Checker, Read};
+use super::tree::{Node, Place};
 use super::types::Type;
 use super::{Body, CODE_MAX, Compiler, DEPTH_MAX, ITERATIONS_MAX, State};
 use crate::arithmetic::Binary;
@@ -221,25 +222,35 @@ impl Checker<'_, '_, '_> {
         good
     }
 
+    /// What CASE selects by.
+    fn selector(&mut self, selector: &Expression) -> Read<Node> {
+        let node = self.typed(selector, None)?;
+        match node.ty {
+            Type::Enumeration(_) => Ok(node),
+            Type::Scalar(scalar) if scalar.is_integer() || scalar.is_bit_string() => Ok(node),
+            BOOL => self.error(selector.at, Kind::CaseType),
+            _ => self.no_operand("CASE", &node),
+        }
+    }
+
     fn case(
         &mut self,
         selector: &Expression,
         branches: &[(Vec<Label>, Vec<Statement>)],
         otherwise: Option<&(Span, Vec<Statement>)>,
     ) -> Read<()> {
-        let node = self.typed(selector, None)?;
-        let ty = node.ty;
-        let suits = match ty {
-            Type::Enumeration(_) => true,
-            Type::Scalar(scalar) => scalar.is_integer() || scalar.is_bit_string(),
-            _ => false,
-        };
-        if !suits {
-            if ty == BOOL {
-                return self.error(selector.at, Kind::CaseType);
+        let node = match self.selector(selector) {
+            Ok(node) => node,
+            // Its statements may be wrong, too.
+            Err(Reported) => {
+                let bodies = branches.iter().map(|(_, body)| body);
+                for body in bodies.chain(otherwise.map(|(_, body)| body)) {
+                    self.statements(body);
+                }
+                return Err(Reported);
             }
-            return self.no_operand("CASE", &node);
-        }
+        };
+        let ty = node.ty;
         self.emitter.node(self.compiler, &node);
         let table = self.emitter.switches.len();
         self.emitter.switches.push(Switch::default());
@@ -399,23 +410,38 @@ impl Checker<'_, '_, '_> {
         good
     }
 
+    /// The control variable of FOR; from, to, by.
+    fn count_head(&mut self, access: &Access, limits: &Limits<'_>) -> Read<(Place, [Node; 3])> {
+        let place = self.control(access)?;
+        let ty = place.ty;
+        let (from, to) = (self.expression_of(limits.from, ty), self.expression_of(limits.to, ty));
+        let by = match limits.by {
+            Some(by) => self.expression_of(by, ty)?,
+            None => Node::constant(ty, 1, access.at),
+        };
+        if by.value() == Some(0) {
+            return self.error(by.at, Kind::StepZero);
+        }
+        Ok((place, [from?, to?, by]))
+    }
+
     fn count(&mut self, control: &Name, limits: &Limits<'_>, body: &[Statement], at: Span) -> Read<()> {
         let access = Access {
             name: control.clone(),
             steps: Vec::new(),
             at: control.at,
         };
-        let place = self.control(&access)?;
-        let (ty, scalar) = (place.ty, place.ty.scalar().unwrap_or(Scalar::Dint));
-        let from = self.expression_of(limits.from, ty)?;
-        let to = self.expression_of(limits.to, ty)?;
-        let by = match limits.by {
-            Some(by) => self.expression_of(by, ty)?,
-            None => super::tree::Node::constant(ty, 1, control.at),
+        let head = self.count_head(&access, limits);
+        let Ok((place, [from, to, by])) = head else {
+            // Its statements may be wrong, too.
+            let top = self.emitter.here();
+            self.controls.push(control.key());
+            self.iteration(body, true);
+            self.controls.pop();
+            self.end_of_loop([], top);
+            return Err(Reported);
         };
-        if by.value() == Some(0) {
-            return self.error(by.at, Kind::StepZero);
-        }
+        let scalar = place.ty.scalar().unwrap_or(Scalar::Dint);
         self.store(&place, &from);
         let bound = limits.bound.unwrap_or(ITERATIONS_MAX);
         // What is left of the loop, its step, what is left of its bound.

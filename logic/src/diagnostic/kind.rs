@@ -28,17 +28,34 @@ pub enum Kind {
     #[error("{0}: the standard has no name with two _ in a row or one at its end")]
     Underscores(String),
 
+    #[error(
+        "this is XML, of another tool: its program stands in CDATA or comes from its export as text, and goes into a file of its own"
+    )]
+    Xml,
+    #[error("{wrong} is no operator: write {right}")]
+    Foreign { wrong: &'static str, right: &'static str },
+
     // Structure
     #[error("{wanted} is expected here, not {got}")]
     Expected { wanted: String, got: String },
     #[error("; is missing behind {0}")]
     SemicolonMissing(&'static str),
+    #[error("{0} is one word, ELSIF")]
+    ElseIfWord(String),
+    #[error("this IF has no END_IF of its own: ELSIF in one word goes on with the IF above")]
+    ElseIf,
     #[error("= compares: write := to assign")]
     EqualAssigns,
     #[error("nested deeper than {most}")]
     TooDeep { most: usize },
     #[error("{0} is not supported")]
     Unsupported(String),
+    #[error("{word} is not supported ({what})")]
+    UnsupportedOf { word: String, what: &'static str },
+    #[error("bits of words are not supported: write (SHR({name}, {bit}) AND 1) <> 0")]
+    BitRead { name: String, bit: i128 },
+    #[error("bits of words are not supported: write {name} := {name} OR {mask}, or {name} AND NOT {mask}")]
+    BitWritten { name: String, mask: String },
     #[error("this has no effect: all programs run in the order of the file, once a scan")]
     ConfigurationIgnored,
     #[error("task {name}: INTERVAL {interval}; the period is set where the file is run")]
@@ -65,6 +82,14 @@ pub enum Kind {
     Hidden { name: String, member: String },
     #[error("{name} contains itself")]
     Recursive { name: String },
+    #[error("a value of an enumeration stands behind #: write {name}#{value}")]
+    EnumerationPoint { name: String, value: String },
+    #[error("{value} is the variable {variable} here, for names are read without their case: write {name}#{value}")]
+    ValueHidden {
+        value: String,
+        variable: String,
+        name: String,
+    },
     #[error("{value} belongs to several enumerations: write {example}#{value}")]
     Ambiguous { value: String, example: String },
     #[error("{name} has its value of the start where it is declared, in VAR_GLOBAL")]

@@ -9,6 +9,7 @@ pub(crate) mod kind;
 pub use kind::Kind;
 
 use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};
+use std::collections::BTreeSet;
 use std::fmt;
 use std::ops::Range;
 use std::rc::Rc;
@@ -156,6 +157,8 @@ pub(crate) struct Diagnostics<'t> {
     /// How many were told of each severity.
     counts: [usize; 3],
     has_errors: bool,
+    /// What is not supported and has been told, in words.
+    unsupported: BTreeSet<&'static str>,
 }
 
 impl<'t> Diagnostics<'t> {
@@ -166,6 +169,7 @@ impl<'t> Diagnostics<'t> {
             told: Vec::new(),
             counts: [0; 3],
             has_errors: false,
+            unsupported: BTreeSet::new(),
         }
     }
 
@@ -178,6 +182,16 @@ impl<'t> Diagnostics<'t> {
     pub(crate) fn error(&mut self, at: Span, kind: Kind) -> Reported {
         self.has_errors = true;
         self.tell(Severity::Error, at, kind);
+        Reported
+    }
+
+    /// That something is not supported, once a program, however often it comes. `word`: how it is written there.
+    pub(crate) fn unsupported(&mut self, at: Span, what: &'static str, word: &str) -> Reported {
+        self.has_errors = true;
+        if self.unsupported.insert(what) {
+            let word = word.to_owned();
+            self.error(at, Kind::UnsupportedOf { word, what });
+        }
         Reported
     }
 

@@ -1,13 +1,13 @@
 //! Units, types and variables.
 
-use super::{Parser, Read};
+use super::{OBJECTS, POINTERS, Parser, Read, STEPS};
 use crate::diagnostic::{Kind, Reported};
 use crate::duration;
 use crate::syntax::{
     ArgumentValue, Expression, ExpressionKind, File, Initial, Name, Placed, Section, TypeDeclaration, TypeKind,
     TypeText, Unit, UnitKind, Variable,
 };
-use crate::token::Token;
+use crate::token::{DATES, Token};
 use std::rc::Rc;
 
 /// Words that a part of a file begins with.
@@ -60,10 +60,15 @@ impl Parser<'_, '_> {
             self.configuration(file)?;
         } else if self.is_word("VAR_CONFIG") {
             self.places(file)?;
-        } else if self.is_any_word(&["CLASS", "INTERFACE", "METHOD"]) {
+        } else if self.is_any_word(&["CLASS", "INTERFACE", "METHOD", "PROPERTY"]) {
+            self.objects();
+        } else if self.is_any_word(&["ACTION"]) {
+            self.action();
+        } else if self.is_word("VAR_ACCESS") {
             let at = self.span();
+            self.told.error(at, Kind::Unsupported("VAR_ACCESS".into()));
+            self.skip_to(&["END_VAR"]);
             self.advance();
-            return Err(self.told.error(at, Kind::Unsupported("object orientation".into())));
         } else {
             let reported = self.expected("PROGRAM, FUNCTION_BLOCK, FUNCTION, TYPE or VAR_GLOBAL");
             self.advance();
@@ -82,15 +87,42 @@ impl Parser<'_, '_> {
             (UnitKind::Block, "END_FUNCTION_BLOCK")
         };
         let name = self.name()?;
+        let extends = self.is_any_word(&["EXTENDS", "IMPLEMENTS"]);
+        if extends {
+            let (at, word) = (self.span(), self.written());
+            self.told.unsupported(at, OBJECTS, &word);
+            while self.is_any_word(&["EXTENDS", "IMPLEMENTS"]) || self.is_sign(",") || self.is_sign(".") {
+                self.advance();
+                self.name()?;
+            }
+        }
         let mut result = None;
         if kind == UnitKind::Function {
             self.sign(":")?;
-            result = Some(self.type_text()?);
+            let start = self.span();
+            let ty = self.type_text();
+            while ty.is_err() && !self.at_section() && !self.is_sign(";") && *self.token() != Token::End {
+                self.advance();
+            }
+            let (kind, at) = (TypeKind::Wrong, start);
+            result = Some(ty.unwrap_or(TypeText { kind, at }));
         }
         self.take_sign(";");
         let mut variables = Vec::new();
-        while SECTIONS.iter().any(|(word, _)| self.is_word(word)) {
-            self.variables(&mut variables)?;
+        loop {
+            if self.at_section() {
+                self.variables(&mut variables)?;
+            } else if self.at_steps() {
+                let (at, word) = (self.span(), self.written());
+                self.told.error(at, Kind::UnsupportedOf { word, what: STEPS });
+                self.skip_to(&[end]);
+            } else if self.is_any_word(&["METHOD", "PROPERTY"]) && matches!(self.ahead(1).token, Token::Word(_)) {
+                self.objects();
+            } else if self.is_word("ACTION") && matches!(self.ahead(1).token, Token::Word(_)) {
+                self.action();
+            } else {
+                break;
+            }
         }
         let body = self.statements(&[end]);
         self.word(end)?;
@@ -100,8 +132,46 @@ impl Parser<'_, '_> {
             name,
             result,
             variables,
+            extends,
             body,
         })
+    }
+
+    fn at_section(&self) -> bool {
+        SECTIONS.iter().any(|(word, _)| self.is_word(word))
+    }
+
+    /// Whether a step or a transition begins here; variables may be called so.
+    fn at_steps(&self) -> bool {
+        let begins = self.is_any_word(&["INITIAL_STEP", "STEP", "TRANSITION"]);
+        begins && matches!(self.ahead(1).token, Token::Word(_))
+    }
+
+    /// The word that stands here.
+    fn written(&self) -> String {
+        match self.token() {
+            Token::Word(word) => word.clone(),
+            _ => String::new(),
+        }
+    }
+
+    /// Passes a CLASS, METHOD and the like as a whole.
+    fn objects(&mut self) {
+        let (at, word) = (self.span(), self.written());
+        self.told.unsupported(at, OBJECTS, &word);
+        let end = format!("END_{word}");
+        self.skip_to(&[end.as_str()]);
+        self.advance();
+        self.take_sign(";");
+    }
+
+    /// Passes an ACTION.
+    fn action(&mut self) {
+        let (at, word) = (self.span(), self.written());
+        self.told.unsupported(at, "actions", &word);
+        self.skip_to(&["END_ACTION"]);
+        self.advance();
+        self.take_sign(";");
     }
 
     /// VAR .. END_VAR.
@@ -163,7 +233,27 @@ impl Parser<'_, '_> {
             }
         }
         self.sign(":")?;
-        let ty = Rc::new(self.type_text()?);
+        let start = self.span();
+        // What is refused is known by its name nevertheless, and not told again where it is used.
+        let ty = self.type_text();
+        let is_wrong = ty.is_err();
+        let (kind, at) = (TypeKind::Wrong, start);
+        let ty = Rc::new(ty.unwrap_or(TypeText { kind, at }));
+        if is_wrong {
+            names.drain(..).for_each(|(name, _)| {
+                variables.push(Variable {
+                    name,
+                    section,
+                    constant: false,
+                    retain: false,
+                    address: None,
+                    edge: None,
+                    ty: Rc::clone(&ty),
+                    initial: None,
+                })
+            });
+            return Err(Reported);
+        }
         let edge = match (self.take_word("R_EDGE"), self.take_word("F_EDGE")) {
             (true, _) => Some(true),
             (_, true) => Some(false),
@@ -188,7 +278,34 @@ impl Parser<'_, '_> {
         let name = self.name()?;
         self.sign(":")?;
         let start = self.span();
-        let ty = if self.take_word("STRUCT") {
+        let ty = self.type_behind();
+        if ty.is_err() && !self.is_word("END_TYPE") {
+            let _ = self.skip_declaration("END_TYPE");
+        }
+        let Ok(ty) = ty else {
+            let (kind, at, initial) = (TypeKind::Wrong, start, None);
+            let ty = TypeText { kind, at };
+            return Ok(TypeDeclaration { name, ty, initial });
+        };
+        let initial = self.initial()?;
+        // Behind END_STRUCT many leave it out.
+        if initial.is_none() && matches!(ty.kind, TypeKind::Struct(_)) {
+            self.take_sign(";");
+        } else {
+            self.semicolon("the declaration");
+        }
+        Ok(TypeDeclaration { name, ty, initial })
+    }
+
+    /// What stands behind the name of a type.
+    fn type_behind(&mut self) -> Read<TypeText> {
+        let start = self.span();
+        if self.is_word("UNION") {
+            self.skip_to(&["END_UNION"]);
+            self.advance();
+            return Err(self.told.error(start, Kind::Unsupported("UNION".into())));
+        }
+        Ok(if self.take_word("STRUCT") {
             let mut members = Vec::new();
             while !self.is_word("END_STRUCT") {
                 if self.declaration(Section::Local, &mut members).is_err() {
@@ -201,15 +318,7 @@ impl Parser<'_, '_> {
             TypeText { kind, at }
         } else {
             self.type_text()?
-        };
-        let initial = self.initial()?;
-        // Behind END_STRUCT many leave it out.
-        if initial.is_none() && matches!(ty.kind, TypeKind::Struct(_)) {
-            self.take_sign(";");
-        } else {
-            self.semicolon("the declaration");
-        }
-        Ok(TypeDeclaration { name, ty, initial })
+        })
     }
 
     fn type_text(&mut self) -> Read<TypeText> {
@@ -233,7 +342,9 @@ impl Parser<'_, '_> {
             return Ok(TypeText { kind, at });
         }
         if self.is_word("STRUCT") {
-            let what = "a structure without a name of its own; it may be declared in TYPE";
+            self.skip_to(&["END_STRUCT"]);
+            self.advance();
+            let what = "a structure without a name of its own (one may be declared in TYPE)";
             return Err(self.told.error(start, Kind::Unsupported(what.into())));
         }
         if self.take_sign("(") {
@@ -254,6 +365,19 @@ impl Parser<'_, '_> {
             let at = start.to(self.last());
             let kind = TypeKind::Enumeration(values);
             return Ok(TypeText { kind, at });
+        }
+        let refers = self.is_any_word(&["POINTER", "REFERENCE"]) && self.is_word_ahead(1, "TO");
+        if refers || self.is_any_word(&["REF_TO"]) {
+            let word = self.written();
+            return Err(self.told.unsupported(start, POINTERS, &word));
+        }
+        if self.is_any_word(&["WSTRING", "CHAR", "WCHAR"]) {
+            let word = self.written();
+            return Err(self.told.error(start, Kind::Unsupported(word)));
+        }
+        if DATES.iter().any(|date| date.len() > 2 && self.is_word(date)) {
+            let word = self.written();
+            return Err(self.told.unsupported(start, "dates", &word));
         }
         let name = self.name()?;
         if name.text.eq_ignore_ascii_case("STRING") && (self.is_sign("[") || self.is_sign("(")) {

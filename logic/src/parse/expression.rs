@@ -1,6 +1,6 @@
 //! Expressions and calls.
 
-use super::{EXPRESSION_MAX, Parser, Read};
+use super::{EXPRESSION_MAX, POINTERS, Parser, Read};
 use crate::diagnostic::{Kind, Span};
 use crate::syntax::{Access, Argument, ArgumentValue, Binary, Expression, ExpressionKind, Name, Step, Unary};
 use crate::token::Token;
@@ -92,6 +92,10 @@ impl Parser<'_, '_> {
                 let deepest = access.steps.iter().map(step_depth).max().unwrap_or(0);
                 return self.node(ExpressionKind::Variable(access), at, deepest);
             }
+            Token::Unsupported(what, word) => {
+                self.advance();
+                return Err(self.told.unsupported(at, what, &word));
+            }
             Token::Address(address) => {
                 let cure = format!("{address} in an expression; a variable may be declared AT it");
                 return Err(self.told.error(at, Kind::Unsupported(cure)));
@@ -161,6 +165,24 @@ impl Parser<'_, '_> {
         }
     }
 
+    /// `word.3`, which others have.
+    fn bit(&self, name: &Name, steps: &[Step], bit: i128) -> Kind {
+        let mut name = name.text.clone();
+        for step in steps {
+            match step {
+                Step::Member(member) => name += &format!(".{}", member.text),
+                Step::Index(..) => name += "[..]",
+            }
+        }
+        match u32::try_from(bit).ok().and_then(|bit| 1_u64.checked_shl(bit)) {
+            Some(mask) if self.ahead(2).token == Token::Sign(":=") => {
+                let mask = format!("16#{mask:X}");
+                Kind::BitWritten { name, mask }
+            }
+            _ => Kind::BitRead { name, bit },
+        }
+    }
+
     /// `a`, `a[1, 2].b`
     pub(super) fn access(&mut self) -> Read<Access> {
         let name = self.name()?;
@@ -171,6 +193,16 @@ impl Parser<'_, '_> {
                 return Err(self.told.error(name.at, Kind::TooDeep { most }));
             }
             let start = self.span();
+            if self.is_sign("^") {
+                return Err(self.told.unsupported(start, POINTERS, "^"));
+            }
+            if self.is_sign(".")
+                && let Token::Integer(bit) = self.ahead(1).token
+            {
+                let at = name.at.to(self.ahead(1).at);
+                let kind = self.bit(&name, &steps, bit);
+                return Err(self.told.error(at, kind));
+            }
             if self.take_sign(".") {
                 steps.push(Step::Member(self.name()?));
             } else if self.take_sign("[") {

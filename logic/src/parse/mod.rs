@@ -23,6 +23,11 @@ const KEYWORDS: [&str; 62] = [
     "XOR", "CLASS", "INTERFACE", "METHOD",
 ];
 
+/// What is not supported, in words.
+pub(crate) const POINTERS: &str = "pointers and references";
+pub(crate) const STEPS: &str = "SFC, sequential function charts";
+pub(crate) const OBJECTS: &str = "object orientation";
+
 /// Statements, types and values are nested so deep at most.
 pub(crate) const NESTING_MAX: usize = 32;
 /// Operators of an expression are nested so deep at most.
@@ -112,6 +117,7 @@ impl Parser<'_, '_> {
             Token::Real(value) => value.to_string(),
             Token::Time(_) => "a duration".into(),
             Token::Text(_) => "a text".into(),
+            Token::Unsupported(_, word) => word.clone(),
             Token::Bound(_) => "max_iterations".into(),
             Token::Sign(sign) => (*sign).into(),
             Token::End => "the end of the file".into(),
