@@ -150,6 +150,8 @@ pub(crate) struct Unit {
     pub(crate) variables: Vec<Variable>,
     /// It has more variables than these, which are not supported.
     pub(crate) extends: bool,
+    /// Methods and actions, which are not supported either.
+    pub(crate) refused: Vec<Name>,
     pub(crate) body: Vec<Statement>,
 }
 

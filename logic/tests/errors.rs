@@ -644,6 +644,15 @@ fn what_is_not_supported_is_named_once_and_not_taken_for_something_else() {
         &["1:51: METHOD is not supported (object orientation)", "3:78: zebra is not declared"],
     );
     tells(
+        "FUNCTION_BLOCK b VAR n : INT; END_VAR METHOD PUBLIC go : INT THIS^.n := 1; END_METHOD ACTION stop: n := 0; END_ACTION stop(); THIS^.n := 2; END_FUNCTION_BLOCK
+         PROGRAM p VAR x : b; n : INT; END_VAR x.go(); x.stop(); n := x.go(1); x.halt(); END_PROGRAM",
+        &[
+            "1:39: METHOD is not supported (object orientation)",
+            "1:87: ACTION is not supported (actions)",
+            "2:82: b has no halt",
+        ],
+    );
+    tells(
         "PROGRAM p VAR t : TON; n : INT; END_VAR t(EN := TRUE, IN := TRUE); n := ADD(EN := TRUE, IN1 := 1, IN2 := 2); END_PROGRAM",
         &["1:43: EN is not supported (EN and ENO)"],
     );

@@ -177,7 +177,7 @@ impl Checker<'_, '_, '_> {
             if is_enable(wanted) {
                 return Err(self.compiler.told.unsupported(wanted.at, "EN and ENO", &wanted.text));
             }
-            if self.extends(instance.ty) {
+            if self.extends(instance.ty, &wanted.key()) {
                 return Err(Reported);
             }
             let direction = if takes { "output" } else { "input" };

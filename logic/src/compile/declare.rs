@@ -558,6 +558,8 @@ impl<'a> Compiler<'a, '_> {
             return Ok(());
         };
         let mut all_good = Ok(());
+        let refused = text.refused.iter().map(|name| (Some(unit), name.key()));
+        self.refused.extend(refused);
         for variable in &text.variables {
             let good = self.own_variable(unit, text.kind, variable);
             if good.is_err() {

@@ -211,7 +211,7 @@ impl Checker<'_, '_, '_> {
         };
         let (ty, offset, read_only) = match found {
             Ok(found) => found,
-            Err(_) if self.extends(place.ty) => return Err(crate::diagnostic::Reported),
+            Err(_) if self.extends(place.ty, &wanted) => return Err(crate::diagnostic::Reported),
             Err(nearest) => {
                 let (name, member_text) = (self.type_name(place.ty), member.text.clone());
                 return self.error(
@@ -230,10 +230,17 @@ impl Checker<'_, '_, '_> {
         Ok(())
     }
 
-    /// Whether something has more variables than are known: it is told where it is declared.
-    pub(super) fn extends(&self, ty: Type) -> bool {
+    /// Whether something may have a member of this name that is not supported: that is told where it is declared.
+    pub(super) fn extends(&self, ty: Type, member: &str) -> bool {
         match ty {
-            Type::Block(unit) => self.compiler.units[unit as usize].text.is_some_and(|text| text.extends),
+            Type::Block(unit) => {
+                let extends = self.compiler.units[unit as usize].text.is_some_and(|text| text.extends);
+                extends
+                    || self
+                        .compiler
+                        .refused
+                        .contains(&(Some(unit as usize), member.to_owned()))
+            }
             _ => false,
         }
     }

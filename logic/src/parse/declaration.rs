@@ -108,7 +108,7 @@ impl Parser<'_, '_> {
             result = Some(ty.unwrap_or(TypeText { kind, at }));
         }
         self.take_sign(";");
-        let mut variables = Vec::new();
+        let (mut variables, mut refused) = (Vec::new(), Vec::new());
         loop {
             if self.at_section() {
                 self.variables(&mut variables)?;
@@ -117,8 +117,10 @@ impl Parser<'_, '_> {
                 self.told.error(at, Kind::UnsupportedOf { word, what: STEPS });
                 self.skip_to(&[end]);
             } else if self.is_any_word(&["METHOD", "PROPERTY"]) && matches!(self.ahead(1).token, Token::Word(_)) {
+                refused.extend(self.name_behind());
                 self.objects();
             } else if self.is_word("ACTION") && matches!(self.ahead(1).token, Token::Word(_)) {
+                refused.extend(self.name_behind());
                 self.action();
             } else {
                 break;
@@ -133,6 +135,7 @@ impl Parser<'_, '_> {
             result,
             variables,
             extends,
+            refused,
             body,
         })
     }
@@ -153,6 +156,18 @@ impl Parser<'_, '_> {
             Token::Word(word) => word.clone(),
             _ => String::new(),
         }
+    }
+
+    /// The name of a METHOD or the like: the last word before something else, as PUBLIC may come before it.
+    fn name_behind(&self) -> Option<Name> {
+        let words = (1..6).map_while(|count| match &self.ahead(count).token {
+            Token::Word(text) if !super::KEYWORDS.iter().any(|word| word.eq_ignore_ascii_case(text)) => Some(Name {
+                text: text.clone(),
+                at: self.ahead(count).at,
+            }),
+            _ => None,
+        });
+        words.last()
     }
 
     /// Passes a CLASS, METHOD and the like as a whole.

@@ -1,6 +1,6 @@
 //! Expressions and calls.
 
-use super::{EXPRESSION_MAX, POINTERS, Parser, Read};
+use super::{EXPRESSION_MAX, OBJECTS, POINTERS, Parser, Read};
 use crate::diagnostic::{Kind, Span};
 use crate::syntax::{Access, Argument, ArgumentValue, Binary, Expression, ExpressionKind, Name, Step, Unary};
 use crate::token::Token;
@@ -89,6 +89,12 @@ impl Parser<'_, '_> {
             Token::Word(_) => {
                 let access = self.access()?;
                 let at = access.at;
+                // The result of a method.
+                if let Some(Step::Member(member)) = access.steps.last()
+                    && self.is_sign("(")
+                {
+                    return Err(self.told.unsupported(member.at, OBJECTS, &member.text));
+                }
                 let deepest = access.steps.iter().map(step_depth).max().unwrap_or(0);
                 return self.node(ExpressionKind::Variable(access), at, deepest);
             }
@@ -194,7 +200,13 @@ impl Parser<'_, '_> {
             }
             let start = self.span();
             if self.is_sign("^") {
-                return Err(self.told.unsupported(start, POINTERS, "^"));
+                let of_object = ["THIS", "SUPER"]
+                    .iter()
+                    .any(|word| name.text.eq_ignore_ascii_case(word));
+                return Err(match of_object {
+                    true => self.told.unsupported(name.at, OBJECTS, &name.text),
+                    false => self.told.unsupported(start, POINTERS, "^"),
+                });
             }
             if self.is_sign(".")
                 && let Token::Integer(bit) = self.ahead(1).token
