@@ -38,7 +38,7 @@ const PROGRAM_NAME: &str = "sample-part.ngc";
 /// Ends of the private wire: the control's, which the machine file names, and the machine's.
 const INTERFACES: [&str; 2] = ["plk0", "plk1"];
 /// Polls lost in a row that the demo rides out, and how much farther behind its command a drive may be meanwhile.
-const LOST_MAX: u32 = 1000;
+const LOST_MAX: u32 = 300;
 const FOLLOWING_ERROR: f64 = 10.0;
 /// The cycle is at most so many times as long as the machine file has it.
 const CYCLES_MAX: u32 = 4;

@@ -77,7 +77,10 @@ pub fn assemble<B: CyclicBus>(
         homer: Homer::new(config),
         pins,
         overruns: Overruns::new(config.rt.overruns_warn, config.rt.overruns_stop),
-        waits_for_answers: config.bus.soc_lost_max.is_none(),
+        waits_for_answers: match config.bus.soc_lost_max {
+            Some(_) => 0,
+            None => config.bus.pres_lost_max,
+        },
         mandatory: config.bus.nodes.iter().map(|node| node.mandatory).collect(),
         cycle_s,
     };

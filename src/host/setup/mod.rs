@@ -98,7 +98,12 @@ pub fn prepare_process(rt: &Rt) -> Result<Process, Refusal> {
     let choice = rt.keep_awake.unwrap_or_else(awake::usual);
     let missing = process.keep_awake(choice).err();
     process.findings.extend(missing);
-    let tried = std::thread::scope(|scope| scope.spawn(|| enter_thread(Role::Timeout, &process)).join());
+    // The next thread gets the stack of this one, however large that is, and all of it is locked then.
+    let thread = std::thread::Builder::new().stack_size(STACK_SIZE);
+    let tried = std::thread::scope(|scope| {
+        let tries = thread.spawn_scoped(scope, || enter_thread(Role::Timeout, &process));
+        tries.ok().and_then(|tries| tries.join().ok())
+    });
     process.findings.extend(tried.unwrap_or_default());
     match rt.require {
         Require::Strict if !process.findings.is_empty() => Err(Refusal {

@@ -109,8 +109,8 @@ pub struct CycleParts {
     pub overruns: Overruns,
     /// For each node: whether the machine cannot run without it.
     pub mandatory: Box<[bool]>,
-    /// Nothing goes on in a cycle in which an answer is missing.
-    pub waits_for_answers: bool,
+    /// Nothing goes on while a node has missed up to so many answers in a row; 0: everything does.
+    pub waits_for_answers: u32,
     /// Cycle time, s.
     pub cycle_s: f64,
 }
@@ -256,8 +256,10 @@ impl<B: CyclicBus> MotionController<B> {
         self.laps.begin();
         let report = self.bus.exchange(deadline_ns, &mut self.parts.inputs);
         self.laps.end(Part::Bus);
-        if report.lost > 0 && self.parts.waits_for_answers {
+        let lost_in_row = self.parts.inputs.lost_in_row.iter().max().copied().unwrap_or(0);
+        if (1..=self.parts.waits_for_answers).contains(&lost_in_row) {
             // Who was not heard may have heard nothing: the same commands once more.
+            self.show();
             self.bus.publish(self.cycle);
             self.cycle += 1;
             return report;

@@ -8,8 +8,13 @@ use crate::host::wait::monotonic_ns;
 
 impl<B: CyclicBus> MotionController<B> {
     pub(super) fn take_orders(&mut self) {
-        // Before the orders in the ring: what follows a stop there was given behind it.
-        let [hold, stop, estop_at_once] = self.outlets.live.take_at_once();
+        // Before the orders in the ring: what follows a stop there was given behind it. Those that come now wait for the next
+        // cycle: a stop that they follow is seen then, and must not come behind them.
+        let given = self.outlets.commands.slots().min(COMMANDS_PER_CYCLE);
+        let [hold, stop, estop] = self.outlets.live.take_at_once();
+        if estop {
+            self.obey(Command::Estop);
+        }
         if hold {
             self.obey(Command::Hold);
         }
@@ -17,7 +22,7 @@ impl<B: CyclicBus> MotionController<B> {
             self.stop_at_once();
         }
         let taken_before = self.orders_taken;
-        for _ in 0..COMMANDS_PER_CYCLE {
+        for _ in 0..given {
             let Ok(command) = self.outlets.commands.pop() else {
                 break;
             };
@@ -29,11 +34,10 @@ impl<B: CyclicBus> MotionController<B> {
             self.outlets.live.show_order(monotonic_ns());
         }
         let [pressed, reset] = self.parts.pins.take_estop();
-        let estop = pressed || estop_at_once;
-        if estop {
+        if pressed {
             self.obey(Command::Estop);
         }
-        if reset && !estop {
+        if reset && !pressed && !estop {
             self.obey(Command::EstopReset);
         }
         if let Some(on) = self.parts.pins.optional_stop.take() {
