@@ -259,7 +259,6 @@ impl<B: CyclicBus> MotionController<B> {
         let lost_in_row = self.parts.inputs.lost_in_row.iter().max().copied().unwrap_or(0);
         if (1..=self.parts.waits_for_answers).contains(&lost_in_row) {
             // Who was not heard may have heard nothing: the same commands once more.
-            self.show();
             self.bus.publish(self.cycle);
             self.cycle += 1;
             return report;
