@@ -44,7 +44,7 @@ pub fn write(path: &Path, octets: impl AsRef<[u8]>) -> io::Result<()> {
 /// Whether a file of this name could be written, for whoever works long before it is. What stands there stays as it is.
 ///
 /// # Errors
-/// As those of [`write`], but for what a full disk says.
+/// As those of [`write()`], but for what a full disk says.
 pub fn check(path: &Path) -> io::Result<()> {
     let Place::Name { folder, name } = place::find(path)? else {
         return Ok(());
