@@ -120,9 +120,16 @@ impl Arc {
 
     /// Length per part of the turn.
     fn speed(&self, u: f64) -> f64 {
+        self.pace(u)[0]
+    }
+
+    /// Length per part of the turn and its derivative. RT.
+    #[inline]
+    fn pace(&self, u: f64) -> [f64; 2] {
         let height = Group::Main.norm(&self.even);
         let round = (self.radius + self.radius_change * u) * self.sweep;
-        (round * round + self.radius_change * self.radius_change + height * height).sqrt()
+        let speed = (round * round + self.radius_change * self.radius_change + height * height).sqrt();
+        [speed, round * self.radius_change * self.sweep / speed]
     }
 
     /// Part of the turn, 0 to 1, at length `s` from its beginning. RT.
@@ -134,7 +141,7 @@ impl Arc {
                 let begin = self.length + 0.5 * self.slowing;
                 (2.0 * s / (begin + (begin * begin - 2.0 * self.slowing * s).sqrt())).min(1.0)
             }
-            Some(table) => table.parameter(s, |u| self.speed(u)),
+            Some(table) => table.parameter(s, |u| self.speed(u), |u| self.pace(u)),
         }
     }
 

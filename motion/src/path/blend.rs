@@ -32,7 +32,9 @@ pub struct Blend {
 
 impl Blend {
     pub(super) fn is(&self, other: &Blend) -> bool {
-        self.c == other.c
+        // All of it at once: a way out at each number would cost more than it saves.
+        let pairs = self.c.as_flattened().iter().zip(other.c.as_flattened());
+        pairs.fold(true, |same, (a, b)| same & (a == b))
     }
 
     /// The quintic whose second-order contact with both legs makes position, direction and curvature continuous.
@@ -53,7 +55,8 @@ impl Blend {
             c[5][axis] = 6.0 * rise - 3.0 * (v0 + v1) + 0.5 * (a1 - a0);
         }
         let main_only = c[1..].iter().all(|row| row[3..].iter().all(|&x| x == 0.0));
-        let speed = |u: f64| speed(&c, group, u);
+        let hodograph = Hodograph::new(&c, group);
+        let speed = |u: f64| hodograph.speed(u);
         let table = LengthTable::new(speed);
         let mean = table.length();
         let speeds: [f64; 33] = core::array::from_fn(|k| speed(k as f64 / 32.0));
@@ -83,14 +86,21 @@ impl Blend {
         self.group
     }
 
+    #[inline]
+    fn hodograph(&self) -> Hodograph {
+        Hodograph::new(&self.c, self.group)
+    }
+
     /// Length up to parameter `u`.
     pub(super) fn length_to(&self, u: f64) -> f64 {
-        self.table.length_to(u, |u| speed(&self.c, self.group, u))
+        let hodograph = self.hodograph();
+        self.table.length_to(u, |u| hodograph.speed(u))
     }
 
     /// RT.
     pub(super) fn parameter(&self, s: f64) -> f64 {
-        self.table.parameter(s, |u| speed(&self.c, self.group, u))
+        let hodograph = self.hodograph();
+        self.table.parameter(s, |u| hodograph.speed(u), |u| hodograph.pace(u))
     }
 
     /// RT.
@@ -214,15 +224,42 @@ impl Blend {
     }
 }
 
-/// Length per parameter. RT.
-#[inline]
-fn speed(c: &[[f64; AXES]; 6], group: Group, u: f64) -> f64 {
-    let first = group.first();
-    let mut square = 0.0;
-    for axis in first..first + 3 {
-        let c = |k: usize| c[k][axis];
-        let d = c(1) + u * (2.0 * c(2) + u * (3.0 * c(3) + u * (4.0 * c(4) + u * 5.0 * c(5))));
-        square += d * d;
+/// First derivative by the curve parameter of the three axes along which the length is counted: coefficients of u^0 to u^4.
+#[derive(Clone, Copy)]
+struct Hodograph([[f64; 3]; 5]);
+
+impl Hodograph {
+    #[inline]
+    fn new(c: &[[f64; AXES]; 6], group: Group) -> Hodograph {
+        let first = group.first();
+        let mut hodograph = [[0.0; 3]; 5];
+        for (k, (row, power)) in hodograph.iter_mut().zip([1.0, 2.0, 3.0, 4.0, 5.0]).enumerate() {
+            for axis in 0..3 {
+                row[axis] = power * c[k + 1][first + axis];
+            }
+        }
+        Hodograph(hodograph)
     }
-    square.sqrt()
+
+    /// Length per parameter. RT.
+    #[inline]
+    fn speed(&self, u: f64) -> f64 {
+        let [c0, c1, c2, c3, c4] = &self.0;
+        let d: [f64; 3] = core::array::from_fn(|k| c0[k] + u * (c1[k] + u * (c2[k] + u * (c3[k] + u * c4[k]))));
+        (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt()
+    }
+
+    /// Length per parameter and its derivative. RT.
+    #[inline]
+    fn pace(&self, u: f64) -> [f64; 2] {
+        let [c0, c1, c2, c3, c4] = &self.0;
+        let speed = self.speed(u);
+        let mut rise = 0.0;
+        for k in 0..3 {
+            let d1 = c0[k] + u * (c1[k] + u * (c2[k] + u * (c3[k] + u * c4[k])));
+            let d2 = c1[k] + u * (2.0 * c2[k] + u * (3.0 * c3[k] + u * 4.0 * c4[k]));
+            rise += d1 * d2;
+        }
+        [speed, rise / speed]
+    }
 }

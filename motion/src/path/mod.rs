@@ -390,11 +390,15 @@ const GAUSS: [(f64, f64); 5] = [
     (0.953_089_922_969_332, 0.118_463_442_528_094_54),
 ];
 
-/// Integral of `f` over `from..to`, exact for polynomials up to degree 9. RT.
-fn integrate(from: f64, to: f64, f: impl Fn(f64) -> f64) -> f64 {
+/// The same of two points.
+const SHORT_GAUSS: [(f64, f64); 2] = [(0.211_324_865_405_187_13, 0.5), (0.788_675_134_594_812_9, 0.5)];
+
+/// Integral of `f` over `from..to`, exact for polynomials of a degree below twice the number of points. RT.
+#[inline(always)]
+fn integrate<const N: usize>(points: &[(f64, f64); N], from: f64, to: f64, f: impl Fn(f64) -> f64) -> f64 {
     let width = to - from;
     let mut sum = 0.0;
-    for (x, weight) in GAUSS {
+    for (x, weight) in points {
         sum += weight * f(from + width * x);
     }
     width * sum
@@ -426,11 +430,11 @@ struct LengthTable {
 }
 
 impl LengthTable {
-    fn new(speed: impl Fn(f64) -> f64) -> LengthTable {
+    fn new(speed: impl Fn(f64) -> f64 + Copy) -> LengthTable {
         LengthTable::of_panels(1, speed)
     }
 
-    fn of_panels(panels: u8, speed: impl Fn(f64) -> f64) -> LengthTable {
+    fn of_panels(panels: u8, speed: impl Fn(f64) -> f64 + Copy) -> LengthTable {
         let mut table = LengthTable {
             s: [0.0; INTERVALS + 1],
             speed: [speed(0.0); INTERVALS + 1],
@@ -438,7 +442,7 @@ impl LengthTable {
         };
         for k in 0..INTERVALS {
             let from = k as f64 * WIDTH;
-            table.s[k + 1] = table.through(k, from + WIDTH, &speed);
+            table.s[k + 1] = table.through(k, from + WIDTH, speed);
             table.speed[k + 1] = speed(from + WIDTH);
         }
         table
@@ -446,22 +450,22 @@ impl LengthTable {
 
     /// With as many panels as it takes where the length nearly stands still, known its least and greatest length per parameter: a root
     /// of so little has a branch point beside the curve, and five points are right only from farther away.
-    fn refined(self, [slowest, fastest]: [f64; 2], speed: impl Fn(f64) -> f64) -> LengthTable {
+    fn refined(self, [slowest, fastest]: [f64; 2], speed: impl Fn(f64) -> f64 + Copy) -> LengthTable {
         let mut table = self;
-        while slowest < EVEN * fastest && table.panels < PANELS && !table.is_exact(&speed) {
-            table = LengthTable::of_panels(2 * table.panels, &speed);
+        while slowest < EVEN * fastest && table.panels < PANELS && !table.is_exact(speed) {
+            table = LengthTable::of_panels(2 * table.panels, speed);
         }
         table
     }
 
     /// Whether the last quarter of every panel is as long as it is by itself.
-    fn is_exact(&self, speed: impl Fn(f64) -> f64) -> bool {
+    fn is_exact(&self, speed: impl Fn(f64) -> f64 + Copy) -> bool {
         let width = self.panel();
         (0..INTERVALS * usize::from(self.panels)).all(|k| {
             let from = k as f64 * width;
             let (late, to) = (from + 0.75 * width, from + width);
-            let quarter = integrate(late, to, &speed);
-            let counted = integrate(from, to, &speed) - integrate(from, late, &speed);
+            let quarter = integrate(&GAUSS, late, to, speed);
+            let counted = integrate(&GAUSS, from, to, speed) - integrate(&GAUSS, from, late, speed);
             (counted - quarter).abs() <= EXACT * quarter
         })
     }
@@ -475,28 +479,32 @@ impl LengthTable {
     }
 
     /// Length up to parameter `u`, which lies in interval `k`.
-    fn through(&self, k: usize, u: f64, speed: impl Fn(f64) -> f64) -> f64 {
+    fn through(&self, k: usize, u: f64, speed: impl Fn(f64) -> f64 + Copy) -> f64 {
         let (mut s, mut from) = (self.s[k], k as f64 * WIDTH);
         for _ in 1..self.panels {
             let to = from + self.panel();
             if to >= u {
                 break;
             }
-            s += integrate(from, to, &speed);
+            s += integrate(&GAUSS, from, to, speed);
             from = to;
         }
-        s + integrate(from, u, &speed)
+        s + integrate(&GAUSS, from, u, speed)
     }
 
     /// Length up to parameter `u`.
-    fn length_to(&self, u: f64, speed: impl Fn(f64) -> f64) -> f64 {
+    fn length_to(&self, u: f64, speed: impl Fn(f64) -> f64 + Copy) -> f64 {
         let k = ((u * INTERVALS as f64) as usize).min(INTERVALS - 1);
         self.through(k, u, speed)
     }
 
-    /// Parameter at length `s`. RT: one scan of the table and of the panels of an interval, a cubic guess, at most four Newton
-    /// steps, of which two are enough but where the length per parameter changes by a multiple within an interval.
-    fn parameter(&self, s: f64, speed: impl Fn(f64) -> f64) -> f64 {
+    /// Parameter at length `s`, with `pace` the length per parameter and its derivative. RT: one scan of the table and of the panels
+    /// of an interval, a cubic guess, a step of Halley's method and one of Newton's that adds what it missed; up to three more of the
+    /// first where the length per parameter changes by a multiple within an interval.
+    #[inline]
+    fn parameter(&self, s: f64, speed: impl Fn(f64) -> f64 + Copy, pace: impl Fn(f64) -> [f64; 2]) -> f64 {
+        /// Step whose own length two points tell to the last digits.
+        const NEAR: f64 = 2e-3;
         if s <= 0.0 {
             return 0.0;
         }
@@ -513,27 +521,32 @@ impl LengthTable {
         let mut speeds = [self.speed[k], self.speed[k + 1]];
         if self.panels > 1 {
             for _ in 1..self.panels {
-                ends[1] = ends[0] + integrate(from, from + width, &speed);
+                ends[1] = ends[0] + integrate(&GAUSS, from, from + width, speed);
                 if ends[1] > s {
                     break;
                 }
                 ends = [ends[1], self.s[k + 1]];
                 from += width;
             }
-            speeds = [from, from + width].map(&speed);
+            speeds = [from, from + width].map(speed);
         }
         let span = ends[1] - ends[0];
         let x = (s - ends[0]) / span;
         let [slope0, slope1] = speeds.map(|speed| span / speed);
         let guess = x * x * (3.0 - 2.0 * x) * width + x * (1.0 - x) * ((1.0 - x) * slope0 - x * slope1);
         let mut u = from + guess.clamp(0.0, width);
-        for near in [1e-7, 1e-5, 1e-5, 0.0] {
-            let step = (s - ends[0] - integrate(from, u, &speed)) / speed(u);
-            u = (u + step).clamp(from, from + width);
-            // The next step would be about the square of this one, times what the length per parameter changes by.
-            if step.abs() < near {
-                break;
+        for _ in 0..4 {
+            let [here, change] = pace(u);
+            let missing = s - ends[0] - integrate(&GAUSS, from, u, speed);
+            let step = missing / here;
+            let bend = (0.5 * step * change / here).clamp(-0.5, 0.5);
+            let mut to = (u + step / (1.0 + bend)).clamp(from, from + width);
+            if step.abs() < NEAR {
+                let missed = missing - integrate(&SHORT_GAUSS, u, to, speed);
+                to = (to + missed / (here + change * (to - u))).clamp(from, from + width);
+                return to;
             }
+            u = to;
         }
         u
     }

@@ -105,6 +105,14 @@ impl Gate {
         self.next = [None; 2];
         for (part, elements) in [committed, tail].into_iter().enumerate() {
             for element in elements {
+                if let (End::Span(before, at), Element::Span(span)) = (&end, element)
+                    && goes_on(*at, span)
+                    && before.piece.is(&span.piece)
+                    && let Some(here) = at_end(span)
+                {
+                    end = End::Span(span, here);
+                    continue;
+                }
                 end = self.follow(end, element).ok_or_else(|| {
                     self.refused += 1;
                     element.line()
@@ -129,20 +137,11 @@ impl Gate {
         self.ends[0] = self.ends[1];
     }
 
-    /// The end of an element, if it may follow what ends so.
+    /// The end of an element, if it may follow what ends so: another piece, or another motion on it.
     fn follow<'e>(&self, end: End<'_>, element: &'e Element) -> Option<End<'e>> {
         let begins = match element {
             Element::Span(span) => {
-                let here = at_end(span);
-                if !(span.duration_s >= 0.0 && here.iter().all(|x| x.is_finite())) {
-                    return None;
-                }
-                if let End::Span(before, at) = end
-                    && goes_on(at, span)
-                    && before.piece.is(&span.piece)
-                {
-                    return Some(End::Span(span, here));
-                }
+                at_end(span)?;
                 let begins = self.motion(&span.piece, span.s0, span.v0, span.a0)?;
                 self.is_within(&begins).then_some(())?;
                 begins
@@ -162,7 +161,7 @@ impl Gate {
             (self.is_within(&before) && self.meet(&before, &begins)).then_some(())?;
         }
         Some(match element {
-            Element::Span(span) => End::Span(span, at_end(span)),
+            Element::Span(span) => End::Span(span, at_end(span)?),
             Element::Synced(synced) if synced.tap.is_none() => {
                 End::Motion(self.motion(&synced.piece, synced.piece.length(), 0.0, 0.0)?)
             }
@@ -266,7 +265,9 @@ impl LimitJudge {
         const LOOKS_MAX: f64 = 64.0;
         let Element::Span(span) = element else { return None };
         let looks = (span.duration_s / EVERY_S).ceil().clamp(1.0, LOOKS_MAX);
-        (0..=looks as usize).find_map(|look| {
+        // Within a piece a span begins as the one before it ended.
+        let first = usize::from(span.s0 > 0.0);
+        (first..=looks as usize).find_map(|look| {
             let t = span.duration_s * look as f64 / looks;
             let s = span.place(t);
             let (v, a) = (span.speed(t), span.a0 + span.jerk * t + span.gradient * (s - span.s0));
@@ -291,15 +292,16 @@ impl LimitJudge {
     }
 }
 
-/// Place, speed and acceleration along the path at the end of a span.
-fn at_end(span: &Span) -> [f64; 3] {
+/// Place, speed and acceleration along the path at the end of a span, if it has one.
+fn at_end(span: &Span) -> Option<[f64; 3]> {
     let t = span.duration_s;
     let s = span.place(t);
-    [
+    let end = [
         s,
         span.speed(t),
         span.a0 + span.jerk * t + span.gradient * (s - span.s0),
-    ]
+    ];
+    (t >= 0.0 && end.iter().all(|x| x.is_finite())).then_some(end)
 }
 
 /// Whether the motion along one piece goes on in the next span.

@@ -275,12 +275,16 @@ impl Uncut {
             before: border - low,
             behind: self.sources[border..high].to_vec(),
         };
-        // What is before the border matters for the feasible profile only.
+        self.first = border;
+        // What is before the border matters for the feasible profile only. What is left moves to the front, which is worth it only
+        // where it is the smaller part.
         let drop = border.saturating_sub(self.times.knotting.reach + 2);
-        self.grid.drop_front(drop);
-        self.sources.drain(..drop);
-        self.at_s.drain(..drop);
-        self.first = border - drop;
+        if 2 * drop > knots {
+            self.grid.drop_front(drop);
+            self.sources.drain(..drop);
+            self.at_s.drain(..drop);
+            self.first -= drop;
+        }
         self.next_s = self.times.window_s;
         Some((window, around))
     }

@@ -50,6 +50,8 @@ pub(super) fn span_value(grid: &Grid, span: usize, from: State, to: State) -> f6
     let w = (to.u - from.u) / length;
     let ordinate = coefficient(from, length);
     let mut value = (from.b / caps.begin).max(ordinate / caps.middle).max(to.b / caps.end);
+    // Keeps a NaN, which a comparison does not.
+    let mut sum = w;
     for (checkpoint, &(part, _)) in grid.checkpoints(span).iter().enumerate() {
         // b is a parabola with the Bézier ordinates of both ends and the middle, u a straight line.
         let rest = 1.0 - part;
@@ -62,11 +64,13 @@ pub(super) fn span_value(grid: &Grid, span: usize, from: State, to: State) -> f6
         for row in grid.rows(span, checkpoint) {
             let acceleration = (row.a1 * u + row.a2 * b).abs();
             let jerk = ((row.j1 * w + row.j2 * u + row.j3 * b).abs() + row.kink) * v;
-            if acceleration.is_nan() || jerk.is_nan() {
-                return f64::INFINITY;
-            }
-            value = value.max(acceleration).max(jerk);
+            sum += acceleration + jerk;
+            value = if acceleration > value { acceleration } else { value };
+            value = if jerk > value { jerk } else { value };
         }
+    }
+    if sum.is_nan() {
+        return f64::INFINITY;
     }
     value
 }

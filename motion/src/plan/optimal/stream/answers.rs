@@ -131,7 +131,7 @@ impl Stream {
         let Some(pending) = self.pending.remove(index) else {
             return;
         };
-        let mut elements = Vec::with_capacity(pending.window.sources.len() + 2);
+        let mut elements = Vec::with_capacity(2 * pending.window.sources.len() + STOP_ELEMENTS);
         let mut out = Emission {
             log: &self.log,
             out: &mut elements,

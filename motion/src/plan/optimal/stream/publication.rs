@@ -383,9 +383,16 @@ impl Stream {
             Step::Window(_) => 0,
         };
         let count: usize = self.steps.range(..steps).map(count).sum();
+        let stop = match self.steps.get(steps - 1) {
+            Some(Step::Ready(Ready {
+                after: After::Stop(tail),
+                ..
+            })) => tail.elements.len(),
+            _ => 0,
+        };
         let mut committed = Vec::with_capacity(count);
-        let (mut tail, mut ends) = (Vec::new(), Vec::new());
-        let mut lives = Vec::with_capacity(count);
+        let (mut tail, mut ends) = (Vec::with_capacity(stop), Vec::with_capacity(stop));
+        let mut lives = Vec::with_capacity(count + stop);
         let begin = sink.next_number();
         let consumed = sink.consumer_at().is_some();
         let mut cut = None;
@@ -393,8 +400,13 @@ impl Stream {
             let Step::Ready(ready) = step else { break };
             for (k, made) in ready.elements.iter().enumerate() {
                 let rests = matches!(ready.after, After::Rest) && k + 1 == ready.elements.len();
+                if !consumed || (cut.is_none() && made.parts() == 1) {
+                    committed.push(made.element);
+                    lives.push(Live::new(begin + lives.len() as u64, made, rests.then_some(ready.end)));
+                    continue;
+                }
                 let mut left = *made;
-                if consumed && cut.is_none() && made.parts() > 1 {
+                if cut.is_none() {
                     let parts = made.parts();
                     let room = PARTS.saturating_sub(committed.len()).max(1);
                     let mut taken = Vec::new();
