@@ -39,4 +39,4 @@ if [ $# -eq 0 ]; then
 fi
 cd "$here/.."
 ISOCNC_HALRUN=$cache/halrun-oracle ISOCNC_DIFFERENTIAL_CASES=${2-12} ISOCNC_DIFFERENTIAL_ROWS=2000 \
-    cargo test -p isocnc-components --test differential -- --nocapture
+    cargo test -p isocnc-components --test all differential -- --nocapture

@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 const ROLE: &str = "ISOCNC_TEST_ANALYSER_LISTENS";
 const PATIENCE: Duration = Duration::from_secs(60);
 
-fn main() {
+pub(crate) fn main() {
     if std::env::var_os(ROLE).is_some() {
         listen();
         return;

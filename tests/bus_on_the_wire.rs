@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 const PATIENCE: Duration = Duration::from_secs(60);
 const DEMO: &str = include_str!("../configs/mill3-demo.toml");
 
-fn main() {
+pub(crate) fn main() {
     if let Err(refused) = private_wire("plk0", "plk1") {
         println!("bus_on_the_wire ... SKIPPED: {refused}");
         return;

@@ -1,7 +1,6 @@
 //! The bus on virtual time, with simulated drives of `ethercat::sub` at the other end.
 
-#[path = "common/segment_wire.rs"]
-mod segment_wire;
+use crate::segment_wire;
 
 use ethercat::sub::models::{DriveModel, digital_terminal};
 use ethercat::sub::{ClockConfig, IdealMotor, SubDeviceConfig};

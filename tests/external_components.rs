@@ -1,6 +1,6 @@
 //! Components whose outputs other processes write: what a control does when these die, hang or write anything anywhere.
 
-mod common;
+use crate::common;
 
 use common::Control;
 use hal_pins::{AnyValue, Attached, Claim, HalError, Kind, Type, directories};
@@ -247,7 +247,7 @@ fn role_writer() {
 fn writer(machine: &str) -> Client {
     let mut command = testing::command(std::env::current_exe().unwrap());
     let command = command
-        .args(["--exact", "role_writer", "--nocapture"])
+        .args(["--exact", "external_components::role_writer", "--nocapture"])
         .env(MACHINE_NAME, machine);
     let mut client = Client(command.stdout(Stdio::piped()).spawn().unwrap());
     let mut said = BufReader::new(client.0.stdout.take().unwrap());

@@ -5,7 +5,7 @@ use isocnc::api::client::Client;
 use serde_json::{Value, json};
 use std::process::Stdio;
 
-mod common;
+use crate::common;
 
 const ETHERCAT: &str = include_str!("../configs/mill3-ethercat.toml");
 

@@ -28,7 +28,7 @@ mod parameter_file;
 #[path = "../fuzz/src/pitch_table.rs"]
 mod pitch_table;
 #[path = "../fuzz/src/program_grammar.rs"]
-mod program_grammar;
+pub(crate) mod program_grammar;
 #[path = "../fuzz/src/program_text.rs"]
 mod program_text;
 #[path = "../fuzz/src/request.rs"]

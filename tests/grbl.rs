@@ -3,7 +3,7 @@
 //! `ISOCNC_GRBL_STREAMER` names a Python that has the package grbl-streamer, `ISOCNC_CNCJS` a folder with `node_modules/cncjs`; both need
 //! `socat`. Without them, those tests say so and pass.
 
-mod common;
+use crate::common;
 
 use common::WithPanel;
 use std::fmt::Write as _;

@@ -407,3 +407,45 @@ fn every_thread_stands_in_the_table_of_threads() {
         "threads of ARCHITECTURE.md that nobody starts: {idle:?}"
     );
 }
+
+/// Tests are modules of few programs, which cargo does not look for: one that none of them names would never run.
+#[test]
+fn every_file_of_tests_is_part_of_a_program() {
+    let root = Path::new(ROOT);
+    let mut folders: Vec<PathBuf> = members(root).iter().map(|member| root.join(member)).collect();
+    folders.push(root.to_owned());
+    let mut unused = Vec::new();
+    for folder in folders {
+        let tests = folder.join("tests");
+        let manifest = read(folder.join("Cargo.toml"));
+        if !tests.exists() || !manifest.contains("autotests = false") {
+            continue;
+        }
+        let files = sources(&tests);
+        let mut text: String = files.iter().map(read).collect();
+        text += &read(folder.join("src/lib.rs"));
+        for file in files {
+            let name = file.file_stem().and_then(|name| name.to_str()).unwrap_or_default();
+            // A module in a folder of its own has the folder's name.
+            let parent = file.parent().and_then(|parent| parent.file_name()?.to_str());
+            let module = match name {
+                "mod" | "main" => parent.unwrap_or_default(),
+                name => name,
+            };
+            let is_program = manifest.contains(&format!("[[test]]\nname = \"{module}\""));
+            if !is_program && !text.contains(&format!("mod {module};")) && !text.contains(&format!("{name}.rs\"]")) {
+                unused.push(file.display().to_string());
+            }
+        }
+    }
+    assert!(unused.is_empty(), "no program has these tests: {unused:#?}");
+}
+
+/// Folders of the crates of the workspace.
+fn members(root: &Path) -> Vec<String> {
+    let manifest = read(root.join("Cargo.toml"));
+    let list = manifest.split("members = [").nth(1).expect("a list of members");
+    let list = list.split(']').next().expect("an end of the list");
+    let names = list.split(',').map(|name| name.trim().trim_matches('"').to_owned());
+    names.filter(|name| !name.is_empty()).collect()
+}

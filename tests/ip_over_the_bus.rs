@@ -20,7 +20,7 @@ const NODE: Ipv4Addr = Ipv4Addr::new(192, 168, 100, 1);
 const PATIENCE: Duration = Duration::from_secs(60);
 const PINGS: u16 = 5;
 
-fn main() {
+pub(crate) fn main() {
     match std::env::var(ROLE).as_deref() {
         Ok("near") => near(),
         Ok("far") => far(),

@@ -1,6 +1,6 @@
 //! Programs in Structured Text of a running control, from other processes: looked at, forced, released, replaced.
 
-mod common;
+use crate::common;
 
 use common::Control;
 use serde_json::{Value, json};

@@ -3,8 +3,7 @@
 //! Allocations are counted for one thread, and only while the code of that
 //! thread is real-time code. The wire and the simulated machine behind it stand for the kernel and are left out.
 
-#[path = "common/counting.rs"]
-mod counting;
+use crate::counting;
 
 use counting::{aside, calls};
 use isocnc::bus::ethercat::open::new as new_ethercat;

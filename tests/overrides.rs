@@ -1,7 +1,7 @@
 //! Overrides, holds and the adapted feed on the whole path, on virtual time: what the operator turns, the machine follows soon
 //! and within its limits; path and end stay what they are.
 //!
-//! Random scripts print their seed; more of them: `ISOCNC_SEEDS=100 cargo test --test overrides`.
+//! Random scripts print their seed; more of them: `ISOCNC_SEEDS=100 cargo test --test simulated overrides`.
 
 use isocnc::config::{self, Config};
 use isocnc::machine::sequence::Outcome;

@@ -1,6 +1,6 @@
 //! The operator panel from outside: a control with a panel as a process of its own, and clients of HTTP and WebSockets at it.
 
-mod common;
+use crate::common;
 
 use common::WithPanel;
 use serde_json::{Value, json};

@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 const ROLE: &str = "ISOCNC_TEST_PRIVATE_WIRE";
 const NOBODY: u32 = 65_534;
 
-fn main() {
+pub(crate) fn main() {
     if std::env::var_os(ROLE).is_some() {
         make_wire();
         return;
@@ -127,7 +127,8 @@ fn claim_interfaces() {
     };
     let (pid, command) = by.process.clone().expect("our own process can be seen");
     assert_eq!((interface.as_str(), pid), ("plk0", std::process::id()));
-    assert!(command.contains("private_wire"), "{command}");
+    let this = std::env::current_exe().expect("this program");
+    assert!(command.contains(&*this.to_string_lossy()), "{command}");
     let far = SoleSender::claim("plk1").expect("another interface");
     drop(near);
     SoleSender::claim("plk0").expect("free again");

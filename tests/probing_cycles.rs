@@ -1,6 +1,6 @@
 //! The probing cycles (`programs/probing`), run by the whole control on virtual time on bodies whose places are known.
 
-mod common;
+use crate::common;
 
 use common::Control;
 use isocnc::config::{self, Config};

@@ -27,7 +27,7 @@ const DAC_OVERRIDE: u64 = 1 << 1;
 const IPC_LOCK: u64 = 1 << 14;
 const SCHED_FIFO: &str = "1";
 
-fn main() {
+pub(crate) fn main() {
     if let Ok(case) = std::env::var(CASE) {
         match act(&case) {
             Ok(()) => println!("DONE"),

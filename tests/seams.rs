@@ -3,7 +3,7 @@
 //! both planners; all that leaves for the joints is one row of set-points, judged by its differences from cycle to cycle.
 //!
 //! These are the generators of the cycle thread themselves, without a bus. Random scripts print their seed; more of them:
-//! `ISOCNC_SEEDS=100 cargo test --test seams`.
+//! `ISOCNC_SEEDS=100 cargo test --test simulated seams`.
 
 use isocnc::config::{self, Config, JOINTS_MAX};
 use isocnc::machine::motion_settings::{ring_capacity, stop_ramp, stop_shares};

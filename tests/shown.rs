@@ -1,7 +1,7 @@
 //! What clients are shown is what the machine is at: modes and offsets of the block that is executed, the mode, the program that Start
 //! runs, the length of the tool in force.
 
-mod common;
+use crate::common;
 
 use common::Control;
 use isocnc::api::client::{Client, ClientError};

@@ -1,6 +1,6 @@
 //! The control socket of a control as a process: subscribers, who has control, programs that come in parts, what its document says.
 
-mod common;
+use crate::common;
 
 use common::{Control, PATIENCE};
 use isocnc::api::client::{Client, ClientError};

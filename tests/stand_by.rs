@@ -21,7 +21,7 @@ use std::process::Stdio;
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
-mod common;
+use crate::common;
 
 const MACHINE: &str = include_str!("../configs/mill3-demo.toml");
 const PART: &str = "G21 G90 G94 G54 G64 P0.01\nG0 X5 Y5 Z0\nG1 X15 F3000\nG0 Z5\nM2\n";

@@ -1,6 +1,6 @@
 //! What a control knows again after a restart, whatever ended it: the whole program, killed and started anew.
 
-mod common;
+use crate::common;
 
 use common::Control;
 use serde_json::{Value, json};

@@ -55,7 +55,7 @@ const TIMEOUT_CALLS: [i64; 2] = [libc::SYS_clock_nanosleep, libc::SYS_clock_gett
 /// What a program in Structured Text may ask for: to sleep until its scan is due.
 const LOGIC_CALLS: [i64; 1] = [libc::SYS_clock_nanosleep];
 
-fn main() {
+pub(crate) fn main() {
     if let Err(refused) = private_wire("plk0", "plk1") {
         println!("system_calls ... SKIPPED: {refused}");
         return;

@@ -1,8 +1,7 @@
 //! A coupler with terminals on EtherCAT, through the control and on virtual time: what hangs at them is read and written by channels, and
 //! a terminal that is missing, in another place or of another kind is named.
 
-#[path = "common/segment_wire.rs"]
-mod segment_wire;
+use crate::segment_wire;
 
 use ethercat::sub::models::{analog_terminal, coupler, digital_terminal};
 use ethercat::sub::{SubDeviceConfig, Terminal};

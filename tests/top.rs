@@ -1,6 +1,6 @@
 //! `isocnc top` in a terminal: a pseudo terminal of 24 rows of 80 columns, keys as a person types them, a machine in memory.
 
-mod common;
+use crate::common;
 
 use common::{Control, PATIENCE};
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};

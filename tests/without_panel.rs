@@ -1,4 +1,4 @@
-//! A program that was built without the panel says so: `cargo test --no-default-features --test without_panel`.
+//! A program that was built without the panel says so: `cargo test --no-default-features --test process without_panel`.
 
 #![cfg(not(feature = "panel"))]
 

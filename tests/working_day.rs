@@ -1,7 +1,7 @@
 //! A day at the machine, by the commands that a person types: on, home, touch off, MDI, run, hold, stop, change the tool,
 //! emergency stop, run again, off. Nothing here looks at times: the PC may be busy.
 
-mod common;
+use crate::common;
 #[path = "working_day/on_the_wire.rs"]
 mod on_the_wire;
 

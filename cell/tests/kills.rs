@@ -1,7 +1,7 @@
 //! Supervisor and controls are processes that are killed at any moment, lose a fifth of their packets, or have a full disk: no order is
 //! lost, none is carried out twice.
 //!
-//! `ISOCNC_KILLS=100 cargo test -p isocnc-cell --test kills -- --nocapture` kills as often; the seed is printed.
+//! `ISOCNC_KILLS=100 cargo test -p isocnc-cell --test all kills -- --nocapture` kills as often; the seed is printed.
 
 use cell::ca::Ca;
 use cell::core::Ask;
@@ -151,7 +151,7 @@ struct Process(Child);
 impl Process {
     fn begin(name: &str, folder: &Path, address: SocketAddr) -> Process {
         let child = Command::new(std::env::current_exe().unwrap())
-            .args(["--exact", "be_a_process", "--nocapture"])
+            .args(["--exact", "kills::be_a_process", "--nocapture"])
             .env(BE, name)
             .env(FOLDER, folder)
             .env(ADDRESS, address.to_string())

@@ -3,7 +3,7 @@
 //! A model says what the outputs are by what the inputs are, or have been, in other words than the component: a definition, a
 //! sum over all that was, a search.
 
-mod rig;
+use crate::rig;
 
 use hal_pins::{AnyValue, Type};
 use proptest::test_runner::{Config, TestRunner};

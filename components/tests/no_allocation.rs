@@ -1,7 +1,6 @@
 //! No component asks anything of the allocator once it is made, and neither does an instance with its pins.
 
-#[path = "../../tests/common/counting.rs"]
-mod counting;
+use crate::counting;
 
 use components::{CATALOGUE, Instance};
 use counting::calls;

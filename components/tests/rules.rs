@@ -1,6 +1,6 @@
 //! Rules of all components, whatever they do.
 
-mod rig;
+use crate::rig;
 
 use components::{CATALOGUE, Direction};
 use hal_pins::{AnyValue, Type, check_name};

@@ -2,7 +2,7 @@
 //!
 //! The figures are worked out by hand from what each component is to do.
 
-mod rig;
+use crate::rig;
 
 use rig::{Rig, T, table};
 

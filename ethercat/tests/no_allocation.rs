@@ -2,8 +2,7 @@
 //! devices ask nothing while they are in OP and get no mails.
 #![cfg(feature = "std")]
 
-#[path = "../../tests/common/counting.rs"]
-mod counting;
+use crate::counting;
 
 use counting::{CALLS, COUNTING};
 use ethercat::main::config::{ClockConfig, Config, DeviceConfig, ProcessDataConfig, StartValue, Times};

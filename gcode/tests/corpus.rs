@@ -4,10 +4,10 @@
 //! about them `expected.err`, `expected.print` and `expected.var`. The expected calls were printed by LinuxCNC's interpreter; where the newest one
 //! prints differently than the packaged one, `differences.toml` names the case and says why.
 //!
-//! `ISOCNC_CORPUS_REGENERATE=1 cargo test -p isocnc-gcode --test corpus` writes the expected files anew with the installed
+//! `ISOCNC_CORPUS_REGENERATE=1 cargo test -p isocnc-gcode --test all corpus` writes the expected files anew with the installed
 //! interpreter. Those of cases in which it differs are kept, or written by the newest interpreter where they are missing.
 
-mod oracle;
+use crate::oracle;
 
 use std::{
     collections::{BTreeMap, BTreeSet},

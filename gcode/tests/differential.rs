@@ -6,7 +6,7 @@
 //! later `do`, the order in which M72 restores, a rapid to an R level that rounding alone tells from the present one.
 //! Left out, with the reason, where LinuxCNC's interpreter is not installed.
 
-mod oracle;
+use crate::oracle;
 
 use std::{collections::BTreeSet, env};
 

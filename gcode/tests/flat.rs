@@ -5,7 +5,7 @@
 
 #![allow(clippy::disallowed_methods, reason = "tests may use the PC's own functions")]
 
-mod oracle;
+use crate::oracle;
 
 use gcode::{FlatError, FlatWriter, Interpreter, Settings};
 use motion::canon::{Axis, Call, Event, FeedMode, PathMode, Plane, Position, Source, ToolEntry};

@@ -27,6 +27,9 @@ mod session;
 mod status;
 mod words;
 
+#[cfg(test)]
+mod properties;
+
 pub use number::{AlarmNumber, ErrorNumber};
 pub use octets::{Input, Inputs, LINE_MAX};
 pub use reports::Offsets;

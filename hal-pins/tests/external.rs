@@ -504,7 +504,7 @@ fn writers_that_are_killed_at_any_moment_never_leave_half_a_record() {
     for round in 0..200u64 {
         let mut command = Command::new(std::env::current_exe().unwrap());
         command
-            .args(["--exact", "role_writer", "--nocapture"])
+            .args(["--exact", "external::role_writer", "--nocapture"])
             .env(DIR, rig.folder.path());
         // Its claim waits for a cycle.
         let spawned = std::thread::scope(|scope| {

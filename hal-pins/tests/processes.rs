@@ -11,7 +11,12 @@ const DIR: &str = "ISOCNC_TEST_HAL_DIR";
 /// Runs one of the `role_` tests below in a process of its own.
 fn role(name: &str, dir: &std::path::Path) -> (Child, BufReader<ChildStdout>) {
     let mut child = Command::new(std::env::current_exe().unwrap())
-        .args(["--exact", name, "--nocapture", "--test-threads=1"])
+        .args([
+            "--exact",
+            &format!("processes::{name}"),
+            "--nocapture",
+            "--test-threads=1",
+        ])
         .env(DIR, dir)
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())

@@ -243,7 +243,7 @@ fn a_killed_reader_costs_the_cycle_nothing_and_its_ring_is_free() {
     let mut rig = rig();
     for _ in 0..2 * CAPTURES {
         let mut reader = Command::new(std::env::current_exe().unwrap())
-            .args(["--exact", "role_reader", "--nocapture", "--test-threads=1"])
+            .args(["--exact", "scope::role_reader", "--nocapture", "--test-threads=1"])
             .env(DIR, rig.dir.path())
             .stdout(Stdio::piped())
             .spawn()

@@ -1,6 +1,6 @@
 //! Standard function blocks, call by call. One column is a call; scans are 10 ms apart, PT is 30 ms.
 
-mod common;
+use crate::common;
 
 use common::{get, scan, set, start};
 

@@ -1,7 +1,7 @@
 //! The compiled program beside an evaluator of its own kind: random programs, written as text and walked as trees, which share
 //! nothing but the rules of the language.
 
-mod common;
+use crate::common;
 
 use common::{get, set, start};
 use proptest::prelude::*;

@@ -1,6 +1,6 @@
 //! What is told about a program that is wrong or may not be meant: the place, the rule, the cure.
 
-mod common;
+use crate::common;
 
 use common::{errors, warnings};
 

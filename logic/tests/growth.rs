@@ -1,7 +1,6 @@
 //! What a program costs to be compiled grows with its length and no faster: counted in calls of the allocator, for twice the text.
 
-#[path = "../../tests/common/counting.rs"]
-mod counting;
+use crate::counting;
 
 use counting::calls;
 

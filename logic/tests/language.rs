@@ -1,6 +1,6 @@
 //! What the language does, rule by rule.
 
-mod common;
+use crate::common;
 
 use common::{after, get, scan, set, start, value};
 use logic::{Fault, Role, Wrong};

@@ -1,8 +1,7 @@
 //! A scan asks nothing of the allocator, whatever the program does and whatever goes wrong in it.
 
-mod common;
-#[path = "../../tests/common/counting.rs"]
-mod counting;
+use crate::common;
+use crate::counting;
 
 use common::start;
 use counting::calls;

@@ -1,6 +1,6 @@
 //! Text of the second edition of the standard that programs of other controls have: what it does.
 
-mod common;
+use crate::common;
 
 use common::{after, errors, get, scan, set, start, value};
 use logic::{Role, Wrong};

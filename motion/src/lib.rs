@@ -45,3 +45,9 @@ pub mod path;
 pub mod plan;
 pub mod ring;
 pub mod rt;
+
+#[cfg(test)]
+#[path = "../../tests/common/counting.rs"]
+mod counting;
+#[cfg(test)]
+mod no_allocation;

@@ -26,6 +26,9 @@ mod time;
 mod xml;
 mod xpath;
 
+#[cfg(test)]
+mod whole_documents;
+
 pub use agent::{Agent, Reply, Settings};
 pub use document::{Document, Errors};
 pub use facts::{Alarm, AxisFacts, Execution, Facts, Mode, Motion, Spindle, Subject, WaitFor};

@@ -64,3 +64,8 @@ pub trait Control: Send + Sync {
     /// The control is ending, or serves as many as it can.
     fn connect(&self, guest: &Guest) -> io::Result<UnixStream>;
 }
+
+/// The tests that see it from outside, which are linked no second time.
+#[cfg(test)]
+#[path = "../tests/all.rs"]
+mod from_outside;

@@ -22,7 +22,7 @@ fn both_links_carry_the_same_frames() {
     }
     let mut child = Command::new(std::env::current_exe().unwrap());
     child
-        .args(["--exact", "both_links_carry_the_same_frames", "--nocapture"])
+        .args(["--exact", "raw_links::both_links_carry_the_same_frames", "--nocapture"])
         .env(INSIDE, "1");
     let (uid, gid) = (nix::unistd::getuid(), nix::unistd::getgid());
     let (uid_map, gid_map) = (format!("0 {uid} 1"), format!("0 {gid} 1"));

@@ -1,6 +1,6 @@
 //! `persist` and `undo` of it: the kernel command line in the configuration of each boot loader.
 
-use crate::pc::{LIBRARY, Pc};
+use super::pc::{LIBRARY, Pc};
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 
@@ -262,7 +262,7 @@ fn a_file_that_somebody_else_has_changed_is_kept_unless_forced() {
         for command in [UNDO, PERSIST] {
             let output = pc.run(command);
             assert_eq!(output.status.code(), Some(1), "{path}");
-            let said = crate::pc::text(&output.stdout) + &crate::pc::text(&output.stderr);
+            let said = super::pc::text(&output.stdout) + &super::pc::text(&output.stderr);
             assert!(
                 said.contains(&format!("/{path} was changed by somebody else")),
                 "{path}: {said}"
@@ -359,7 +359,7 @@ fn a_boot_loader_that_fails_is_said_and_persist_can_be_repeated_or_undone() {
     pc.write("usr/bin/update-grub", "#!/bin/sh\necho no space >&2; exit 7\n");
     let output = pc.run(PERSIST);
     assert_eq!(output.status.code(), Some(1));
-    let said = crate::pc::text(&output.stderr);
+    let said = super::pc::text(&output.stderr);
     assert!(said.contains("FAILED  update-grub: exit code 7\n"), "{said}");
     assert!(said.contains("repeat persist"), "{said}");
     assert_eq!(pc.run(UNDO).status.code(), Some(1));
@@ -465,7 +465,7 @@ fn reapply_installs_a_unit_with_a_copy_of_the_script_and_undo_removes_both() {
     assert!(output.status.success(), "{output:?}");
     assert_eq!(
         pc.read("usr/local/lib/isocnc/isolcpus.sh"),
-        fs::read_to_string(crate::pc::script()).unwrap()
+        fs::read_to_string(super::pc::script()).unwrap()
     );
 
     // The unit goes with the CPUs.

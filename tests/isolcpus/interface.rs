@@ -1,6 +1,6 @@
 //! `apply --interface`: the fieldbus interface, its interrupts, queues and what ethtool sets.
 
-use crate::pc::Pc;
+use super::pc::Pc;
 use std::fs;
 use std::os::unix::fs::symlink;
 
@@ -170,7 +170,7 @@ fn an_interface_that_is_not_there_is_named_and_the_rest_is_applied() {
     let pc = pc();
     let output = pc.run(&["apply", "--cpus", "3", "--interface", "eth9"]);
     assert_eq!(output.status.code(), Some(1));
-    let said = crate::pc::text(&output.stderr);
+    let said = super::pc::text(&output.stderr);
     assert!(said.contains("no interface eth9; there are: enp2s0"), "{said}");
     assert_eq!(irq(&pc, 33), "0-2\n");
     let (code, _) = pc.bad(&["persist", "--interface", "eth9"]);

@@ -1,6 +1,6 @@
 //! `apply`, `undo` of it and `status`: the settings of the running kernel.
 
-use crate::pc::{Pc, STATE};
+use super::pc::{Pc, STATE};
 use std::fs;
 use std::os::unix::fs::symlink;
 

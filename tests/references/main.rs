@@ -5,6 +5,15 @@
 //! Out: nothing, or the first line that differs. `REFERENCES=write cargo test --test references` writes the documents; a row
 //! that is new gets an empty last column, to be filled in by hand.
 
+#[path = "../house.rs"]
+mod house;
+#[path = "../isolcpus/main.rs"]
+mod isolcpus;
+#[path = "../pages.rs"]
+mod pages;
+#[path = "../rt_sources.rs"]
+mod rt_sources;
+
 mod alarms;
 mod components;
 mod drive_profiles;

@@ -18,7 +18,7 @@ use std::path::Path;
 use std::process::{Child, Stdio};
 use std::time::Instant;
 
-const TEST: &str = "on_the_wire::a_day_on_the_veth_machine";
+const TEST: &str = "working_day::on_the_wire::a_day_on_the_veth_machine";
 /// Set in the process that lives in a network of its own.
 const INSIDE: &str = "ISOCNC_TEST_INSIDE";
 const PART: &str = "G21 G90 G17 G94 G54 G64 P0.01

@@ -6,8 +6,7 @@
 //! `components::DIFFERENCES` names.
 
 mod oracle;
-#[path = "../rig/mod.rs"]
-mod rig;
+use crate::rig;
 mod subjects;
 
 use components::{CATALOGUE, DIFFERENCES};

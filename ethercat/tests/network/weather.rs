@@ -1,6 +1,6 @@
 //! Many seeds, all kinds of trouble; rules that hold in every cycle, and after each spell everything runs again by itself.
 //!
-//! The ordinary test takes a few seeds. All: `ISOCNC_SEEDS=200 cargo test -p isocnc-ethercat --release --test network weather`. A seed
+//! The ordinary test takes a few seeds. All: `ISOCNC_SEEDS=200 cargo test -p isocnc-ethercat --release --test all weather`. A seed
 //! that fails is printed.
 
 use super::world::{Fate, Random, World};

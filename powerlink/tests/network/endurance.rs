@@ -1,7 +1,7 @@
 //! Many seeds, many cycles, all kinds of trouble; after each spell of it everything has to run again by itself.
 //!
 //! The ordinary test takes a few seeds. All of them, about as long as a coffee break:
-//! `ISOCNC_SEEDS=200 ISOCNC_CYCLES=100000 cargo test -p isocnc-powerlink --release --test network endurance`
+//! `ISOCNC_SEEDS=200 ISOCNC_CYCLES=100000 cargo test -p isocnc-powerlink --release --test all endurance`
 //! A seed that fails is printed with the command that repeats it.
 
 use std::env;
@@ -80,7 +80,7 @@ fn nothing_breaks_the_rules_and_nothing_stays_broken() {
                         Err(panic) => {
                             eprintln!(
                                 "seed {seed}: ISOCNC_SEED={seed} ISOCNC_SEEDS=1 ISOCNC_CYCLES={cycles} cargo test -p \
-                                 isocnc-powerlink --test network endurance"
+                                 isocnc-powerlink --test all endurance"
                             );
                             resume_unwind(panic)
                         }

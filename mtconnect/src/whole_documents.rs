@@ -1,6 +1,6 @@
 //! Documents as clients see them. Where xmllint is there, all of them are checked against the schemas of MTConnect.
 
-use mtconnect::{
+use crate::{
     Agent, Alarm, Axis, AxisFacts, Document, Errors, Execution, Facts, Machine, Mode, Motion, Reply, Settings, Spindle,
     Stream, Subject, Tool, WaitFor,
 };

@@ -1,6 +1,6 @@
 //! Whatever comes, and in whatever pieces: each line has one answer, and nothing grows.
 
-use grbl::{Answer, ErrorNumber, LINE_MAX, Machine, Order, Session, Status, TAKE_MAX, WAITING_MAX};
+use crate::{Answer, ErrorNumber, LINE_MAX, Machine, Order, Session, Status, TAKE_MAX, WAITING_MAX};
 use proptest::prelude::*;
 
 /// A control that does all that is wanted, some of it late.

@@ -1,19 +1,16 @@
 //! Generators of motion without a plan ask nothing of the allocator once they are made, whatever they are told.
 
-#[path = "../../tests/common/counting.rs"]
-mod counting;
-
-use counting::calls;
-use motion::canon::{AXES, Axis, Call, Event, Position, ProbeMode, Source};
-use motion::element::{Auxiliary, Element, Enables, Span};
-use motion::kinematics::{Elbow, Follows, Kinematics, Scara, ToolFrame, Transform};
-use motion::path::Piece;
-use motion::plan::{AxisLimits, Planner, PlannerKind, Pumped, Settings};
-use motion::ring::{Producer, Publish, Sink, channel};
-use motion::rt::homing::{Homing, HomingInput, HomingJoint, HomingStatus, HomingWay};
-use motion::rt::jog::{Jog, JogLimits, WorldJog};
-use motion::rt::probe::Probe;
-use motion::rt::{Interpolator, MotionLimits, ScaleRamp, StopLimits, TrajectoryGenerator};
+use crate::canon::{AXES, Axis, Call, Event, Position, ProbeMode, Source};
+use crate::counting::calls;
+use crate::element::{Auxiliary, Element, Enables, Span};
+use crate::kinematics::{Elbow, Follows, Kinematics, Scara, ToolFrame, Transform};
+use crate::path::Piece;
+use crate::plan::{AxisLimits, Planner, PlannerKind, Pumped, Settings};
+use crate::ring::{Producer, Publish, Sink, channel};
+use crate::rt::homing::{Homing, HomingInput, HomingJoint, HomingStatus, HomingWay};
+use crate::rt::jog::{Jog, JogLimits, WorldJog};
+use crate::rt::probe::Probe;
+use crate::rt::{Interpolator, MotionLimits, ScaleRamp, StopLimits, TrajectoryGenerator};
 use std::cell::Cell;
 use std::rc::Rc;
 

@@ -1,0 +1,5 @@
+//! All tests of this crate that see it from outside, in one program: each is linked once.
+
+mod cell;
+mod commands;
+mod kills;

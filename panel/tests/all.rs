@@ -1,0 +1,6 @@
+//! All tests of this crate that see it from outside, in one program: each is linked once.
+
+mod clients;
+mod measurements;
+mod mtconnect;
+mod tls;

@@ -1,0 +1,36 @@
+//! What starts the program itself and looks at it from outside, in one program that is linked once.
+
+mod common;
+
+mod bus_tool;
+mod configs;
+mod doctor;
+mod endless;
+mod external_components;
+mod faults_on_demand;
+mod full_disk;
+#[cfg(feature = "panel")]
+mod grbl;
+mod init;
+mod interpret;
+mod io_channels;
+mod jitter;
+mod logic;
+mod logic_online;
+mod memory;
+mod odd_files;
+mod on_the_wire;
+#[cfg(feature = "panel")]
+mod panel;
+mod probing_cycles;
+mod readme;
+mod scope;
+mod shown;
+mod socket;
+mod stand_by;
+mod state_folder;
+mod systemd;
+mod threading;
+mod top;
+mod without_panel;
+mod working_day;
