@@ -351,11 +351,13 @@ pub struct Output<T> {
 
 impl<T: Value> Output<T> {
     /// RT: shows a value to all readers; they also see everything written before it.
+    #[inline]
     pub fn set(&mut self, value: T) {
         cell::set(self.shared.words.cell(self.index), value.to_cell());
     }
 
     /// RT: the value now.
+    #[inline]
     pub fn get(&self) -> T {
         T::from_cell(cell::get(self.shared.words.cell(self.index)))
     }
@@ -370,12 +372,14 @@ pub struct Input<T> {
 
 impl<T: Value> Input<T> {
     /// RT: the value of the net it is on, or its own.
+    #[inline]
     pub fn get(&self) -> T {
         let source = self.shared.source[self.index].load(Ordering::Acquire);
         T::from_cell(cell::get(self.shared.words.cell(source as usize)))
     }
 
     /// RT: whether a net reaches it.
+    #[inline]
     pub fn is_on_net(&self) -> bool {
         self.shared.source[self.index].load(Ordering::Acquire) as usize != self.index
     }
@@ -384,6 +388,7 @@ impl<T: Value> Input<T> {
 impl<T: Value> Input<T> {
     /// RT: puts another value in place of one that cannot be used, so that nobody takes it for the one in force. An input on a net shows
     /// what the net has; a value that has come meanwhile stays.
+    #[inline]
     pub fn correct(&self, wrong: T, right: T) {
         let source = self.shared.source[self.index].load(Ordering::Acquire);
         if source as usize == self.index {

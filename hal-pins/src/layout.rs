@@ -134,6 +134,7 @@ impl Words {
     }
 
     /// RT: whether somebody has cut the file short: what was lost reads as zeros until it is written again.
+    #[inline]
     pub(crate) fn is_lost(&self) -> bool {
         // Where somebody else was the first to touch what was gone, there is no fault here.
         self.mapped.is_lost() || self.word(at::MAGIC).load(Ordering::Relaxed) != MAGIC
@@ -156,6 +157,7 @@ impl Words {
     }
 
     /// RT: the value cell of an entry below the capacity.
+    #[inline]
     pub(crate) fn cell(&self, entry: usize) -> &AtomicU64 {
         assert!(entry < self.capacity);
         self.word(HEADER_WORDS + entry)
@@ -252,6 +254,7 @@ impl Words {
         self.word(HEADER_WORDS + self.capacity + entry * DESCRIPTOR_WORDS + word)
     }
 
+    #[inline]
     fn word(&self, index: usize) -> &AtomicU64 {
         &self.mapped.words()[index]
     }

@@ -22,10 +22,12 @@ macro_rules! value {
         impl sealed::Sealed for $rust {}
         impl Value for $rust {
             const TYPE: Type = Type::$kind;
+            #[inline]
             fn to_cell(self) -> u64 {
                 let to: fn($rust) -> u64 = $to;
                 to(self)
             }
+            #[inline]
             fn from_cell(cell: u64) -> $rust {
                 let from: fn(u64) -> $rust = $from;
                 from(cell)

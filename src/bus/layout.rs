@@ -19,6 +19,7 @@ impl Field {
     }
 
     /// The value, zero-extended. RT.
+    #[inline]
     pub fn read(self, payload: &[u8]) -> u64 {
         let mut value = [0; 8];
         if let Some(octets) = payload.get(self.offset..self.offset + self.octets()) {
@@ -28,12 +29,14 @@ impl Field {
     }
 
     /// The value, sign-extended. RT.
+    #[inline]
     pub fn read_signed(self, payload: &[u8]) -> i64 {
         let unused = 64 - u32::from(self.object.bits);
         ((self.read(payload) << unused) as i64) >> unused
     }
 
     /// Writes the low octets of `value`. RT.
+    #[inline]
     pub fn write(self, payload: &mut [u8], value: u64) {
         if let Some(octets) = payload.get_mut(self.offset..self.offset + self.octets()) {
             let length = octets.len();

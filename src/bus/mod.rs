@@ -269,11 +269,13 @@ impl ProcessImage {
     }
 
     /// Payload of one node.
+    #[inline]
     pub fn node(&self, node: NodeIndex) -> &[u8] {
         &self.bytes[self.nodes[node].clone()]
     }
 
     /// Payload of one node, to be written.
+    #[inline]
     pub fn node_mut(&mut self, node: NodeIndex) -> &mut [u8] {
         &mut self.bytes[self.nodes[node].clone()]
     }

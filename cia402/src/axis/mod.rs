@@ -62,6 +62,7 @@ impl Axis {
     /// Whether a request fits the present status.
     ///
     /// RT: constant time.
+    #[inline]
     pub fn accepts(&self, request: Request) -> bool {
         match self.phase {
             Phase::Offline => false,
@@ -160,6 +161,7 @@ impl Axis {
     }
 
     /// What the axis is doing.
+    #[inline]
     pub fn status(&self) -> Status {
         match self.phase {
             Phase::Offline => Status::Offline,
@@ -175,6 +177,7 @@ impl Axis {
     }
 
     /// The fault that stands, if any.
+    #[inline]
     pub fn fault(&self) -> Option<AxisFault> {
         if let Phase::Faulted { fault, .. } = self.phase {
             Some(fault)
@@ -206,6 +209,7 @@ impl Axis {
 
     /// Actual position in counts, unwrapped from the 32 bits of 6064. It restarts at the drive's own value when
     /// the drive comes on line and when it has homed.
+    #[inline]
     pub fn actual_position(&self) -> i64 {
         self.actual
     }
@@ -218,11 +222,13 @@ impl Axis {
     }
 
     /// Target position as last sent, in unwrapped counts: where motion goes on from when the axis becomes enabled.
+    #[inline]
     pub fn target_position(&self) -> i64 {
         self.target
     }
 
     /// Whether the drive has been homed since it came on line.
+    #[inline]
     pub fn homing(&self) -> HomingState {
         if let Phase::Homing(_) = self.phase {
             HomingState::Running
@@ -249,6 +255,7 @@ impl Axis {
     }
 
     /// Whether the drive shows a warning (bit 7 of the statusword).
+    #[inline]
     pub fn warning(&self) -> bool {
         self.online && self.statusword & statusword::WARNING != 0
     }

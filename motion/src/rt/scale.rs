@@ -84,11 +84,13 @@ impl ScaleRamp {
     }
 
     /// Share of the planned speed, 0 to 1.
+    #[inline]
     pub fn share(&self) -> f64 {
         self.share
     }
 
     /// Whether plan time stands still.
+    #[inline]
     pub fn is_at_rest(&self) -> bool {
         self.share == 0.0 && self.rate == 0.0
     }
@@ -106,6 +108,7 @@ impl ScaleRamp {
     }
 
     /// One cycle towards `target` (0 to 1); returns the plan time that passes in it, s. RT.
+    #[inline]
     pub fn step(&mut self, target: f64) -> f64 {
         self.braking = None;
         let (cycle, curvature) = (self.cycle_s, self.curvature);

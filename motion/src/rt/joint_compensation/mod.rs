@@ -76,6 +76,7 @@ impl JointCompensation {
     }
 
     /// What is added now, mm. RT.
+    #[inline]
     pub fn correction_mm(&self) -> f64 {
         self.past[0].correction_mm
     }
@@ -102,6 +103,7 @@ impl JointCompensation {
     }
 
     /// Position of the motor for the position of the joint, mm. NaN comes back and changes nothing. RT.
+    #[inline]
     pub fn step(&mut self, command_mm: f64) -> f64 {
         if !command_mm.is_finite() {
             return command_mm;

@@ -93,6 +93,7 @@ impl Pid {
     }
 
     /// One period. The error is that of the command of the call before, which is what the feedback answers to. RT.
+    #[inline]
     pub fn step(&mut self, command: f64, feedback: f64) -> f64 {
         let gains = &self.gains;
         let period_s = self.period_s;
