@@ -8,7 +8,6 @@ use std::collections::HashMap;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
@@ -23,16 +22,6 @@ pub(crate) fn machine_file(machine: &str) -> String {
         .replace("\nlock_memory = true", "\noverruns_stop = 0\nlock_memory = true")
         .replace("pres_lost_max = 20", "pres_lost_max = 1000")
         .replace("following_error_mm = 2.0", "following_error_mm = 100.0")
-}
-
-/// A name that no other machine on this PC has.
-fn unique(name: &str) -> String {
-    static MACHINES: AtomicU32 = AtomicU32::new(0);
-    format!(
-        "{name}-{}-{}",
-        std::process::id(),
-        MACHINES.fetch_add(1, Ordering::Relaxed)
-    )
 }
 
 /// A control that stands by, mostly over the wire in memory.
@@ -54,7 +43,7 @@ impl Control {
         stdout: impl Into<Stdio>,
         changed: fn(&str) -> String,
     ) -> Control {
-        let machine = unique(name);
+        let machine = format!("{name}-{}", std::process::id());
         let text = machine_file(&machine).replacen("kind = \"powerlink\"", "kind = \"memory\"", 1);
         std::fs::write(folder.path().join("machine.toml"), changed(&text)).unwrap();
         Control::run(folder, machine, stdout)
@@ -149,7 +138,7 @@ impl WithPanel {
     /// With these tables in its machine file, of which it tells addresses: `panel`, `grbl`, `shdr`.
     pub(crate) fn start(name: &str, tables: &str, told: &[&str]) -> WithPanel {
         let folder = tempfile::tempdir().unwrap();
-        let machine = unique(name);
+        let machine = format!("{name}-{}", std::process::id());
         let text = machine_file(&machine).replacen("kind = \"powerlink\"", "kind = \"memory\"", 1);
         let file = folder.path().join("machine.toml");
         std::fs::write(&file, format!("{text}\n{tables}\n")).unwrap();
