@@ -1,11 +1,16 @@
 //! What clients are shown is what the machine is at: modes and offsets of the block that is executed, the mode, the program that Start
-//! runs, the length of the tool in force.
+//! runs, the length of the tool in force, the periods of the cycle.
 
 use crate::common;
 
 use common::Control;
 use isocnc::api::client::{Client, ClientError};
+use isocnc::config;
+use isocnc::operator::rehearsal::rehearse;
+use isocnc::rt::cycle_stats::{CycleTimes, recorder};
+use isocnc::sim::NetConfig;
 use serde_json::{Value, json};
+use std::path::Path;
 use std::process::Stdio;
 
 /// Half a minute of motion.
@@ -297,4 +302,63 @@ fn a_length_that_is_touched_off_while_it_is_in_force_counts_at_once() {
     assert_codes(&status(), &["G49"]);
     control.ask(&["mdi", "G43 H3"]).unwrap();
     near(read(&status()), 3.0);
+}
+
+/// From the dates of SoCs to the pins of each second and to the sums of Prometheus and `cycle.times`.
+#[test]
+fn the_mean_period_that_is_shown_is_that_of_the_periods_that_were() {
+    const PERIOD_NS: u64 = 1_000_000;
+    let file = include_str!("../configs/io-only.toml");
+    let config = config::parse(file, Path::new("io-only.toml")).unwrap();
+    rehearse(&config, b"", NetConfig::clean(1), |run| {
+        let pin = |name: &str| run.hal.reader::<f64>(name).unwrap();
+        let (mean, std) = (pin("rt.period-mean-ns"), pin("rt.period-std-ns"));
+        let (mut recorder, _windows) = recorder(PERIOD_NS);
+        let (mut periods, mut before_ns, mut seconds) = (Vec::new(), None, 0);
+        for k in 1..=3_300_u64 {
+            let deadline_ns = k * PERIOD_NS + 370_000;
+            let soc_ns = deadline_ns + 1_000 + k * k * 7_919 % 90_000;
+            let times = CycleTimes {
+                deadline_ns,
+                woke_ns: soc_ns,
+                soc_ns: Some(soc_ns).filter(|_| k % 450 != 0),
+                exchanged_ns: soc_ns + 60_000,
+                ended_ns: soc_ns + 64_000,
+                next_ns: deadline_ns + PERIOD_NS,
+                skipped: u64::from(k % 700 == 0),
+                pres_lost: 0,
+                phase_ns: None,
+            };
+            let before = mean.get();
+            recorder.record(&times);
+            run.control.show_timing(recorder.timing());
+            let period_ns = times
+                .soc_ns
+                .zip(before_ns)
+                .map(|(now_ns, before_ns): (u64, u64)| now_ns - before_ns);
+            periods.extend(period_ns.filter(|_| times.skipped == 0));
+            before_ns = times.soc_ns;
+            if mean.get() != before {
+                seconds += 1;
+                assert_eq!(periods.len(), 1000 * seconds, "cycle {k}");
+                let second = &periods[periods.len() - 1000..];
+                let of_second = second.iter().sum::<u64>() as f64 / 1000.0;
+                assert!((mean.get() - of_second).abs() < 1e-3, "{} {of_second}", mean.get());
+                let squares = second.iter().map(|ns| (*ns as f64 - of_second).powi(2));
+                let of_second = (squares.sum::<f64>() / 1000.0).sqrt();
+                assert!((std.get() - of_second).abs() < 1e-3, "{} {of_second}", std.get());
+            }
+        }
+        assert_eq!(seconds, 3);
+        let all = &run.operator.shared().times.period;
+        assert_eq!(all.counts().sum::<u64>(), periods.len() as u64);
+        let differences = periods.iter().map(|ns| *ns as i64 - PERIOD_NS as i64);
+        assert_eq!(all.sum_ns(), differences.sum::<i64>());
+        let whole = recorder.end().summary().period;
+        let of_all = periods.iter().sum::<u64>() as f64 / periods.len() as f64 / 1000.0;
+        assert_eq!(whole.n, periods.len() as u64);
+        assert!((whole.mean_us - of_all).abs() < 1e-6, "{} {of_all}", whole.mean_us);
+        Ok(())
+    })
+    .unwrap();
 }

@@ -444,5 +444,14 @@ mod tests {
         ] {
             assert!(text.lines().any(|told| told == line), "{line} is not in\n{text}");
         }
+        // Periods of 999.3 us and 1.9 ms.
+        let of_period = |what: &str| {
+            let value = text
+                .lines()
+                .find_map(|line| line.strip_prefix(&format!("isocnc_cycle_period_seconds_{what} ")));
+            value.unwrap().parse::<f64>().unwrap()
+        };
+        let mean_s = of_period("sum") / of_period("count");
+        assert!((mean_s - (0.000_999_3 + 0.001_9) / 2.0).abs() < 1e-12, "{mean_s}");
     }
 }
