@@ -11,7 +11,7 @@ use isocnc::rt::cycle_stats::{CycleTimes, recorder};
 use isocnc::sim::NetConfig;
 use serde_json::{Value, json};
 use std::path::Path;
-use std::process::Stdio;
+use std::process::{Command, Stdio};
 
 /// Half a minute of motion.
 const LONG: &str = "G21 G90 G94 G54 G64 P0.01\nG0 X5 Y5\nG1 X200 F400\nM2\n";
@@ -108,6 +108,174 @@ fn a_program_that_is_stopped_leaves_codes_as_a_program_begins() {
     control.ask(&["stop"]).unwrap();
     let stopped = control.wait_for("the stop", |status| status["activity"] == "idle");
     assert_codes(&stopped, &["G90", "G49", "M9", "F0", "G54"]);
+}
+
+/// Behind an alarm: acknowledged, and on again.
+fn goes_on(control: &Control) {
+    control.ask(&["alarm", "acknowledge"]).unwrap();
+    control.wait_for("drives off", |status| {
+        status["state"] == "disabled" && status["alarm"].is_null()
+    });
+    control.ask(&["on"]).unwrap();
+}
+
+const SYSTEMS: [&str; 9] = ["G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3"];
+
+/// At rest codes, offset, the list of offsets and #5220 in the file name this work system and no other; lines of MDI move and touch off
+/// in it.
+fn assert_work_system(control: &Control, wanted: &str, when: &str) {
+    let place = SYSTEMS.iter().position(|system| *system == wanted).unwrap();
+    let kept = || {
+        let text = std::fs::read_to_string(control.folder.path().join("mill3.var")).unwrap();
+        let value = text.lines().find_map(|line| line.strip_prefix("5220")).unwrap().trim();
+        value.parse::<f64>().unwrap()
+    };
+    control.wait_for(&format!("rest and #5220 of {wanted} {when}"), |status| {
+        status["activity"] == "idle" && kept() == (place + 1) as f64
+    });
+    let found = |status: &Value| {
+        let all = codes(status).into_iter().filter(|code| SYSTEMS.contains(code));
+        all.map(str::to_owned).collect::<Vec<_>>()
+    };
+    let list = || control.ask(&["offset", "list"]).unwrap();
+    let actives = |list: &Value| {
+        let systems = list["systems"].as_array().unwrap().iter();
+        let active = systems.filter(|system| system["active"] == true);
+        active
+            .map(|system| system["system"].as_str().unwrap().to_owned())
+            .collect::<Vec<_>>()
+    };
+    let origin = |list: &Value| list["systems"][place]["origin"]["X"].as_f64().unwrap();
+    let (status, offsets) = (control.ask(&["status"]).unwrap(), list());
+    assert_eq!(
+        (found(&status), actives(&offsets)),
+        (vec![wanted.to_owned()], vec![wanted.to_owned()]),
+        "{when}"
+    );
+    assert_eq!(offset_x(&status), origin(&offsets), "{when}");
+    if status["power"] != "on" {
+        return;
+    }
+    control.ask(&["mdi", "G90 G0 X1.5"]).unwrap();
+    let at = number(&control.ask(&["status"]).unwrap(), "position_mm", 0);
+    assert!((at - origin(&offsets) - 1.5).abs() < 1e-6, "{when}: {at}");
+    control.ask(&["touch-off", "X", "2.5"]).unwrap();
+    let touched = list();
+    for (other, (before, after)) in SYSTEMS.iter().zip(systems(&offsets).zip(systems(&touched))) {
+        let moved = after["origin"]["X"].as_f64().unwrap() - before["origin"]["X"].as_f64().unwrap();
+        let by = if *other == wanted { -1.0 } else { 0.0 };
+        assert!((moved - by).abs() < 1e-6, "{when}: {other} {moved}");
+    }
+    control.ask(&["touch-off", "X", "1.5"]).unwrap();
+}
+
+/// X of the offset in force.
+fn offset_x(status: &Value) -> f64 {
+    number(status, "work_offset_mm", 0)
+}
+
+fn systems(list: &Value) -> impl Iterator<Item = &Value> {
+    list["systems"].as_array().unwrap().iter()
+}
+
+/// M2 and M30 leave G54; the end of a text without them the system of its last line; whatever is given up, the one before it, however far
+/// it has been read.
+#[test]
+fn every_end_of_a_program_or_a_line_leaves_one_work_system() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("mill3.var"), include_str!("../configs/mill3.var")).unwrap();
+    let with_file = |text: &str| text.replacen("# parameter_file", "parameter_file", 1);
+    let control = Control::start_in(folder, "shown-systems", Stdio::null(), with_file);
+    control.wait_for("the network", |status| status["power"] == "off");
+    control.ask(&["home"]).unwrap();
+    assert_work_system(&control, "G54", "behind homing");
+    for (system, x) in [("G55", "40"), ("G56", "60")] {
+        control.ask(&["offset", "set", system, "X", x]).unwrap();
+    }
+    let run = |name: &str, text: &str, more: &[&str]| {
+        let program = control.program(name, text);
+        let order = [&["program", "run"], more, &[program.to_str().unwrap()]].concat();
+        control.ask(&order).unwrap_or_else(|errors| panic!("{name}: {errors}"))
+    };
+    for end in ["M2", "M30"] {
+        run("end.ngc", &format!("G21 G90 G94\nG55\nG0 X1\n{end}\n"), &[]);
+        assert_work_system(&control, "G54", end);
+        // What names none runs in it.
+        run("next.ngc", "G21 G90 G94\nG0 X3\nM2\n", &[]);
+        let status = control.ask(&["status"]).unwrap();
+        assert!(
+            (number(&status, "position_mm", 0) - offset_x(&status) - 3.0).abs() < 1e-6,
+            "{status}"
+        );
+    }
+    control.ask(&["mdi", "G55"]).unwrap();
+    assert_work_system(&control, "G55", "behind a line of MDI");
+    run("percent.ngc", "%\nG21 G90 G94\nG0 X2\nG56\nG0 X1\n%\n", &[]);
+    assert_work_system(&control, "G56", "behind %");
+
+    // In mid program, in G54, behind which G57 has been read, and an end that would leave it or G54.
+    let begin = |end: &str| {
+        run(
+            "middle.ngc",
+            &format!("%\nG21 G90 G94\nG54\nG0 X2\nM0\nG57\nG0 X1\n{end}\n"),
+            &["--no-wait"],
+        );
+        let waits = waits_in(&control, 5);
+        assert_codes(&waits, &["G54"]);
+        // What is executed is what is listed.
+        let list = control.ask(&["offset", "list"]).unwrap();
+        assert_eq!(
+            systems(&list)
+                .map(|system| system["active"] == true)
+                .collect::<Vec<_>>()[..3],
+            [true, false, false]
+        );
+    };
+    for end in ["M2", "%"] {
+        begin(end);
+        control.ask(&["stop"]).unwrap();
+        assert_work_system(&control, "G56", "behind a stop");
+        begin(end);
+        control.ask(&["estop"]).unwrap();
+        assert_work_system(&control, "G56", "behind an emergency stop");
+        control.ask(&["estop", "reset"]).unwrap();
+        control.ask(&["on"]).unwrap();
+        assert_work_system(&control, "G56", "behind the reset");
+        begin(end);
+        control.ask(&["fault", "overcurrent", "--node", "1"]).unwrap();
+        control.wait_for("the alarm", |status| !status["alarm"].is_null());
+        assert_work_system(&control, "G56", "behind a fault");
+        goes_on(&control);
+        assert_work_system(&control, "G56", "behind the acknowledge");
+    }
+    // A program that fails by itself.
+    run(
+        "fails.ngc",
+        "G21 G90 G94\nG55\nG38.2 X3 F600\nG57\nM2\n",
+        &["--no-wait"],
+    );
+    control.wait_for("no contact", |status| !status["alarm"].is_null());
+    // It stops no drive, and what is ordered next acknowledges it.
+    assert_work_system(&control, "G56", "behind a probing move without contact");
+
+    // Lines of MDI.
+    control.refused(&["mdi", "G54 G999"], "G999");
+    assert_work_system(&control, "G56", "behind a line that is refused");
+    let mut line = Command::new(env!("CARGO_BIN_EXE_isocnc"))
+        .args(["mdi", "G54 G1 X200 F60", "--machine", &control.machine])
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let moves = control.wait_for("the move", |status| {
+        status["activity"] == "running" && status["line"] == 1
+    });
+    assert_codes(&moves, &["G54"]);
+    control.ask(&["stop"]).unwrap();
+    line.wait().unwrap();
+    assert_work_system(&control, "G56", "behind a line that was stopped");
+    control.ask(&["mdi", "M2"]).unwrap();
+    assert_work_system(&control, "G54", "behind M2 as a line");
 }
 
 /// Else the next line of MDI would switch on what the dry run has not.

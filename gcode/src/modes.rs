@@ -48,6 +48,11 @@ impl InForce {
         self.modal.switch_off();
     }
 
+    /// Work system in force, 1 for G54 to 9 for G59.3.
+    pub fn work_system(&self) -> u8 {
+        self.offsets.system
+    }
+
     /// Machine coordinates of the work coordinates' zero with the length of the tool in force, mm and degrees.
     pub fn work_zero(&self) -> Position {
         self.offsets.machine(Position::ZERO)
@@ -197,7 +202,7 @@ impl Modes {
 
     /// Work system in force, 1 for G54 to 9 for G59.3.
     pub fn work_system(&self) -> u8 {
-        self.in_force.offsets.system
+        self.in_force.work_system()
     }
 
     /// As [`InForce::words`].

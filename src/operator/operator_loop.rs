@@ -93,6 +93,8 @@ pub(super) struct OperatorLoop<'scope, 'env> {
     probed_time_s: Option<f64>,
     /// The modes that the last program has left, until it is known how it ended.
     modes_left: Option<gcode::Modes>,
+    /// The work system that was in force before the program under way, 1 for G54; `None`: it is known how the last one ended.
+    system_before: Option<u8>,
     /// When the last program was begun, and the cycles left out by then; `None`: it is over.
     begun_ns: u64,
     begun_skipped: Option<u64>,
@@ -140,6 +142,7 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
             keeper: Keeper::new(scope, session.tables, memory),
             planner: None,
             modes_left: None,
+            system_before: None,
             begun_ns: 0,
             begun_skipped: None,
             given_up: Cancel::default(),
@@ -206,6 +209,7 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
             self.keep(planned.left);
         }
         let outcome = running.operator.outcome().unwrap_or(Outcome::Faulted);
+        self.settle(outcome);
         self.end_program(running, outcome, monotonic_ns());
         self.keeper.finish(&mut running.operator);
         Ok(self.probed_time_s)
@@ -275,6 +279,7 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
         {
             self.end_program(running, outcome, now_ns);
             if let Some(modes) = self.modes_left.take() {
+                self.settle(outcome);
                 self.clients
                     .adopt_modes(Some(modes).filter(|_| outcome == Outcome::Completed));
             }
@@ -334,6 +339,16 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
         }
     }
 
+    /// It is known how the last program has ended. One that was given up leaves the work system as it was: what was read of it, the
+    /// machine may never have come to.
+    fn settle(&mut self, outcome: Outcome) {
+        let before = self.system_before.take().filter(|_| outcome != Outcome::Completed);
+        match self.session.task {
+            Task::Once(..) | Task::StandBy => before.into_iter().for_each(|before| self.keeper.give_up(before)),
+            Task::Repeat(_) => {}
+        }
+    }
+
     /// Tells systemd how things are.
     fn notify_service(&self, service: &mut Service, operator: &Operator, now_ns: u64) {
         let live = operator.live();
@@ -363,6 +378,7 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
             config, task, tables, ..
         } = self.session;
         let tables = lock(tables).clone();
+        self.system_before = Some(tables.work_system());
         let (producer, consumer) = ring::channel(ring_capacity(config));
         let (answers, results) = waits::line();
         let (told, news) = mpsc::channel();

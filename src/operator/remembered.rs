@@ -28,8 +28,8 @@ fn unit_word(unit: LengthUnit) -> &'static str {
     }
 }
 
-/// G54 to G59.3 and G92: origins in machine coordinates, rotations, which one is in force.
-pub(super) fn offsets(tables: &Tables, config: &Config) -> Value {
+/// G54 to G59.3 and G92: origins in machine coordinates, rotations. `system`: the one in force, 1 for G54.
+pub(super) fn offsets(tables: &Tables, config: &Config, system: u8) -> Value {
     let settings = settings_with(config, tables, Position::ZERO);
     let axes = || config.axes.iter().map(|map| map.axis);
     let systems = settings.work_offsets.iter().zip(settings.work_rotations_degrees);
@@ -38,7 +38,7 @@ pub(super) fn offsets(tables: &Tables, config: &Config) -> Value {
         .map(|(number, (origin, degrees))| {
             json!({
                 "system": system_word(number),
-                "active": number == settings.work_system,
+                "active": number == system,
                 "origin": by_letter(origin, axes(), config.unit),
                 "rotation_degrees": degrees,
             })

@@ -69,6 +69,16 @@ impl<'scope, 'env> Keeper<'scope, 'env> {
         self.handed_in += u64::from(tables.has_files());
     }
 
+    /// What was handed in last is of a program that was given up: the work system in force is the one before it, for the program was
+    /// read ahead of the machine.
+    pub(super) fn give_up(&mut self, system_before: u8) {
+        let mut tables = lock(self.tables);
+        if tables.work_system() != system_before {
+            tables.set_work_system(system_before);
+            self.handed_in += u64::from(tables.has_files());
+        }
+    }
+
     /// All that is handed in and noted up to now.
     pub(super) fn mark(&self, operator: &Operator) -> Mark {
         Mark {

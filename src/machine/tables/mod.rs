@@ -28,6 +28,8 @@ const G92: std::ops::RangeInclusive<u16> = 5210..=5219;
 
 /// First parameter of the origin of G54; those of the other systems follow, 20 apart.
 const ORIGINS: u16 = 5221;
+/// The one in force.
+const WORK_SYSTEM: u16 = ORIGINS - 1;
 
 /// The rotation of a system, behind its origin.
 const ROTATION: u16 = 9;
@@ -181,9 +183,18 @@ impl Tables {
         self.parameter(ORIGINS + 20 * (u16::from(self.work_system()) - 1) + ROTATION)
     }
 
-    /// The work system in force, 1 for G54.
-    fn work_system(&self) -> u8 {
-        self.parameter(ORIGINS - 1).clamp(1.0, 9.0) as u8
+    /// The work system in force, 1 for G54 to 9 for G59.3.
+    pub fn work_system(&self) -> u8 {
+        self.parameter(WORK_SYSTEM).clamp(1.0, 9.0) as u8
+    }
+
+    /// Has another work system in force, 1 for G54 to 9 for G59.3.
+    pub fn set_work_system(&mut self, system: u8) {
+        let value = f64::from(system);
+        match self.parameters.binary_search_by_key(&WORK_SYSTEM, |entry| entry.0) {
+            Ok(at) => self.parameters[at].1 = value,
+            Err(at) => self.parameters.insert(at, (WORK_SYSTEM, value)),
+        }
     }
 
     /// The value of a parameter that is kept; 0 for others.
@@ -292,7 +303,7 @@ fn default_parameters(origins: &[Position; 9], unit: LengthUnit) -> Vec<(u16, f6
             parameters[at].1 = value;
         }
     };
-    set(ORIGINS - 1, 1.0);
+    set(WORK_SYSTEM, 1.0);
     for (first, origin) in (ORIGINS..).step_by(20).zip(origins) {
         for (number, axis) in (first..).zip(Axis::ALL) {
             let scale = if axis.is_rotary() { 1.0 } else { unit.mm() };

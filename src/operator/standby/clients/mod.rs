@@ -476,7 +476,11 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                 }
                 Order::MdiHistory => json!({ "lines": keeper.memory.now().mdi }),
                 Order::Journal(since) => remembered::journal(operator, since),
-                _ => remembered::offsets(&tables, self.config),
+                _ => {
+                    let executed = self.executed.as_ref().and_then(Executed::now);
+                    let system = executed.map_or(tables.work_system(), |modes| modes.work_system());
+                    remembered::offsets(&tables, self.config, system)
+                }
             }));
         };
         if moves(wish) && self.config.joints.is_empty() {
