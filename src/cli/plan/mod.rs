@@ -17,6 +17,7 @@ mod lines;
 mod page;
 mod picture;
 mod report;
+mod rests;
 mod run_down;
 mod script;
 mod slow_places;

@@ -2,6 +2,7 @@
 
 use super::joints::{NAMES, ORDERS, Peaks};
 use super::picture::recording::Numbers;
+use super::rests::Rests;
 use super::run_down::Work;
 use super::script::ScriptReport;
 use super::slow_places::FeedKept;
@@ -59,6 +60,8 @@ pub(super) struct Report {
     script: Option<ScriptReport>,
     #[serde(flatten)]
     feed: FeedKept,
+    /// Rests before moves at which something is done or waited for.
+    rests: Vec<Rests>,
     #[serde(flatten)]
     times: TimeTable,
     /// What the page shows in pictures.
@@ -269,6 +272,7 @@ impl Report {
             }),
             script: work.script.clone(),
             feed: work.feed.clone(),
+            rests: work.rests.clone(),
             times: work.times.clone(),
             picture: (work.recording.as_ref()).map(|recording| recording.numbers(&work.joints, work.cycle_s)),
         }
@@ -289,7 +293,7 @@ impl Report {
     }
 
     /// What [`Report::compared`] says behind the planner, one after the other.
-    pub(super) const COMPARED: [&'static str; 11] = [
+    pub(super) const COMPARED: [&'static str; 12] = [
         "motion time, s",
         "planned in, s",
         "real-time factor",
@@ -297,6 +301,7 @@ impl Report {
         "missed, mm",
         "at feed, %",
         "stops",
+        "rests",
         "velocity, %",
         "acceleration, %",
         "jerk, %",
@@ -304,7 +309,7 @@ impl Report {
     ];
 
     /// What is compared with other settings, each in a few characters; of limits, the joint that uses most.
-    pub(super) fn compared(&self) -> [String; 12] {
+    pub(super) fn compared(&self) -> [String; 13] {
         let most = |share: fn(&JointReport) -> f64| {
             let most = self.joints.iter().map(share).fold(0.0, f64::max);
             format!("{:.1}", most * 100.0)
@@ -320,6 +325,7 @@ impl Report {
             format!("{:.4}", self.missed_max_mm),
             format!("{:.1}", self.feed.at_feed_share * 100.0),
             self.feed.stops.to_string(),
+            self.rests.iter().map(|rests| rests.count).sum::<u64>().to_string(),
             most(|joint| joint.velocity_share),
             most(|joint| joint.acceleration_share),
             most(|joint| joint.jerk_share),
@@ -490,6 +496,10 @@ impl fmt::Display for Report {
             self.feed.at_feed_share * 100.0,
             self.feed.stops
         )?;
+        if !self.rests.is_empty() {
+            let told = self.rests.iter().map(Rests::to_string).collect::<Vec<_>>();
+            writeln!(f, "rests           {}", told.join(", "))?;
+        }
         let fed: f64 = self.feed.limited_by.iter().map(|by| by.time_s).sum();
         if !self.feed.limited_by.is_empty() {
             let told = self.feed.limited_by.iter().take(LIMITS_SHOWN).map(|by| {

@@ -8,6 +8,7 @@ use super::export;
 use super::ideal_spindle::IdealSpindle;
 use super::joints::{Joints, ORDERS};
 use super::picture::recording::Recording;
+use super::rests::{RestWatch, Rests};
 use super::script::{Manner, Operator, Script, ScriptReport};
 use super::slow_places::{FeedKept, FeedWatch, On};
 use super::times::{TimeTable, TimeWatch};
@@ -95,6 +96,7 @@ pub(super) struct Work {
     /// Greatest way of a tap behind its depth, mm.
     pub(super) over_run_mm: f64,
     pub(super) feed: FeedKept,
+    pub(super) rests: Vec<Rests>,
     pub(super) times: TimeTable,
     /// Everything planned, by the cycle-independent clock of the plan, s; where the spindle leads a move, as it was run down.
     pub(super) motion_time_s: f64,
@@ -382,6 +384,7 @@ pub(super) struct Judge {
     deviation: DeviationJudge,
     ahead: Ahead,
     feed: FeedWatch,
+    rests: RestWatch,
     times: TimeWatch,
     /// Share of the planned feed that goes by the spindle.
     turning: f64,
@@ -410,6 +413,7 @@ impl Judge {
             deviation: DeviationJudge::default(),
             ahead: Ahead::default(),
             feed: FeedWatch::new(cycle_s),
+            rests: RestWatch::default(),
             times: TimeWatch::new(text, tables, cycle_s),
             turning: 1.0,
             led: false,
@@ -458,6 +462,7 @@ impl Judge {
             .push(&sample.position, &sample.frame, (cycle.number, cycle.line), follows);
         let on = self.on(&cycle, sample, element, manner);
         self.feed.push(cycle, on, &self.joints);
+        self.rests.push(sample);
         self.times.push(&cycle, sample, manner);
         self.over_run_mm = self.over_run_mm.max(over_run_mm);
         let programmed = self.programmed_position(&sample.position, over_run_mm);
@@ -536,6 +541,7 @@ impl Judge {
             cycles,
             cycles_judged: self.judged,
             feed: self.feed.finish(&self.joints),
+            rests: self.rests.finish(),
             times: self.times.finish(),
             joints: self.joints,
             blocks: self.blocks,
