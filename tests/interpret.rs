@@ -1,5 +1,6 @@
 //! `isocnc interpret` as a user runs it: streams, options, exit codes, what errors look like.
 
+use serde_json::Value;
 use std::io::Write;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
@@ -433,4 +434,53 @@ error: X 212.000 mm in G55 (offset X 100.000) is machine 312.000, travel ends at
 4 | G0 Y5 X212 (far)
   |       ^^^^";
     assert!(text(&output.stderr).contains(expected), "{}", text(&output.stderr));
+}
+
+/// What people are told beside a plan, programs are told in it.
+#[test]
+fn plan_tells_doubts_and_warnings_in_json_as_in_words() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    write("m.toml", &(machine("") + "\n[tools]\ntable = \"m.tbl\"\n"));
+    write("m.tbl", "T1 P1 Z2 sharp drill\n");
+    write("part.ngc", "G21 G90 F600\nS1000\nG0 X5\nG1 X6\no<wait> call\nM2\n");
+    write("wait.ngc", "o<wait> sub\nG4 P5000\no<wait> endsub\n");
+    let plan = |more: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_isocnc"));
+        command.current_dir(folder.path()).args(["plan", "m.toml", "part.ngc"]);
+        let output = command.args(more).output().unwrap();
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        output
+    };
+    let said = plan(&[]);
+    let said: Vec<&str> = text(&said.stderr).lines().collect();
+    let output = plan(&["--json"]);
+    assert_eq!(text(&output.stderr), "");
+    let told: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let warnings = told["warnings"].as_array().unwrap().iter();
+    let mut words: Vec<String> = warnings
+        .map(|text| format!("warning: {}", text.as_str().unwrap()))
+        .collect();
+    assert_eq!(words.len(), 2, "{words:?}");
+    let doubts = told["doubts"].as_array().unwrap();
+    let place = |doubt: &Value| {
+        (
+            doubt["file"].as_str().unwrap().to_owned(),
+            doubt["line"].as_u64().unwrap(),
+        )
+    };
+    let places: Vec<(String, u64)> = doubts.iter().map(place).collect();
+    assert_eq!(places, [("part.ngc".to_owned(), 2), ("wait.ngc".to_owned(), 2)]);
+    words.extend(
+        doubts
+            .iter()
+            .zip(&places)
+            .map(|(doubt, (file, line))| format!("warning: {file}:{line}: {}", doubt["doubt"].as_str().unwrap())),
+    );
+    assert_eq!(said, words);
+    let doubt = doubts[0]["doubt"].as_str().unwrap();
+    assert_eq!(
+        doubt,
+        "S without M3 or M4: the spindle stands while the tool cuts in line 4"
+    );
 }

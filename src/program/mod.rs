@@ -27,7 +27,7 @@ use crate::machine::tables::Tables;
 use crate::rt::shared::RtStatus;
 pub use change::{Change, changed};
 pub use check::{Overview, ProgramErrors, check, check_text, error_json};
-pub use doubts::doubts;
+pub use doubts::{Doubt, doubts};
 use dry_run::DryRun;
 pub use from_line::{approach, preview};
 use gcode::{CheckLimits, PinReader};

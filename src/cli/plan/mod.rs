@@ -30,7 +30,7 @@ use crate::host::terminal::say;
 use crate::machine::tables::Tables;
 use crate::operator::refusal::Refusal;
 use crate::program::text::{Reader, Text};
-use crate::program::{FeedError, doubts, error_json, home};
+use crate::program::{Doubt, FeedError, doubts, error_json, home};
 use anyhow::{Context, anyhow};
 use clap::{Args, ValueEnum};
 use compare::{Compared, Comparison};
@@ -39,6 +39,7 @@ use motion::plan::PlannerKind;
 use report::Report;
 use run_down::{Wanted, Work};
 use script::{Script, ScriptError};
+use serde::Serialize;
 use serde_json::{Value as Json, json};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -148,9 +149,16 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
             .for_each(|warning| files::errln!("warning: {warning}"));
     }
     let report = Report::new(&config, &work);
+    let name = args.program.display().to_string();
+    let doubts = doubts(&config, &tables, (&name, text), home(&config), &Cancel::default());
     // What was found out first: a disk may be full.
     if args.json {
-        say(&format!("{}\n", serde_json::to_string_pretty(&report)?));
+        let told = Told {
+            report: &report,
+            warnings: tables.warnings(),
+            doubts: &doubts,
+        };
+        say(&format!("{}\n", serde_json::to_string_pretty(&told)?));
     } else {
         say(&report.to_string());
     }
@@ -167,10 +175,7 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
         if let Some((line, what)) = report.real_time_factor.warning() {
             files::errln!("{program}:{line}: warning: {what}");
         }
-        let name = program.to_string();
-        for doubt in doubts(&config, &tables, (&name, text), home(&config), &Cancel::default()) {
-            files::errln!("warning: {doubt}");
-        }
+        doubts.iter().for_each(|doubt| files::errln!("warning: {doubt}"));
     }
     let put = |file: &Path, text: String| files::write(file, text).with_context(|| file.display().to_string());
     for (file, lines) in [(&args.samples, work.samples.take()), (&args.path, work.path.take())] {
@@ -179,7 +184,6 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
         }
     }
     if let Some(file) = &args.smoothed {
-        let name = args.program.display().to_string();
         let feeds = std::mem::take(&mut work.feeds);
         let points = export::smoothed(&config, &tables, (&name, text), feeds);
         put(file, points.map_err(|error| anyhow!(error.located(&name)))?)?;
@@ -203,6 +207,7 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
             config: &config,
             work: &work,
             report: &report,
+            doubts: &doubts,
         };
         let html = page.html().with_context(|| args.program.display().to_string())?;
         put(file, html.unwrap_or_default())?;
@@ -212,6 +217,16 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
     } else {
         ExitCode::FAILURE
     })
+}
+
+/// The report for programs, and what people are told beside it.
+#[derive(Serialize)]
+struct Told<'a> {
+    #[serde(flatten)]
+    report: &'a Report,
+    /// What of the machine's tables counts for nothing.
+    warnings: Vec<String>,
+    doubts: &'a [Doubt],
 }
 
 /// The program planned with each setting, side by side: exit code 0 if it can be run with all of them.

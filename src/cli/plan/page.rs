@@ -9,6 +9,7 @@ use super::report::Report;
 use super::run_down::Work;
 use crate::config::Config;
 use crate::plot::sheet::escaped;
+use crate::program::Doubt;
 use crate::program::text::Reader;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -52,6 +53,7 @@ pub(super) struct Page<'a> {
     pub(super) config: &'a Config,
     pub(super) work: &'a Work,
     pub(super) report: &'a Report,
+    pub(super) doubts: &'a [Doubt],
 }
 
 impl Page<'_> {
@@ -82,6 +84,9 @@ impl Page<'_> {
         let warning = self.report.real_time_factor.warning();
         for (line, what) in wrong.iter().chain(&warning) {
             let _ = writeln!(html, "<p class=\"wrong\">{}: {}</p>", link(*line), escaped(what));
+        }
+        for doubt in self.doubts {
+            let _ = writeln!(html, "<p class=\"wrong\">{}</p>", escaped(&doubt.to_string()));
         }
         let _ = write!(
             html,
@@ -238,6 +243,9 @@ mod tests {
     use crate::cli::plan::run_down::{Wanted, run_down};
     use crate::config;
     use crate::machine::tables::Tables;
+    use crate::program::doubts;
+    use motion::cancel::Cancel;
+    use motion::canon::Position;
     use std::path::Path;
 
     fn page(text: &str) -> (String, String) {
@@ -256,6 +264,13 @@ mod tests {
             config: &config,
             work: &work,
             report: &report,
+            doubts: &doubts(
+                &config,
+                &tables,
+                ("p.ngc", text.into()),
+                Position::ZERO,
+                &Cancel::default(),
+            ),
         };
         (
             page.html().unwrap().unwrap(),
@@ -266,13 +281,15 @@ mod tests {
     #[test]
     fn a_page_shows_path_strips_places_times_and_lines_and_runs_nothing() {
         let (html, json) = page(
-            "G21 G90 G61\n(<script>alert 1</script> & \"face\")\nG1 X30 F3000\nY20 (</code><img src=x onerror=alert>)\nX0\nM2\n",
+            "G21 G90 G61 S500\n(<script>alert 1</script> & \"face\")\nG1 X30 F3000\nY20 (</code><img src=x onerror=alert>)\nX0\nM2\n",
         );
         assert!(
             !html.contains("<script") && !html.contains("<img") && !html.contains("src=\"http"),
             "{html}"
         );
         assert!(html.contains("&lt;script&gt;alert 1&lt;/script&gt; &amp; &quot;face&quot;"));
+        let doubt = "p.ngc:1: S without M3 or M4: the spindle stands while the tool cuts in line 3";
+        assert!(html.contains(&format!("<p class=\"wrong\">{doubt}</p>")), "{html}");
         assert_eq!(html.matches("<svg ").count(), 3);
         assert!(html.contains("default-src 'none'"));
         // Every line that something leads to is there.

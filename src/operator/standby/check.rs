@@ -8,7 +8,7 @@ use crate::host::capabilities;
 use crate::host::capabilities::Work;
 use crate::machine::tables::{Tables, lock};
 use crate::program::text::{Reader, Text};
-use crate::program::{Begin, Overview, approach, check, doubts, preview};
+use crate::program::{Begin, Doubt, Overview, approach, check, doubts, preview};
 use gcode::Modes;
 use motion::cancel::Cancel;
 use motion::canon::Position;
@@ -30,8 +30,8 @@ pub(in crate::operator) struct Part {
     pub(in crate::operator) text: Arc<Text>,
     pub(in crate::operator) begin: Begin,
     pub(in crate::operator) overview: Overview,
-    /// What is doubtful in a program that was just read, a line each.
-    pub(super) doubts: Vec<String>,
+    /// What is doubtful in a program that was just read.
+    pub(super) doubts: Vec<Doubt>,
     /// What it was checked with.
     tables: Tables,
     /// How often spindle and coolant had been switched off when it was checked.

@@ -12,7 +12,7 @@ use crate::operator::rehearsal::{Rehearsal, rehearse_with};
 use crate::operator::table_writer::Keeper;
 use crate::rt::timeout;
 use crate::sim::NetConfig;
-use serde_json::json;
+use serde_json::{Value, json};
 use std::path::Path;
 use std::sync::Mutex;
 
@@ -145,6 +145,40 @@ fn drives_can_be_switched_on_right_behind_an_acknowledge() {
                 if run.control.state() == state && run.operator.step() == Step::StandBy {
                     return std::mem::take(&mut answers);
                 }
+/// Whoever loads, starts or runs a program is told, and so is the journal; once each.
+#[test]
+fn doubts_about_a_program_are_in_the_answer_to_whoever_loads_it() {
+    while_standing_by(|run, mut clients, client| {
+        let answer = |run: &mut Rehearsal<'_>, clients: &mut Clients<'_, '_>, order: Order| {
+            client.put(1, order).unwrap();
+            loop {
+                serve_clients(run, clients);
+                if let Some((_, answer)) = client.answer() {
+                    return answer.unwrap();
+                }
+                std::thread::yield_now();
+            }
+        };
+        let load = |text: &str| {
+            Order::Load(Source::Text {
+                name: "part".into(),
+                text: text.into(),
+            })
+        };
+        assert_eq!(answer(run, &mut clients, load(PART))["warning"], Value::Null);
+        let loaded = answer(run, &mut clients, load("G21 G90 F600\nS1000\nG1 X5\nG4 P5000\nM2\n"));
+        let doubts = [
+            "part:2: S without M3 or M4: the spindle stands while the tool cuts in line 3",
+            "part:4: waits for 5000 s (83 min): P is seconds here, and milliseconds on some other controls",
+        ];
+        assert_eq!(loaded["warning"], doubts.join("\n"));
+        for doubt in doubts {
+            let told = run.operator.journal().iter().filter(|entry| entry.text.contains(doubt));
+            assert_eq!(told.count(), 1, "{doubt}");
+        }
+    });
+}
+
             }
             panic!("the machine is {:?}, not {state:?}", run.control.state());
         };

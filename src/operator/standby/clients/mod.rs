@@ -29,7 +29,7 @@ use crate::operator::remembered;
 use crate::operator::table_writer::{Keeper, Mark};
 use crate::program::text::{Reader, Text};
 use crate::program::tool_path::{record_octets, trace};
-use crate::program::{Begin, Overview, changed, home};
+use crate::program::{Begin, Doubt, Overview, changed, home};
 use crate::rt::shared::{Command, Snapshot};
 use crate::rt::waiting;
 use crate::rt::way_back::SLOW_MM;
@@ -935,7 +935,9 @@ fn not_kept(cause: &std::io::Error) -> RpcError {
 fn warnings(part: &Part) -> Vec<String> {
     let slow = part.overview.real_time.warning();
     let slow = slow.map(|(line, what)| format!("{}:{line}: {what}", part.name));
-    slow.into_iter().chain(part.doubts.iter().cloned()).collect()
+    slow.into_iter()
+        .chain(part.doubts.iter().map(Doubt::to_string))
+        .collect()
 }
 
 /// What is to be known of a program before it runs.
