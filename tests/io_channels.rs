@@ -1,4 +1,5 @@
-//! Channels of I/O nodes of the example machine, on virtual time: values in their units, what is sent, and what is wrong with an input.
+//! Channels of I/O nodes of the example machine, on virtual time: values in their units, what is sent, and what is wrong with an input;
+//! and machines with as many nodes as a bus can have.
 
 use hal_pins::{AnyValue, Input};
 use isocnc::config::{self, Config};
@@ -6,7 +7,9 @@ use isocnc::machine::state::State;
 use isocnc::operator::console::Operator;
 use isocnc::operator::rehearsal::{Rehearsal, rehearse_with};
 use isocnc::sim::NetConfig;
+use serde_json::Value;
 use std::path::Path;
+use std::process::{Command, Output};
 
 const MACHINE: &str = include_str!("../configs/io-only.toml");
 
@@ -220,4 +223,173 @@ fn check_names_the_channels_of_each_object() {
     ] {
         assert!(text.contains(expected), "{expected}: {text}");
     }
+}
+
+/// What `isocnc check` says of a machine file: good, with room for its pins and the memory of it, in words as in JSON. Gives the room.
+fn checked(file: &Path, nodes: usize) -> usize {
+    let check = |more: &[&str]| -> Output {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_isocnc"));
+        let output = command.arg("check").arg(file).args(more).output().unwrap();
+        let said = [&output.stdout, &output.stderr].map(|octets| String::from_utf8_lossy(octets).into_owned());
+        assert!(output.status.success(), "{said:?}");
+        output
+    };
+    let json: Value = serde_json::from_slice(&check(&["--json"]).stdout).unwrap();
+    assert_eq!(json["nodes"].as_array().unwrap().len(), nodes);
+    let [room, octets] = ["room", "memory_octets"].map(|key| json["pins"][key].as_u64().unwrap());
+    // A pin has a name of its own and a value: tens of octets, and not a kilobyte.
+    assert!(
+        (64 * room..1024 * room).contains(&octets),
+        "{room} pins in {octets} octets"
+    );
+    let told = format!(
+        "pins      room for {room}: {:.1} MiB of memory that is locked\n",
+        octets as f64 / f64::from(1 << 20)
+    );
+    let text = String::from_utf8(check(&[]).stdout).unwrap();
+    assert!(text.contains(&told), "{told} in {text}");
+    room as usize
+}
+
+/// The machine of a file in stand-by, all nodes operational, and some hundred cycles later still.
+fn running(file: &Path, act: impl FnOnce(&mut Rehearsal<'_>) + Send) {
+    let text = std::fs::read_to_string(file).unwrap();
+    let config = config::parse(&text, file).unwrap_or_else(|errors| panic!("{errors}"));
+    let all = |run: &mut Rehearsal<'_>| {
+        let machine = run.net().machine();
+        let led = config
+            .bus
+            .nodes
+            .iter()
+            .filter(|node| machine.is_operational(node.id) == Some(true));
+        led.count() == config.bus.nodes.len()
+    };
+    // A network for all ids is made on the stack before it comes to the heap.
+    std::thread::scope(|scope| {
+        let thread = std::thread::Builder::new().stack_size(64 << 20);
+        let run = || {
+            standing_by(&config, |run| {
+                cycles(run, 200);
+                assert!(
+                    all(run) && run.control.state() == State::Disabled,
+                    "{:#?}",
+                    run.operator.journal()
+                );
+                act(run);
+                assert!(
+                    all(run) && run.control.state() == State::Disabled,
+                    "{:#?}",
+                    run.operator.journal()
+                );
+            });
+        };
+        thread.spawn_scoped(scope, run).unwrap().join().unwrap();
+    });
+}
+
+#[test]
+fn as_many_io_nodes_as_a_network_can_have_run() {
+    const NODES: usize = 239;
+    let mut text =
+        "schema = 1\n[machine]\nname = \"many\"\nkinematics = \"none\"\ncycle_us = 10000\n[bus]\nkind = \"memory\"\n"
+            .to_owned();
+    for id in 1..=NODES {
+        text += &format!(
+            "[[bus.node]]\nid = {id}\nname = \"n{id}\"\nprofile = \"io\"\npres_timeout_us = 30\n\
+             inputs = [\"0x6000:1/8\", \"0x6000:2/8\"]\noutputs = [\"0x6200:1/8\", \"0x6200:2/8\"]\n\
+             [[bus.node.channel]]\nname = \"door\"\nobject = \"0x6000:2\"\nbit = 2\n"
+        );
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("many.toml");
+    std::fs::write(&file, text).unwrap();
+    let room = checked(&file, NODES);
+    running(&file, |run| {
+        let pins = run.hal.list().len();
+        assert!((NODES * 32..=room).contains(&pins), "{pins} pins, room for {room}");
+        let last = NODES as u8;
+        let doors = |run: &Rehearsal<'_>| {
+            let closed = (1..=last).filter(|id| bit(run, &format!("io.{id}.door")));
+            closed.collect::<Vec<u8>>()
+        };
+        let lit = |run: &mut Rehearsal<'_>| {
+            let machine = run.net().machine();
+            let outputs = (1..=last).map(|id| (id, machine.outputs(id).unwrap()));
+            outputs.filter(|(_, outputs)| *outputs != [0, 0]).collect::<Vec<_>>()
+        };
+        assert_eq!((doors(run), lit(run)), (vec![], vec![]));
+        run.net().machine_mut().set_inputs(last, 0b100);
+        run.hal.set(&format!("io.{last}.out-09"), true).unwrap();
+        cycles(run, 3);
+        assert_eq!((doors(run), lit(run)), (vec![last], vec![(last, [0, 0b10])]));
+        assert!(bit(run, &format!("io.{last}.in-10")));
+    });
+}
+
+/// A coupler with eight slots, and what may stand there.
+const STATION: &str = r##"<?xml version="1.0"?>
+<EtherCATInfo><Vendor><Id>#xFACE</Id></Vendor><Descriptions>
+  <Devices><Device><Type ProductCode="#x1000" RevisionNo="#x1">STATION</Type>
+    <Sm>MBoxOut</Sm><Sm>MBoxIn</Sm><Sm>Outputs</Sm><Sm>Inputs</Sm>
+    <Mailbox><CoE PdoAssign="1"/></Mailbox>
+    <Slots SlotPdoIncrement="1" SlotIndexIncrement="#x10" DownloadModuleIdentList="1">
+      <Slot MinInstances="0" MaxInstances="8"><Name>Any</Name><ModuleIdent>#x20</ModuleIdent><ModuleIdent>#x21</ModuleIdent><ModuleIdent>#x22</ModuleIdent><ModuleIdent>#x23</ModuleIdent></Slot>
+    </Slots>
+  </Device></Devices>
+  <Modules>
+    <Module><Type ModuleIdent="#x20">DI8</Type><TxPdo Fixed="1" Sm="3"><Index DependOnSlot="1">#x1A00</Index>
+      <Entry><Index DependOnSlot="1">#x6000</Index><SubIndex>1</SubIndex><BitLen>8</BitLen></Entry></TxPdo></Module>
+    <Module><Type ModuleIdent="#x21">DO8</Type><RxPdo Fixed="1" Sm="2"><Index DependOnSlot="1">#x1600</Index>
+      <Entry><Index DependOnSlot="1">#x7000</Index><SubIndex>1</SubIndex><BitLen>8</BitLen></Entry></RxPdo></Module>
+    <Module><Type ModuleIdent="#x22">AI1</Type><TxPdo Fixed="1" Sm="3"><Index DependOnSlot="1">#x1A00</Index>
+      <Entry><Index DependOnSlot="1">#x6000</Index><SubIndex>1</SubIndex><BitLen>16</BitLen></Entry></TxPdo></Module>
+    <Module><Type ModuleIdent="#x23">AO1</Type><RxPdo Fixed="1" Sm="2"><Index DependOnSlot="1">#x1600</Index>
+      <Entry><Index DependOnSlot="1">#x7000</Index><SubIndex>1</SubIndex><BitLen>16</BitLen></Entry></RxPdo></Module>
+  </Modules>
+</Descriptions></EtherCATInfo>"##;
+
+/// At each station a wire leads from the last output module to the last input module, and from the analog output to the analog input.
+#[test]
+fn sixty_four_stations_of_eight_modules_run() {
+    const STATIONS: usize = 64;
+    let mut text = "schema = 1\n[machine]\nname = \"stations\"\nkinematics = \"none\"\ncycle_us = 1000\n[bus]\nkind = \"ethercat-memory\"\n".to_owned();
+    for id in 1..=STATIONS {
+        text += &format!(
+            "[[bus.node]]\nid = {id}\nname = \"station-{id}\"\nprofile = \"io\"\ndevice_file = \"station.xml\"\n\
+             modules = [\"DO8\", \"DI8\", \"DO8\", \"DI8\", \"AO1\", \"AI1\", \"DO8\", \"DI8\"]\n\
+             [[bus.node.channel]]\nname = \"valve\"\nobject = \"0x7060:1\"\nbit = 5\n\
+             [[bus.node.channel]]\nname = \"valve-open\"\nobject = \"0x6070:1\"\nbit = 5\n\
+             [[bus.node.channel]]\nname = \"speed\"\nobject = \"0x7040:1\"\ntype = \"analog\"\nscale = 0.5\nsigned = true\n\
+             [[bus.node.channel]]\nname = \"measured\"\nobject = \"0x6050:1\"\ntype = \"analog\"\nscale = 0.25\nsigned = true\n\
+             [[sim.signal]]\nnode = {id}\nobject = \"0x6070:1\"\nfrom = \"0x7060:1\"\n\
+             [[sim.signal]]\nnode = {id}\nobject = \"0x6050:1\"\nfrom = \"0x7040:1\"\n"
+        );
+    }
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("station.xml"), STATION).unwrap();
+    let file = folder.path().join("stations.toml");
+    std::fs::write(&file, text).unwrap();
+    let room = checked(&file, STATIONS);
+    running(&file, |run| {
+        let pins = run.hal.list().len();
+        assert!((STATIONS * 52..=room).contains(&pins), "{pins} pins, room for {room}");
+        let seen = |run: &Rehearsal<'_>| {
+            let station = |id: &usize| {
+                let (open, measured) = (
+                    bit(run, &format!("io.{id}.valve-open")),
+                    float(run, &format!("io.{id}.measured")),
+                );
+                (open, measured) != (false, 0.0)
+            };
+            (1..=STATIONS).filter(station).collect::<Vec<_>>()
+        };
+        assert_eq!(seen(run), [0; 0]);
+        run.hal.set(&format!("io.{STATIONS}.valve"), true).unwrap();
+        run.hal.set(&format!("io.{STATIONS}.speed"), -600.0).unwrap();
+        cycles(run, 5);
+        assert_eq!(seen(run), [STATIONS]);
+        // Raw -1200 at the output as at the input.
+        assert!(bit(run, &format!("io.{STATIONS}.valve-open")));
+        assert_eq!(float(run, &format!("io.{STATIONS}.measured")), -300.0);
+    });
 }

@@ -18,7 +18,7 @@ use crate::rt::logic::budget::{self, Budget};
 use crate::rt::pins::{Pins, PinsError, capacity};
 use crate::rt::steps::StepDrives;
 use anyhow::{Context, ensure};
-use hal_pins::Hal;
+use hal_pins::{Hal, file_len};
 use serde_json::{Value as Json, json};
 use std::fmt::{self, Write as _};
 use std::io::{ErrorKind, Write as _};
@@ -165,7 +165,7 @@ impl fmt::Display for Summary<'_> {
         };
         writeln!(f, "bus       {interface}")?;
         let room = capacity(config);
-        let mib = hal_pins::file_len(room) as f64 / f64::from(1 << 20);
+        let mib = file_len(room) as f64 / f64::from(1 << 20);
         writeln!(f, "pins      room for {room}: {mib:.1} MiB of memory that is locked")?;
         if config.bus.kind != BusKind::None {
             write_budget(f, config, plans)?;
@@ -335,6 +335,7 @@ fn to_json(config: &Config, plans: &[NodePlan]) -> Json {
         "interface": config.bus.interface,
         "cycle_us": config.cycle_us,
         "async_slot_timeout_us": config.bus.async_slot_timeout_us,
+        "pins": { "room": capacity(config), "memory_octets": file_len(capacity(config)) },
         "budget": budget_json(config, plans),
         "nodes": nodes.collect::<Vec<_>>(),
         "joints": joints.collect::<Vec<_>>(),

@@ -15,6 +15,7 @@ use crate::host::setup::{Process, Role, STACK_SIZE, enter_thread};
 use crate::host::signals::StopOnDrop;
 use ::powerlink::link::raw::{RawConfig, RawLink};
 use ::powerlink::link::{Link, memory};
+use ::powerlink::mn::MnConfig;
 use ::powerlink::wire::NetTime;
 use anyhow::anyhow;
 use std::sync::Arc;
@@ -80,15 +81,16 @@ fn with_link<L: Link + Send, T>(
     }
 }
 
-/// Most nodes of a machine on virtual time. A managing node for all ids is too large for the stack of a test thread.
+/// Nodes for which there is room on virtual time; where there are more, for all that a bus can have.
 const VIRTUAL_NODES: usize = 32;
-/// Most frames of a cycle of EtherCAT there.
+/// Frames of a cycle of EtherCAT there.
 const VIRTUAL_FRAMES: usize = 4;
 
 /// POWERLINK on virtual time.
-pub type VirtualPowerlink<'a> = Powerlink<'a, VirtualNet, VIRTUAL_NODES>;
+pub type VirtualPowerlink<'a, const NODES: usize = VIRTUAL_NODES> = Powerlink<'a, VirtualNet, NODES>;
 /// EtherCAT on virtual time.
-pub type VirtualEthercat<'a> = Ethercat<'a, VirtualNet, VIRTUAL_NODES, VIRTUAL_FRAMES>;
+pub type VirtualEthercat<'a, const NODES: usize = VIRTUAL_NODES, const FRAMES: usize = VIRTUAL_FRAMES> =
+    Ethercat<'a, VirtualNet, NODES, FRAMES>;
 /// Any bus on virtual time.
 pub type VirtualBus<'a> = Box<dyn VirtualWire + 'a>;
 
@@ -104,19 +106,19 @@ pub trait VirtualWire: CyclicBus {
     fn net(&mut self) -> &mut VirtualNet;
 }
 
-impl VirtualWire for VirtualPowerlink<'_> {
+impl<const NODES: usize> VirtualWire for VirtualPowerlink<'_, NODES> {
     fn net(&mut self) -> &mut VirtualNet {
         self.link_mut()
     }
 }
 
-impl VirtualWire for VirtualEthercat<'_> {
+impl<const NODES: usize, const FRAMES: usize> VirtualWire for VirtualEthercat<'_, NODES, FRAMES> {
     fn net(&mut self) -> &mut VirtualNet {
         self.link_mut()
     }
 }
 
-impl VirtualTime for VirtualPowerlink<'_> {
+impl<const NODES: usize> VirtualTime for VirtualPowerlink<'_, NODES> {
     fn advance(&mut self, ns: u64) {
         self.net().advance(ns);
     }
@@ -145,14 +147,42 @@ pub fn with_virtual<T>(
         let tables = setup::tables(config, &plans);
         let devices = setup::devices(config, &plans, &tables);
         let network = setup::network(config, &devices);
-        let bus: VirtualEthercat<'_> = ethercat::open::new(config, &network, link, MEMORY_MAC, watch)?;
-        return run(Box::new(bus));
+        return run(match devices.len() {
+            0..=VIRTUAL_NODES => virtual_ethercat::<VIRTUAL_NODES, VIRTUAL_FRAMES>(config, &network, link, watch)?,
+            _ => virtual_ethercat::<{ setup::DEVICES_MAX }, { setup::FRAMES_MAX }>(config, &network, link, watch)?,
+        });
     }
     let nodes = node_configs(&config.bus, &plans);
     let network = mn_config(config, &nodes, MEMORY_MAC);
-    let bus: VirtualPowerlink<'_> =
-        Powerlink::new(network, link, watch, NetTime::default).map_err(|error| anyhow!("{error}"))?;
-    run(Box::new(bus))
+    run(match nodes.len() {
+        0..=VIRTUAL_NODES => virtual_powerlink::<VIRTUAL_NODES>(network, link, watch)?,
+        _ => virtual_powerlink::<{ powerlink::NODES_MAX }>(network, link, watch)?,
+    })
+}
+
+/// On the heap, so that it is not in the frame of the caller, whatever there is room for.
+#[inline(never)]
+fn virtual_powerlink<'a, const NODES: usize>(
+    network: MnConfig<'a>,
+    link: VirtualNet,
+    watch: Arc<Watch>,
+) -> anyhow::Result<VirtualBus<'a>> {
+    match VirtualPowerlink::<NODES>::new(network, link, watch, NetTime::default) {
+        Ok(bus) => Ok(Box::new(bus)),
+        Err(error) => Err(anyhow!("{error}")),
+    }
+}
+
+/// As [`virtual_powerlink`].
+#[inline(never)]
+fn virtual_ethercat<'a, const NODES: usize, const FRAMES: usize>(
+    config: &Config,
+    network: &'a ::ethercat::main::config::Config<'a>,
+    link: VirtualNet,
+    watch: Arc<Watch>,
+) -> anyhow::Result<VirtualBus<'a>> {
+    let bus: VirtualEthercat<'a, NODES, FRAMES> = ethercat::open::new(config, network, link, MEMORY_MAC, watch)?;
+    Ok(Box::new(bus))
 }
 
 /// The far end of a wire: an interface on which the machine of a machine file answers.
