@@ -13,9 +13,28 @@ use motion::rt::homing::HomingFailure;
 use motion::rt::{Order, SyncFault};
 use std::fmt;
 
-/// What every command says of a control whose cycle thread hung.
-pub const SILENCED: &str = "the network is silenced, because the cycle thread hung: drives stop by themselves for want of frames; \
-                            this control ends and has to be restarted";
+/// What every command says of a control whose cycle thread hung, where it does not know what leads the machine.
+pub const SILENCED: &str = "the control is silenced, because its cycle thread hung: nothing leads the machine any more, which stops by \
+                            itself; this control ends and has to be restarted";
+
+/// The same, by what the machine has: a network, joints with step pulses.
+pub const fn silenced(network: bool, steps: bool) -> &'static str {
+    match (network, steps) {
+        (true, false) => {
+            "the network is silenced, because the cycle thread hung: drives stop by themselves for want of frames; this control ends \
+             and has to be restarted"
+        }
+        (false, true) => {
+            "step pulses have ended, because the cycle thread hung: motors stand where the last cycle led them; this control ends and \
+             has to be restarted"
+        }
+        (true, true) => {
+            "network and step pulses are silenced, because the cycle thread hung: drives stop by themselves for want of frames; motors \
+             stand where the last cycle led them; this control ends and has to be restarted"
+        }
+        (false, false) => SILENCED,
+    }
+}
 
 /// Why the spindle is not at the angle of M19.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -611,7 +630,7 @@ impl Fault {
                 "{cycles} of the last {CYCLES} cycles were left out, more than rt.overruns_stop bears: `isocnc doctor` says what \
                  keeps this PC from real time"
             ),
-            Fault::CycleHung => SILENCED.into(),
+            Fault::CycleHung => silenced(true, false).into(),
             Fault::PinsLost => {
                 "the file of the pins was cut short by another process: pins are lost; end this control and start it again".into()
             }

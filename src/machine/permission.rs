@@ -216,6 +216,8 @@ pub struct Condition {
     pub stands_by: bool,
     /// Whether the machine can move.
     pub power: Power,
+    /// The machine has a network, which starts before it can.
+    pub network: bool,
     /// All joints know where they are.
     pub homed: bool,
     /// A limit switch is closed.
@@ -377,7 +379,8 @@ fn needs(condition: &Condition, or_off: bool) -> Result<(), Refusal> {
         Power::Off if or_off => return Ok(()),
         Power::Off => ("drives are off", "isocnc on"),
         Power::Switching => ("drives are being switched", "wait until that is over"),
-        Power::Starting => ("the network is not operational yet", "isocnc bus state"),
+        Power::Starting if condition.network => ("the network is not operational yet", "isocnc bus state"),
+        Power::Starting => ("the machine is still starting", "wait until that is over"),
         Power::EstopOpen => (
             "emergency stop, and the chain is open",
             "release the button that opened it, then isocnc estop reset",
@@ -439,6 +442,7 @@ mod tests {
                 Activity::ALL.into_iter().map(move |activity| Condition {
                     stands_by,
                     power,
+                    network: true,
                     homed,
                     on_limit,
                     activity,
@@ -497,10 +501,24 @@ mod tests {
     }
 
     #[test]
+    fn nobody_is_sent_to_a_network_that_is_not_there() {
+        for condition in conditions().map(|condition| Condition {
+            network: false,
+            ..condition
+        }) {
+            for refusal in Wish::ALL.into_iter().filter_map(|wish| permit(wish, &condition).err()) {
+                let said = refusal.to_string();
+                assert!(!said.contains("network") && !said.contains("isocnc bus"), "{said}");
+            }
+        }
+    }
+
+    #[test]
     fn whoever_follows_the_next_step_gets_on() {
         let mut condition = Condition {
             stands_by: true,
             power: Power::EstopOpen,
+            network: true,
             homed: false,
             on_limit: false,
             activity: Activity::Idle,

@@ -182,7 +182,7 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
                 // It cannot be joined either: the end of the process is what is left.
                 let _ = writeln!(
                     files::printed::stderr(),
-                    "isocnc: the cycle thread has stopped; the drives stop for want of frames: {}",
+                    "isocnc: the cycle thread has stopped; nothing leads the machine any more, which stops by itself: {}",
                     self.stalls.evidence(now_ns)
                 );
                 std::process::exit(i32::from(EXIT_RESTART));

@@ -442,9 +442,9 @@ fn run_on(
         if running.operator.needs_restart() {
             end_with_thread(&cycle, &running.operator);
         }
-        let figures = cycle
-            .join()
-            .map_err(|_| anyhow!("the cycle thread panicked; the drives stop for want of frames"));
+        let figures = cycle.join().map_err(|_| {
+            anyhow!("the cycle thread panicked; nothing leads the machine any more, which stops by itself")
+        });
         drop(timeouts);
         Ok((figures?, probed_time_s?))
     })?;

@@ -3,7 +3,7 @@
 use super::faults::{FAULTS, OF_DRIVES, OF_HOMING, OF_LINKS, OF_SPINDLES, examples, words};
 use super::source::{Variant, covers, variants};
 use super::{check, code, head, row};
-use isocnc::machine::faults::{Fault, Reaction, UNWATCHED_CODE};
+use isocnc::machine::faults::{Fault, Reaction, UNWATCHED_CODE, silenced};
 use isocnc::operator::console::UNWATCHED;
 
 /// What the comment of the variant says that a value has.
@@ -46,7 +46,16 @@ fn the_alarms() {
             );
             let name = format!("{fault:?}");
             let name = code(name.split(' ').next().unwrap_or_default());
-            text += &row(&[fault.code(), &said, &cause, &name, words(fault.reaction())]);
+            // By what the machine has.
+            let said = match fault {
+                Fault::CycleHung => [(true, false), (false, true), (true, true)]
+                    .map(|(network, steps)| silenced(network, steps).to_owned())
+                    .to_vec(),
+                _ => vec![said],
+            };
+            for said in said {
+                text += &row(&[fault.code(), &said, &cause, &name, words(fault.reaction())]);
+            }
         }
         let hung = "The time-out thread does not look any more.";
         text + &row(&[

@@ -17,6 +17,7 @@ fn the_states() {
         let idle = Condition {
             stands_by: true,
             power: Power::On,
+            network: true,
             homed: true,
             on_limit: false,
             activity: Activity::Idle,

@@ -9,7 +9,7 @@ use std::process::ExitCode;
 
 /// Shows how a control is.
 ///
-/// Exit code 1: its network is silenced, and it ends.
+/// Exit code 1: it is silenced, and ends.
 ///
 /// # Errors
 /// No control answers.

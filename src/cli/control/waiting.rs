@@ -204,7 +204,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn whoever_waits_hears_that_the_network_is_silenced() {
+    fn whoever_waits_hears_that_the_control_is_silenced() {
         for order in [Lasting::On, Lasting::Home, Lasting::Stop, Lasting::Program] {
             let ended = end_of(order, &json!({ "step": "program", "state": "silenced" }));
             let said = ended.expect("an end").expect_err("no success");

@@ -11,7 +11,7 @@ use super::journal_keeper::Kept;
 use super::recorder::Recorder;
 use crate::bus::{self, BusEvent, BusState};
 use crate::config::{BusKind, Config, Identity};
-use crate::machine::faults::{Fault, PROGRAM_CODE, Reaction, SILENCED, UNWATCHED_CODE};
+use crate::machine::faults::{Fault, PROGRAM_CODE, Reaction, UNWATCHED_CODE, silenced};
 use crate::machine::journal::{Acknowledged, AlarmRecord, Entry, Kind, ProgramRecord, acknowledge};
 use crate::machine::modules::Modules;
 use crate::machine::sequence::{Job, Outcome, Sequence, Step};
@@ -126,6 +126,8 @@ pub struct Operator {
     external_names: Vec<String>,
     /// There is a bus; else nothing is said of a network.
     has_network: bool,
+    /// What it says where the cycle thread hung.
+    silenced: &'static str,
     nodes_up: usize,
     operational_s: Option<f64>,
     journal: Vec<Entry>,
@@ -195,6 +197,7 @@ impl Operator {
             joint_drives: config.joints.iter().map(|joint| config.drive_name(joint)).collect(),
             external_names: config.external.iter().map(|of| of.name.clone()).collect(),
             has_network: config.bus.kind != BusKind::None,
+            silenced: silenced(config.bus.kind != BusKind::None, config.steps.is_some()),
             nodes_up: 0,
             operational_s: None,
             journal: Vec::new(),
@@ -548,7 +551,7 @@ impl Operator {
                 let hung_ms = overdue_ns as f64 * 1e-6;
                 self.enter_silenced(
                     cycle,
-                    format!("{SILENCED}. It hung for {hung_ms:.1} ms: {}", evidence()),
+                    format!("{}. It hung for {hung_ms:.1} ms: {}", self.silenced, evidence()),
                 );
             }
         }
@@ -696,6 +699,11 @@ impl Operator {
     /// Whether a program is under way, or what leads to one.
     pub fn has_program(&self) -> bool {
         self.sequence.has_program()
+    }
+
+    /// What a control of this machine says whose cycle thread hung.
+    pub fn silenced(&self) -> &'static str {
+        self.silenced
     }
 
     /// First cause since the last acknowledge.

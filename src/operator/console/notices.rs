@@ -34,7 +34,7 @@ impl Operator {
                 ..
             } => {
                 if !self.needs_restart {
-                    self.enter_silenced(cycle, SILENCED.into());
+                    self.enter_silenced(cycle, self.silenced.into());
                 }
             }
             Notice::Fault { fault, first } => {

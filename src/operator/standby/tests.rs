@@ -1,7 +1,7 @@
 use super::clients::{Checking, Clients};
 use crate::api::orders::{Jogged, Order, OrderClient, Source, order_channel};
 use crate::config;
-use crate::machine::faults::SILENCED;
+use crate::machine::faults::silenced;
 use crate::machine::sequence::{Job, Outcome, Step};
 use crate::machine::state::State;
 use crate::machine::state_file::{Parts, Remembered};
@@ -34,7 +34,11 @@ fn endless() -> Source {
 
 /// Clients of a machine that stands by, its drives off.
 fn while_standing_by(act: impl FnOnce(&mut Rehearsal<'_>, Clients<'_, '_>, &OrderClient)) {
-    let machine = include_str!("../../../configs/mill3-demo.toml");
+    while_one_stands_by(include_str!("../../../configs/mill3-demo.toml"), act);
+}
+
+/// The same of the machine of this file.
+fn while_one_stands_by(machine: &str, act: impl FnOnce(&mut Rehearsal<'_>, Clients<'_, '_>, &OrderClient)) {
     let config = config::parse(machine, Path::new("demo.toml")).unwrap();
     let tables = Mutex::new(Tables::read(&config).unwrap());
     let net = NetConfig::clean(1);
@@ -57,38 +61,48 @@ fn serve_clients(run: &mut Rehearsal<'_>, clients: &mut Clients<'_, '_>) {
 
 #[test]
 fn a_silenced_machine_refuses_every_order_with_the_cause_and_ends() {
-    while_standing_by(|run, mut clients, client| {
-        let now_ns = run.now_ns();
-        let report = timeout::Report {
-            at_ns: now_ns,
-            event: timeout::Event::CycleHung {
-                cycle: 3,
-                overdue_ns: 5_050_000,
-            },
-        };
-        run.operator.hear(&report, || "it ran 5.0 ms".into());
-        for order in [Order::Acknowledge, Order::On, Order::Stop, run_order()] {
-            client.put(1, order).unwrap();
-            serve_clients(run, &mut clients);
-            let (_, answer) = client.answer().expect("an answer at once");
-            assert_eq!(answer.unwrap_err().message, SILENCED);
-        }
-        // The thread that hung takes no order and shows nothing.
-        assert_eq!(run.operator.outcome(), None);
-        run.operator.poll(now_ns);
-        assert_eq!(run.operator.outcome(), Some(Outcome::Faulted));
-        assert!(run.operator.needs_restart());
-        let [alarm] = run.operator.alarms() else {
-            panic!("{:?}", run.operator.alarms());
-        };
-        assert_eq!(alarm.cause, format!("{SILENCED}. It hung for 5.0 ms: it ran 5.0 ms"));
-        // Nor does it say so a second time where it comes back.
-        run.control.inhibit_soc();
-        run.cycle(0).unwrap();
-        let now_ns = run.now_ns();
-        run.operator.poll(now_ns);
-        assert_eq!((run.control.state(), run.operator.alarms().len()), (State::Silenced, 1));
-    });
+    let mill = include_str!("../../../configs/mill3-demo.toml");
+    // Its motors have step pulses, and no frames.
+    let plotter = include_str!("../../../configs/plotter2-steps.toml");
+    for (machine, said) in [(mill, silenced(true, false)), (plotter, silenced(false, true))] {
+        assert_eq!(
+            said.contains("network") || said.contains("frames"),
+            machine == mill,
+            "{said}"
+        );
+        while_one_stands_by(machine, |run, mut clients, client| {
+            let now_ns = run.now_ns();
+            let report = timeout::Report {
+                at_ns: now_ns,
+                event: timeout::Event::CycleHung {
+                    cycle: 3,
+                    overdue_ns: 5_050_000,
+                },
+            };
+            run.operator.hear(&report, || "it ran 5.0 ms".into());
+            for order in [Order::Acknowledge, Order::On, Order::Stop, run_order()] {
+                client.put(1, order).unwrap();
+                serve_clients(run, &mut clients);
+                let (_, answer) = client.answer().expect("an answer at once");
+                assert_eq!(answer.unwrap_err().message, said);
+            }
+            // The thread that hung takes no order and shows nothing.
+            assert_eq!(run.operator.outcome(), None);
+            run.operator.poll(now_ns);
+            assert_eq!(run.operator.outcome(), Some(Outcome::Faulted));
+            assert!(run.operator.needs_restart());
+            let [alarm] = run.operator.alarms() else {
+                panic!("{:?}", run.operator.alarms());
+            };
+            assert_eq!(alarm.cause, format!("{said}. It hung for 5.0 ms: it ran 5.0 ms"));
+            // Nor does it say so a second time where it comes back.
+            run.control.inhibit_soc();
+            run.cycle(0).unwrap();
+            let now_ns = run.now_ns();
+            run.operator.poll(now_ns);
+            assert_eq!((run.control.state(), run.operator.alarms().len()), (State::Silenced, 1));
+        });
+    }
 }
 
 #[test]
@@ -131,20 +145,6 @@ fn a_program_that_is_stopped_or_forsaken_during_its_check_never_begins() {
     });
 }
 
-/// Drives go off behind an acknowledge, within some cycles: whoever orders them on at once need not know.
-#[test]
-fn drives_can_be_switched_on_right_behind_an_acknowledge() {
-    while_standing_by(|run, mut clients, client| {
-        let switch = |run: &Rehearsal<'_>, closed: bool| run.hal.set("joint.0.pos-lim-sw-in", closed).unwrap();
-        let mut answers = Vec::new();
-        let mut until = |run: &mut Rehearsal<'_>, state: State| {
-            for _ in 0..5000 {
-                serve_clients(run, &mut clients);
-                answers.extend(client.answer());
-                run.cycle(0).unwrap();
-                if run.control.state() == state && run.operator.step() == Step::StandBy {
-                    return std::mem::take(&mut answers);
-                }
 /// Whoever loads, starts or runs a program is told, and so is the journal; once each.
 #[test]
 fn doubts_about_a_program_are_in_the_answer_to_whoever_loads_it() {
@@ -179,6 +179,20 @@ fn doubts_about_a_program_are_in_the_answer_to_whoever_loads_it() {
     });
 }
 
+/// Drives go off behind an acknowledge, within some cycles: whoever orders them on at once need not know.
+#[test]
+fn drives_can_be_switched_on_right_behind_an_acknowledge() {
+    while_standing_by(|run, mut clients, client| {
+        let switch = |run: &Rehearsal<'_>, closed: bool| run.hal.set("joint.0.pos-lim-sw-in", closed).unwrap();
+        let mut answers = Vec::new();
+        let mut until = |run: &mut Rehearsal<'_>, state: State| {
+            for _ in 0..5000 {
+                serve_clients(run, &mut clients);
+                answers.extend(client.answer());
+                run.cycle(0).unwrap();
+                if run.control.state() == state && run.operator.step() == Step::StandBy {
+                    return std::mem::take(&mut answers);
+                }
             }
             panic!("the machine is {:?}, not {state:?}", run.control.state());
         };

@@ -9,9 +9,9 @@ use crate::api::client::{Client, ClientError};
 use crate::api::network_view::{MappedView, NetworkView, NodeView};
 use crate::bus;
 use crate::bus::service::BudgetView;
-use crate::config;
+use crate::config::{self, BusKind};
 use crate::host::terminal::table;
-use crate::machine::faults::SILENCED;
+use crate::machine::faults::silenced;
 use crate::operator::refusal::Refusal;
 use anyhow::{Context, bail};
 use clap::Args;
@@ -168,7 +168,7 @@ fn is_silenced(status: &Value) -> bool {
 fn troubles(view: &NetworkView, status: &Value) -> Vec<String> {
     if is_silenced(status) {
         // What is known of the nodes is from before.
-        return vec![SILENCED.to_owned()];
+        return vec![silenced(view.protocol != BusKind::None.name(), false).to_owned()];
     }
     let Some(live) = &view.live else {
         return Vec::new();

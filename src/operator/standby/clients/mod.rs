@@ -18,7 +18,6 @@ use crate::api::server::Ticket;
 use crate::config::Config;
 use crate::host::capabilities;
 use crate::host::capabilities::Work;
-use crate::machine::faults::SILENCED;
 use crate::machine::permission::{ACKNOWLEDGE, Activity, Power, Wish, permit};
 use crate::machine::sequence::{Job, Step};
 use crate::machine::state::State;
@@ -445,7 +444,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
     ) -> Option<Answer> {
         // Whatever it is: nothing can be done any more.
         if operator.live().state == State::Silenced {
-            return Some(Err(SILENCED.to_owned()));
+            return Some(Err(operator.silenced().to_owned()));
         }
         if let Order::Note(text) | Order::TakenOver(text) = order {
             operator.add_entry(text);

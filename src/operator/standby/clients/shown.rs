@@ -3,6 +3,7 @@
 use super::executed::Executed;
 use super::{Clients, Typed};
 use crate::api::orders::{MESSAGES, Shown, ShownProgram, ShownText, Waiting};
+use crate::config::BusKind;
 use crate::machine::permission::{Activity, Condition, Power, Wish, permit};
 use crate::machine::sequence::{Outcome, Step};
 use crate::machine::state::State;
@@ -58,6 +59,7 @@ impl Clients<'_, '_> {
         Condition {
             stands_by: self.stands_by,
             power,
+            network: self.config.bus.kind != BusKind::None,
             homed: operator.not_homed() == 0,
             on_limit: live.limits != [0; 2],
             activity,
