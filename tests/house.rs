@@ -209,6 +209,7 @@ fn all_that_is_printed_goes_one_way() {
     let asks = [
         "is_terminal()",
         "goes_to_journal(",
+        "shows_colours(",
         "takes_more(",
         "ProgressDrawTarget::",
         "use_stderr()",

@@ -485,6 +485,7 @@ fn run(settings: Settings) -> anyhow::Result<()> {
         .with(
             tracing_subscriber::fmt::layer()
                 .with_writer(files::printed::stderr)
+                .with_ansi(files::printed::shows_colours(&io::stderr()))
                 .with_target(true)
                 .with_filter(tracing_subscriber::filter::filter_fn(|metadata| {
                     !is_of_encryption(metadata)

@@ -10,8 +10,8 @@ use cell_link::simulated::{Simulated, runs};
 use serde_json::{Value, json};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -432,7 +432,7 @@ fn a_machine_neither_hears_nor_orders_another_one() {
     // Two sessions, for one hears what it says itself.
     let session = || cell_link::carrier::connect(&shop.address.to_string(), &shop.identity("liar")).unwrap();
     let (hears, liar) = (session(), session());
-    let heard = Arc::new(std::sync::Mutex::new(Vec::new()));
+    let heard = Arc::new(Mutex::new(Vec::new()));
     for keys in ["**", "cell/**", "cell/*/state", "cell/good/**", "cell/good/run", "@/**"] {
         let (said, asked) = (Arc::clone(&heard), Arc::clone(&heard));
         let subscribed = hears.declare_subscriber(keys).callback(move |sample| {
@@ -687,6 +687,64 @@ fn serves_as_machine(shop: &Shop, address: SocketAddr) -> Result<(), String> {
         cell_link::carrier::listen(address, &identity, &["good.1".into()]).map_err(|error| error.to_string())?;
     let session = cell_link::carrier::connect(&address.to_string(), &identity);
     session.map(drop).map_err(|error| error.to_string())
+}
+
+/// What the link says by itself, and the tries of its carrier: where each line comes from, and what it says.
+static LOG: Mutex<Vec<(&str, String)>> = Mutex::new(Vec::new());
+
+struct Keeper;
+
+impl<S: tracing::Subscriber> tracing_subscriber::Layer<S> for Keeper {
+    fn on_event(&self, event: &tracing::Event<'_>, _: tracing_subscriber::layer::Context<'_, S>) {
+        let mut line = String::new();
+        event.record(&mut |field: &tracing::field::Field, value: &dyn std::fmt::Debug| {
+            if field.name() == "message" {
+                line = format!("{value:?}");
+            }
+        });
+        LOG.lock().unwrap().push((event.metadata().target(), line));
+    }
+}
+
+#[test]
+fn a_supervisor_that_is_away_is_told_once_and_so_is_each_change() {
+    use tracing::Level;
+    use tracing_subscriber::layer::SubscriberExt;
+    let wanted = tracing_subscriber::filter::Targets::new()
+        .with_target("cell_link", Level::INFO)
+        .with_target("zenoh::net::runtime::orchestrator", Level::DEBUG);
+    tracing::subscriber::set_global_default(tracing_subscriber::registry().with(wanted).with(Keeper)).unwrap();
+    let shop = Shop::new();
+    let address = shop.address.to_string();
+    // Other tests of this process have addresses of their own.
+    let said = |by: &str| -> Vec<String> {
+        let log = LOG.lock().unwrap();
+        let of_it = log
+            .iter()
+            .filter(|(target, line)| target.starts_with(by) && line.contains(&address));
+        of_it.map(|(_, line)| line.clone()).collect()
+    };
+    let by_link = || said("cell_link");
+    let tried_again = |times: usize| {
+        let before = said("zenoh").len();
+        until("another try", || (said("zenoh").len() >= before + times).then_some(()));
+    };
+    let _mill = shop.control("mill", Remote::Off);
+    let mut wanted = vec![format!(
+        "cell: no supervisor at {address}; trying again: nobody answers there"
+    )];
+    until("the first words", || (by_link() == wanted).then_some(()));
+    tried_again(3);
+    for _ in 0..2 {
+        let supervisor = shop.supervisor();
+        wanted.push(format!("cell: connected to the supervisor at {address}"));
+        until("a supervisor", || (by_link() == wanted).then_some(()));
+        drop(supervisor);
+        wanted.push(format!("cell: the supervisor at {address} is lost; trying again"));
+        until("its loss", || (by_link() == wanted).then_some(()));
+        tried_again(2);
+    }
+    assert_eq!(by_link(), wanted);
 }
 
 /// As a link that is lost between the two sessions of a supervisor that makes its own anew.

@@ -10,6 +10,7 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::os::unix::process::ExitStatusExt;
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
 
 fn command(folder: &Path, words: &[&str]) -> Command {
     let mut command = testing::command(env!("CARGO_BIN_EXE_isocnc-cell"));
@@ -22,7 +23,7 @@ fn run(folder: &Path, words: &[&str]) -> Output {
     command(folder, words).output().unwrap()
 }
 
-/// A supervisor in the folder `state`, which listens.
+/// A supervisor in the folder `state`, which listens, with its log in the file `log`.
 struct Supervisor(Child);
 
 impl Supervisor {
@@ -35,6 +36,9 @@ impl Supervisor {
         let listen = port.to_string();
         let mut child = command(folder, &["run", "--dir", "state", "--ca", "ca", "--listen", &listen])
             .stdout(Stdio::piped())
+            .stderr(std::fs::File::create(folder.join("log")).unwrap())
+            // Whoever runs this test may not want any colours.
+            .env_remove("NO_COLOR")
             .spawn()
             .unwrap();
         let mut line = String::new();
@@ -199,6 +203,24 @@ fn who_asks_a_supervisor_that_was_stopped_is_told_and_can_leave() {
     assert_eq!(said, "");
     supervisor.signal(Signal::SIGCONT);
     assert!(run(folder.path(), &["machines", "--dir", "state"]).status.success());
+}
+
+#[test]
+fn the_log_in_a_file_has_no_colours() {
+    let folder = tempfile::tempdir().unwrap();
+    let _supervisor = Supervisor::begin(folder.path());
+    let issued = run(folder.path(), &["ca", "issue", "mill", "--dir", "ca"]);
+    assert!(issued.status.success());
+    let give_up = Instant::now() + testing::PATIENCE;
+    let log = loop {
+        let log = std::fs::read_to_string(folder.path().join("log")).unwrap();
+        if log.ends_with("the list of certificates has changed: all controls connect anew\n") {
+            break log;
+        }
+        assert!(Instant::now() < give_up, "{log:?}");
+        std::thread::sleep(Duration::from_millis(20));
+    };
+    assert!(log.contains(" INFO cell::serve: ") && !log.contains('\x1b'), "{log:?}");
 }
 
 #[test]

@@ -22,13 +22,18 @@ pub fn stderr() -> Plain<StderrLock<'static>> {
     Plain(io::stderr().lock())
 }
 
+/// Whether colours belong on this output: on a terminal, where `NO_COLOR` is not set or empty (<https://no-color.org>).
+pub fn shows_colours(output: &impl IsTerminal) -> bool {
+    output.is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty())
+}
+
 /// Text that has another form for a terminal with colours, to standard error or output.
 pub fn tell(text: &str, coloured: &str, is_error: bool) {
-    let shows_colours = match is_error {
-        true => io::stderr().is_terminal(),
-        false => io::stdout().is_terminal(),
-    } && std::env::var_os("NO_COLOR").is_none();
-    let text = if shows_colours { coloured } else { text }.as_bytes();
+    let shows = match is_error {
+        true => shows_colours(&io::stderr()),
+        false => shows_colours(&io::stdout()),
+    };
+    let text = if shows { coloured } else { text }.as_bytes();
     // What cannot be printed is not.
     let _ = match is_error {
         true => stderr().write_all(text),

@@ -6,7 +6,7 @@
 
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use std::fmt;
-use std::io::{self, IsTerminal, Write, stderr};
+use std::io::{self, Write, stderr};
 use std::os::fd::AsFd;
 use std::os::unix::fs::MetadataExt;
 use tracing::level_filters::LevelFilter;
@@ -17,8 +17,15 @@ use tracing_subscriber::fmt::{FmtContext, FormatEvent, FormatFields};
 use tracing_subscriber::layer::{Layer, SubscriberExt};
 use tracing_subscriber::registry::{LookupSpan, Registry};
 
+/// What is wanted where nobody says so: all that may need somebody, and when a supervisor is there again.
+const USUAL: &str = "warn,cell_link=info";
+
+/// The carrier of the link to a supervisor says each try again, with places in its sources; what that comes to is told by the link.
+/// Its log is there for who names it.
+const CARRIER: &str = "zenoh=off";
+
 /// Begins the log of this process; to be called once. `$ISOCNC_LOG` says what of it is wanted: a level (`off`, `error`, `warn`,
-/// `info`, `debug`, `trace`), or levels by module, as in `warn,isocnc::api=debug`; without it, `warn`. With `$ISOCNC_LOG_FORMAT`
+/// `info`, `debug`, `trace`), or levels by module, as in `warn,isocnc::api=debug`; without it, [`USUAL`]. With `$ISOCNC_LOG_FORMAT`
 /// `json`, every event is an object on a line.
 ///
 /// # Errors
@@ -26,7 +33,7 @@ use tracing_subscriber::registry::{LookupSpan, Registry};
 pub fn begin() -> Result<(), String> {
     let lines = tracing_subscriber::fmt::layer()
         .with_writer(|| Heard)
-        .with_ansi(stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none());
+        .with_ansi(files::printed::shows_colours(&stderr()));
     let lines: Box<dyn Layer<Registry> + Send + Sync> = match std::env::var("ISOCNC_LOG_FORMAT").as_deref() {
         Ok("json") => lines.json().flatten_event(true).boxed(),
         Ok("text") | Err(_) if goes_to_journal(&stderr()) => lines.event_format(WithPriority).boxed(),
@@ -37,7 +44,7 @@ pub fn begin() -> Result<(), String> {
             ));
         }
     };
-    let wanted = std::env::var("ISOCNC_LOG").unwrap_or_else(|_| "warn".into());
+    let wanted = std::env::var("ISOCNC_LOG").unwrap_or_else(|_| USUAL.into());
     let log = tracing_subscriber::registry().with(lines.with_filter(targets(&wanted)?));
     // It fails only where another log has begun, which a second call would be.
     let _ = tracing::subscriber::set_global_default(log);
@@ -48,7 +55,8 @@ pub fn begin() -> Result<(), String> {
 fn targets(wanted: &str) -> Result<Targets, String> {
     // A name alone would ask for all that a module of this name says.
     let is_level = |part: &str| part.contains('=') || !part.is_empty() && part.parse::<LevelFilter>().is_ok();
-    let targets = wanted.parse::<Targets>().ok();
+    // What comes later counts.
+    let targets = format!("{CARRIER},{wanted}").parse::<Targets>().ok();
     targets.filter(|_| wanted.split(',').all(is_level)).ok_or_else(|| {
         format!(
             "ISOCNC_LOG: expected a level (off, error, warn, info, debug, trace), or levels by module, as in \
@@ -124,6 +132,19 @@ mod tests {
         let by_module = targets("error,isocnc::api=debug").unwrap();
         assert!(
             by_module.would_enable(api, &Level::DEBUG) && !by_module.would_enable("isocnc::operator", &Level::WARN)
+        );
+        let carrier = ["zenoh::net::runtime::orchestrator", "zenoh_link_tls::unicast"];
+        let usual = targets(USUAL).unwrap();
+        assert!(usual.would_enable("cell_link::link", &Level::INFO) && !usual.would_enable(api, &Level::INFO));
+        for target in carrier {
+            assert!(!usual.would_enable(target, &Level::ERROR) && !by_module.would_enable(target, &Level::ERROR));
+            assert!(!targets("trace").unwrap().would_enable(target, &Level::ERROR));
+            assert!(targets("warn,zenoh=info").unwrap().would_enable(target, &Level::INFO));
+        }
+        assert!(
+            targets("off,zenoh_link_tls=debug")
+                .unwrap()
+                .would_enable(carrier[1], &Level::DEBUG)
         );
         for wrong in ["loud", "", "isocnc::api", "isocnc::api=loud", "warn,loud"] {
             let error = targets(wrong).unwrap_err();

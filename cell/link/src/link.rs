@@ -193,14 +193,18 @@ struct Live {
 }
 
 impl Live {
+    /// Whether there is a link now: one that is lost is made again by the session itself.
+    fn is_linked(&self) -> bool {
+        self.session.info().routers_zid().wait().next().is_some()
+    }
+
     /// Asks whether the supervisor hears; whether it has not for too long.
     fn is_deaf(&mut self, machine: &str) -> bool {
         if self.asked.elapsed() < ASK {
             return false;
         }
         self.asked = Instant::now();
-        if self.session.info().routers_zid().wait().next().is_none() {
-            // A link that is lost is made again by the session itself.
+        if !self.is_linked() {
             self.unheard.store(0, Ordering::Relaxed);
             return false;
         }
@@ -295,7 +299,9 @@ impl<'a> Teller<'a> {
     fn tell(mut self, orders: SyncSender<Query>, programs: SyncSender<Query>) -> Result<(), LinkError> {
         let (sessions, connected) = sync_channel(1);
         connect_in_background(self.shared, sessions.clone());
+        let address = &self.shared.settings.supervisor;
         let mut live: Option<Live> = None;
+        let mut was_linked = false;
         let mut last_told: Option<(State, Instant)> = None;
         while !self.shared.stops() {
             let nap = if self.is_behind { SHORT_NAP } else { NAP };
@@ -306,12 +312,19 @@ impl<'a> Teller<'a> {
                 live = Some(self.begin(session, &orders, &programs)?);
                 last_told = None;
             }
+            let is_linked = live.as_ref().is_some_and(Live::is_linked);
+            match (was_linked, is_linked) {
+                (false, true) => tracing::info!("cell: connected to the supervisor at {address}"),
+                (true, false) => tracing::warn!("cell: the supervisor at {address} is lost; trying again"),
+                _ => {}
+            }
+            was_linked = is_linked;
             if live.as_mut().is_some_and(|live| live.is_deaf(&self.shared.machine)) {
-                let address = &self.shared.settings.supervisor;
-                tracing::warn!("cell: {address} is linked and answers nothing: it is connected to anew");
+                tracing::warn!("cell: the supervisor at {address} is linked and answers nothing; connecting anew");
                 if let Some(deaf) = live.take() {
                     deaf.leave();
                 }
+                was_linked = false;
                 connect_in_background(self.shared, sessions.clone());
             }
             self.note_hands(&status);
@@ -573,17 +586,20 @@ fn end_of(line: &Line, entry: &Value) -> Option<Line> {
 fn connect_in_background(shared: &Shared<'_>, sessions: SyncSender<Session>) {
     let (settings, given_up) = (shared.settings.clone(), Arc::clone(&shared.given_up));
     let open = move || {
-        let mut told = String::new();
+        let (mut told, mut last) = (None, None);
         while !given_up.load(Ordering::Relaxed) {
             match carrier::connect(&settings.supervisor, &settings.identity) {
                 // Nobody takes it where the control has ended meanwhile.
                 Ok(session) => return drop(sessions.send(session)),
                 Err(cause) => {
-                    let cause = cause.to_string();
-                    if cause != told {
-                        tracing::warn!("cell: {} is not reached, and tried on: {cause}", settings.supervisor);
-                        told = cause;
+                    // A supervisor that begins between the try and the question why it failed looks like a wrong one, once.
+                    let cause = Some(cause.to_string());
+                    if told.is_none() || told != cause && last == cause {
+                        let (address, why) = (&settings.supervisor, cause.as_deref().unwrap_or_default());
+                        tracing::warn!("cell: no supervisor at {address}; trying again: {why}");
+                        told.clone_from(&cause);
                     }
+                    last = cause;
                 }
             }
             std::thread::sleep(RETRY);
