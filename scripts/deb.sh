@@ -1,10 +1,11 @@
 #!/usr/bin/env bash
-# The Debian package of the release build: scripts/deb.sh, behind `cargo build --release`. Needs cargo-deb.
+# The Debian package: scripts/deb.sh. Needs cargo-deb.
 #
 # Writes target/debian/isocnc_VERSION_ARCH.deb: program, systemd unit, examples, probing cycles, isolcpus.sh, pages of the manual, completion.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
+scripts/release.sh
 made=target/deb
 rm -rf "$made" target/debian
 mkdir -p "$made"

@@ -12,9 +12,9 @@ use powerlink::link::raw::{RawConfig, RawLink};
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
+use testing::PATIENCE;
 
 const ROLE: &str = "ISOCNC_TEST_ANALYSER_LISTENS";
-const PATIENCE: Duration = Duration::from_secs(60);
 
 pub(crate) fn main() {
     if std::env::var_os(ROLE).is_some() {

@@ -9,9 +9,8 @@ use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
+use testing::PATIENCE;
 
-/// Longest that anything here may take.
-const PATIENCE: Duration = Duration::from_secs(60);
 const DEMO: &str = include_str!("../configs/mill3-demo.toml");
 
 pub(crate) fn main() {

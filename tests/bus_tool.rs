@@ -13,9 +13,8 @@ use std::process::{Child, Command, Output, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
+use testing::PATIENCE;
 
-/// Longest that anything here may take.
-const PATIENCE: Duration = Duration::from_secs(120);
 /// Half a minute of motion, to be stopped in its midst.
 const LONG: &str = "G21 G90 G94 G54 G64 P0.01\nG0 X5 Y5 Z0\nG1 X200 F400\nG1 Y100\nM2\n";
 

@@ -12,8 +12,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
+use testing::PATIENCE;
 
-const PATIENCE: Duration = Duration::from_secs(120);
 const PART: &str = "G21 G90 G94 G54 G64 P0.01\nG10 L2 P1 X5\nG1 X6 F1000\nM2\n";
 const PARAMETERS: &str = "5221 20\n5222 20\n5223 -60\n";
 const OLD: &str = "old";

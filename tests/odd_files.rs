@@ -4,32 +4,13 @@
 
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
-use std::time::{Duration, Instant};
+use std::process::{Output, Stdio};
 use tempfile::TempDir;
-
-/// Longest that anything here may take; without the question what it is, it takes for ever.
-const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Runs `isocnc ARGUMENTS` in a folder, with less memory than an endless file would fill.
 fn isocnc(folder: &Path, arguments: &[&str]) -> Output {
-    let mut process = Command::new(env!("CARGO_BIN_EXE_isocnc"))
-        .args(arguments)
-        .current_dir(folder)
-        .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .expect("the binary runs");
-    let give_up = Instant::now() + PATIENCE;
-    while process.try_wait().expect("our process").is_none() {
-        if Instant::now() > give_up {
-            process.kill().expect("our process");
-            panic!("isocnc {arguments:?} waits for something");
-        }
-        std::thread::sleep(Duration::from_millis(5));
-    }
-    process.wait_with_output().expect("it has ended")
+    let mut command = testing::command(env!("CARGO_BIN_EXE_isocnc"));
+    testing::output(command.args(arguments).current_dir(folder).stdin(Stdio::null()))
 }
 
 /// A folder with a machine, a program, and all that is no file.

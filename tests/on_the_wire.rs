@@ -17,9 +17,8 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread::{JoinHandle, sleep, spawn};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
+use testing::PATIENCE;
 
-/// Longest that anything here may take.
-const PATIENCE: Duration = Duration::from_secs(120);
 /// What the demo says where it falls back to the wire in memory: without a private network, and on a busy PC.
 const NO_NETWORK: &str = "over a wire in memory";
 /// Runs of a program on a PC that may stand still for longer than lost polls are ridden out.

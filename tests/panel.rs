@@ -9,7 +9,8 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::path::PathBuf;
 use std::process::Command;
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use testing::PATIENCE;
 use tungstenite::client::IntoClientRequest;
 use tungstenite::{Message, WebSocket};
 
@@ -57,7 +58,7 @@ impl Control {
     fn http(&self, method: &str, path: &str, headers: &[(&str, &str)], body: &[u8]) -> (u16, String, Vec<u8>) {
         let local = self.local();
         let mut stream = TcpStream::connect(local).unwrap();
-        stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+        stream.set_read_timeout(Some(PATIENCE)).unwrap();
         let mut head = format!("{method} {path} HTTP/1.1\r\nConnection: close\r\n");
         let own_host = ("Host", local.to_string());
         if !headers.iter().any(|(name, _)| *name == "Host") {
@@ -97,7 +98,7 @@ impl Control {
         let origin = format!("http://{}", self.local());
         request.headers_mut().insert("Origin", origin.parse().unwrap());
         let stream = TcpStream::connect(self.local()).unwrap();
-        stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+        stream.set_read_timeout(Some(PATIENCE)).unwrap();
         let (socket, _) = tungstenite::client(request, stream).unwrap();
         Rpc { socket, last: 0 }
     }
@@ -158,11 +159,13 @@ impl Rpc {
 
     /// Waits until the state is as wanted.
     fn until(&mut self, wanted: impl Fn(&Value) -> bool) -> Value {
+        let give_up = Instant::now() + PATIENCE;
         loop {
             let status = self.call("status", json!({})).unwrap();
             if wanted(&status) {
                 return status;
             }
+            assert!(Instant::now() < give_up, "never as wanted: {status}");
             std::thread::sleep(Duration::from_millis(20));
         }
     }
@@ -422,7 +425,7 @@ fn nothing_that_is_compressed_is_unpacked() {
         ("Sec-WebSocket-Extensions", "permessage-deflate"),
     ];
     let mut stream = TcpStream::connect(control.local()).unwrap();
-    stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+    stream.set_read_timeout(Some(PATIENCE)).unwrap();
     let head: String = upgrade
         .iter()
         .map(|(name, value)| format!("{name}: {value}\r\n"))
@@ -442,8 +445,8 @@ fn nothing_that_is_compressed_is_unpacked() {
     );
 }
 
-/// A long way at a feed that takes seconds.
-const LONG: &str = "G21 G90 G94\nG53 G1 X100 F300\nG53 G1 X0\nM2\n";
+/// A long way at a feed that takes minutes: it is not over before the test is.
+const LONG: &str = "G21 G90 G94\nG53 G1 X100 F30\nG53 G1 X0\nM2\n";
 
 #[test]
 fn a_program_goes_on_without_its_client_or_is_held_as_the_machine_file_says() {
@@ -726,20 +729,20 @@ fn a_jog_of_a_lost_client_comes_to_rest() {
     let mut rpc = control.rpc();
     rpc.until(|status| status["power"] == "off");
     rpc.call("home", json!({})).unwrap();
-    rpc.until(|status| status["job"] == "completed");
+    let position = |status: &Value| status["position_mm"][0].as_f64().unwrap();
+    let begin = position(&rpc.until(|status| status["job"] == "completed"));
     let mut other = control.rpc();
-    let begin = loop {
-        let status = rpc.until(|status| status["activity"] == "idle");
+    // Its hand is on the key for 0.2 s, and a busy PC may look later: then it presses again.
+    while other.call("status", json!({})).unwrap()["activity"] != "jogging" {
         rpc.call("jog", json!({ "axis": "X", "velocity_mm_s": 5 })).unwrap();
-        // Its hand is on the key: for 0.2 s, in which a busy PC may not have asked yet.
-        match other.call("mdi", json!({ "line": "G4 P0" })) {
-            Err(refused) if refused["code"] == -32004 => break status["position_mm"][0].as_f64().unwrap(),
-            _ => {}
-        }
-    };
+    }
     drop(rpc);
-    let rest = other.until(|status| status["state"] == "ready");
-    let end = rest["position_mm"][0].as_f64().unwrap();
-    assert!((end - begin).abs() < 5.0, "{begin} to {end}");
-    assert_eq!(rest["control"], Value::Null);
+    let rest = other.until(|status| status["state"] == "ready" && status["control"].is_null());
+    // Without that it would come to rest at the end of the travel only.
+    assert!((begin + 1e-6..290.0).contains(&position(&rest)), "{begin}: {rest}");
+    let later = other.call("status", json!({})).unwrap();
+    assert_eq!(
+        (&later["state"], &later["position_mm"]),
+        (&json!("ready"), &rest["position_mm"])
+    );
 }

@@ -87,7 +87,7 @@ fn make_wire() {
     };
     assert_eq!((wire.near.as_str(), wire.far.as_str()), ("plk0", "plk1"));
     // The kernel says that a link runs some time after it does.
-    let give_up = Instant::now() + Duration::from_secs(10);
+    let give_up = Instant::now() + testing::PATIENCE;
     let flags = loop {
         let flags: Vec<_> = getifaddrs()
             .unwrap()

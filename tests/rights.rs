@@ -15,12 +15,12 @@ use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
+use testing::PATIENCE;
 
 const CASE: &str = "ISOCNC_TEST_RIGHTS";
 const MACHINE: &str = include_str!("../configs/mill3-demo.toml");
 const PART: &str = "G21 G90 G94 G54 G64 P0.01\nG0 X5 Y5 Z0\nG1 X15 F3000\nG0 Z5\nM2\n";
 const NOBODY: u32 = 65_534;
-const PATIENCE: Duration = Duration::from_secs(120);
 /// Runs of a program on a PC that may stand still for longer than lost polls are ridden out.
 const ATTEMPTS: u32 = 4;
 const DAC_OVERRIDE: u64 = 1 << 1;

@@ -4,8 +4,11 @@ use hal_pins::scope::Sampler;
 use hal_pins::{Hal, Output};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
+use std::io::{BufRead, BufReader};
 use std::process::{Child, Stdio};
-use std::time::Duration;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use std::time::{Duration, Instant};
 
 struct Control {
     name: String,
@@ -38,13 +41,10 @@ impl Control {
         }
     }
 
-    fn scope(&self, args: &[&str]) -> Child {
+    fn scope(&self, args: &[&str], stdout: Stdio) -> Child {
         let mut command = testing::command(env!("CARGO_BIN_EXE_isocnc"));
         command.args(["hal", "scope", "--machine", &self.name]).args(args);
-        let command = command
-            .stdin(Stdio::null())
-            .stdout(Stdio::null())
-            .stderr(Stdio::piped());
+        let command = command.stdin(Stdio::null()).stdout(stdout).stderr(Stdio::piped());
         command.spawn().expect("isocnc")
     }
 }
@@ -70,26 +70,49 @@ fn hours_of_recording_take_constant_memory_and_ctrl_c_ends_them() {
     let folder = tempfile::tempdir().expect("a folder");
     let svg = folder.path().join("hours.svg");
     let mut control = control("hours");
-    let process = control.scope(&["a.count", "--csv", "/dev/null", "--svg", svg.to_str().expect("text")]);
-    // It has begun once it takes cycles.
-    std::thread::sleep(Duration::from_millis(500));
-    let mut early_kib = 0;
-    while control.cycles < CYCLES {
+    let svg_path = svg.to_str().expect("text");
+    let arguments = ["a.count", "--follow", "--csv", "/dev/null", "--svg", svg_path];
+    let mut process = control.scope(&arguments, Stdio::piped());
+    let told = BufReader::new(process.stdout.take().expect("a pipe"));
+    // How many lines have come, and the value in the last of them.
+    let (lines, last) = (Arc::new(AtomicU64::new(0)), Arc::new(AtomicU32::new(0)));
+    let reader = std::thread::spawn({
+        let (lines, last) = (Arc::clone(&lines), Arc::clone(&last));
+        move || {
+            // The first one is the head.
+            for line in told.lines().map_while(Result::ok).skip(1) {
+                let value = line.rsplit(',').next().and_then(|value| value.parse().ok());
+                last.store(value.expect("a number"), Ordering::Relaxed);
+                lines.fetch_add(1, Ordering::Relaxed);
+            }
+        }
+    });
+    let next = |control: &mut Control| {
         control.cycles(10_000);
         std::thread::sleep(Duration::from_millis(4));
-        if control.cycles == CYCLES / 10 {
-            early_kib = greatest_kib(&process);
-        }
+    };
+    let give_up = Instant::now() + testing::PATIENCE;
+    while lines.load(Ordering::Relaxed) < 50_000 {
+        assert!(Instant::now() < give_up, "it takes no cycles");
+        next(&mut control);
     }
-    std::thread::sleep(Duration::from_millis(500));
+    let early_kib = greatest_kib(&process);
+    for _ in 0..CYCLES / 10_000 {
+        next(&mut control);
+    }
+    while last.load(Ordering::Relaxed) < control.cycles - 1 {
+        assert!(Instant::now() < give_up, "it never comes to the last cycle");
+        std::thread::sleep(Duration::from_millis(4));
+    }
     let late_kib = greatest_kib(&process);
     kill(Pid::from_raw(process.id() as i32), Signal::SIGINT).expect("it is ours");
     let output = process.wait_with_output().expect("an end");
+    reader.join().expect("lines of numbers");
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     eprintln!("{early_kib} KiB early, {late_kib} KiB late: {said}");
     let (taken, lost) = (number_before(&said, " cycles of 1 pin"), number_before(&said, " lost"));
-    assert!(taken > 100_000, "{said}");
-    assert!(taken + lost <= u64::from(CYCLES), "{said}");
+    assert_eq!(taken, lines.load(Ordering::Relaxed), "{said}");
+    assert!(taken + lost <= u64::from(control.cycles), "{said}");
     assert!(
         early_kib > 0 && late_kib < early_kib + 2048,
         "{early_kib} KiB, then {late_kib} KiB"
@@ -102,14 +125,17 @@ fn hours_of_recording_take_constant_memory_and_ctrl_c_ends_them() {
 #[test]
 fn without_a_terminal_it_says_what_to_ask_for() {
     let control = control("terminal");
-    let output = control.scope(&["a.count"]).wait_with_output().expect("an end");
+    let output = control
+        .scope(&["a.count"], Stdio::null())
+        .wait_with_output()
+        .expect("an end");
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(
         said.contains("scope needs a terminal; without one: --csv FILE, --svg FILE or --follow"),
         "{said}"
     );
     let output = control
-        .scope(&["a.cuont", "--follow"])
+        .scope(&["a.cuont", "--follow"], Stdio::null())
         .wait_with_output()
         .expect("an end");
     let said = String::from_utf8_lossy(&output.stderr).into_owned();

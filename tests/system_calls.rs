@@ -24,8 +24,8 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
+use testing::PATIENCE;
 
-const PATIENCE: Duration = Duration::from_secs(120);
 const LOGIC: &str = include_str!("../configs/cell/plant.st");
 /// Some minutes of motion, cut short by the end of the test.
 const PROGRAM: &str = "G21 G90 G94 G54\nG0 X5 Y5\nG1 X200 F200\nM2\n";

@@ -12,9 +12,8 @@ use std::process::{Child, Command, Stdio};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
+use testing::PATIENCE;
 
-/// Longest that anything here may take.
-const PATIENCE: Duration = Duration::from_secs(120);
 /// Half a minute of motion.
 const LONG: &str = "G21 G90 G94 G54 G64 P0.01\nG0 X5 Y5 Z0\nG1 X200 F400\nM2\n";
 static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
