@@ -33,11 +33,14 @@ figure() {
 }
 # Ticks that the host took, of all ticks.
 steal() { awk '/^cpu /{ print $9, $2 + $3 + $4 + $5 + $6 + $7 + $8 + $9 }' /proc/stat; }
-# Seconds that a command takes; its output goes to $work/log.
-seconds() {
-    local begun=$EPOCHREALTIME
-    "$@" >"$work/log" 2>&1 || { tail -n 20 "$work/log" >&2; echo "figures.sh: failed: $*" >&2; exit 1; }
-    awk -v a="$begun" -v b="$EPOCHREALTIME" 'BEGIN { printf "%.1f", b - a }'
+# What a command takes: seconds, and those of all processors together, which tell the same on a busy PC. Its output goes to $work/log.
+cost() {
+    local name=$1 TIMEFORMAT='%R %U %S' taken
+    shift
+    taken=$({ time "$@" >"$work/log" 2>&1; } 2>&1) || { tail -n 20 "$work/log" >&2; echo "figures.sh: failed: $*" >&2; exit 1; }
+    read -r real user system <<<"$taken"
+    figure "$name" "$real" s
+    figure "$name, of all processors" "$(awk -v u="$user" -v s="$system" 'BEGIN { printf "%.0f", u + s }')" s
 }
 # The first number behind a key of a JSON file.
 value() { sed -n "s/^ *\"$2\": \([-0-9.eE+]*\),\?$/\1/p" "$1" | sed -n 1p; }
@@ -49,8 +52,9 @@ lines=$(git ls-files 'src/*.rs' '*/src/*.rs' ':!fuzz' | grep -vE '(^|/)(tests|te
 figure "lines of product code" "$lines" "without tests"
 
 if [ -z "$quick" ]; then
-    figure "clean release build" "$(seconds cargo build --release --target-dir "$work/target")" s
-    figure "clean build and run of all tests" "$(seconds cargo test --workspace --target-dir "$work/target")" s
+    cost "clean release build" cargo build --release --target-dir "$work/target"
+    cost "clean build of all tests" cargo test --workspace --no-run --target-dir "$work/target"
+    cost "all tests" cargo test --workspace --target-dir "$work/target"
     rm -rf "$work/target"
 fi
 cargo build --release --quiet

@@ -28,7 +28,7 @@ mod status;
 mod words;
 
 #[cfg(test)]
-mod properties;
+mod property_tests;
 
 pub use number::{AlarmNumber, ErrorNumber};
 pub use octets::{Input, Inputs, LINE_MAX};

@@ -50,4 +50,4 @@ pub mod rt;
 #[path = "../../tests/common/counting.rs"]
 mod counting;
 #[cfg(test)]
-mod no_allocation;
+mod no_allocation_tests;

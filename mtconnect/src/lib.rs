@@ -27,7 +27,7 @@ mod xml;
 mod xpath;
 
 #[cfg(test)]
-mod whole_documents;
+mod document_tests;
 
 pub use agent::{Agent, Reply, Settings};
 pub use document::{Document, Errors};
