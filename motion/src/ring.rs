@@ -784,7 +784,8 @@ mod tests {
 
     #[test]
     fn two_threads_see_no_gap() {
-        const STEPS: u64 = 200_000;
+        // Each of the two waits for the other again and again, which is slow where others want the cores, too.
+        const STEPS: u64 = 40_000;
         let (producer, mut consumer) = channel(64);
         let planner = std::thread::spawn(move || {
             let mut planner = Planner {

@@ -673,7 +673,7 @@ fn days_of_random_orders_faults_and_power_cuts_end_with_the_same_part() {
     let seeds: u64 = std::env::var("ISOCNC_SEEDS")
         .ok()
         .and_then(|seeds| seeds.parse().ok())
-        .unwrap_or(200);
+        .unwrap_or(60);
     let first: u64 = std::env::var("ISOCNC_SEED")
         .ok()
         .and_then(|seed| seed.parse().ok())
