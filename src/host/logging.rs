@@ -25,8 +25,8 @@ const USUAL: &str = "warn,cell_link=info";
 const CARRIER: &str = "zenoh=off";
 
 /// Begins the log of this process; to be called once. `$ISOCNC_LOG` says what of it is wanted: a level (`off`, `error`, `warn`,
-/// `info`, `debug`, `trace`), or levels by module, as in `warn,isocnc::api=debug`; without it, warnings and what the link to a supervisor says. With `$ISOCNC_LOG_FORMAT`
-/// `json`, every event is an object on a line.
+/// `info`, `debug`, `trace`), or levels by module, as in `warn,isocnc::api=debug`; without it, warnings and what the link to a
+/// supervisor says. With `$ISOCNC_LOG_FORMAT` `json`, every event is an object on a line.
 ///
 /// # Errors
 /// A variable that says something else.
