@@ -4,7 +4,7 @@
 # In:  `rs274` on the PATH, else the package linuxcnc-uspace as this Debian or Ubuntu offers it (fetched once, with those of its
 #      libraries that are not installed, and unpacked in a cache folder; no root needed, nothing is installed).
 # Out: one line, the path of a program to call as `rs274`; exit code 0. Exit code 3 and the reason on stderr where this
-#      distribution has no such package. The tests of gcode/ compare with it: they look for $ISOCNC_RS274, then on the PATH.
+#      distribution has no such package. The tests of crates/gcode/ compare with it: they look for $ISOCNC_RS274, then on the PATH.
 #
 # All of LinuxCNC with its dependencies would be 117 packages here; the interpreter needs two or three of them.
 set -euo pipefail

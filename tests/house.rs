@@ -216,7 +216,7 @@ fn all_that_is_printed_goes_one_way() {
         "let out = stderr();",
     ];
     let mut printed = 0;
-    for folder in ["src", "cell/src"] {
+    for folder in ["src", "crates/cell/src"] {
         for path in sources(&Path::new(ROOT).join(folder)) {
             if path.to_string_lossy().contains("tests") {
                 continue;

@@ -1,6 +1,6 @@
 // The panel in a real browser against a simulated machine: node --test tests/panel/browser.test.mjs
 //
-// ISOCNC names the program (target/debug/isocnc), CHROMIUM the browser. Where one of them, or the modules of panel/web, is missing,
+// ISOCNC names the program (target/debug/isocnc), CHROMIUM the browser. Where one of them, or the modules of crates/panel/web, is missing,
 // the tests say so and pass. SCREENS=write makes the pictures in screens/ anew: look at each of them before it is committed.
 import assert from "node:assert/strict";
 import { spawn } from "node:child_process";

@@ -8,17 +8,17 @@ import { join } from "node:path";
 import { test } from "node:test";
 import { launch, modules, root } from "./start.mjs";
 
-const dist = join(root, "cell/dist");
-const source = (name) => readFileSync(join(root, "cell/web/src", name), "utf8");
-const POLICY = /const POLICY: &str = "([^"]+)"/.exec(readFileSync(join(root, "cell/src/page.rs"), "utf8"))[1];
+const dist = join(root, "crates/cell/dist");
+const source = (name) => readFileSync(join(root, "crates/cell/web/src", name), "utf8");
+const POLICY = /const POLICY: &str = "([^"]+)"/.exec(readFileSync(join(root, "crates/cell/src/page.rs"), "utf8"))[1];
 
-test("what is committed is what the sources give", { skip: existsSync(modules) ? false : "npm ci in panel/web" }, () => {
+test("what is committed is what the sources give", { skip: existsSync(modules) ? false : "npm ci in crates/panel/web" }, () => {
   const built = mkdtempSync(join(tmpdir(), "cell-page-"));
-  execFileSync("node", [join(root, "cell/web/build.mjs"), built]);
+  execFileSync("node", [join(root, "crates/cell/web/build.mjs"), built]);
   assert.deepEqual(readdirSync(built).sort(), readdirSync(dist).sort());
   for (const name of readdirSync(built)) assert.ok(readFileSync(join(built, name)).equals(readFileSync(join(dist, name))), name);
   rmSync(built, { recursive: true });
-  execFileSync(join(modules, ".bin/tsc"), ["-p", join(root, "cell/web")]);
+  execFileSync(join(modules, ".bin/tsc"), ["-p", join(root, "crates/cell/web")]);
 });
 
 test("English and German have the same words, all of which are used", () => {
@@ -53,7 +53,7 @@ function overview() {
   };
 }
 
-test("a browser shows it, in both languages and at both sizes, and finds nothing wrong", { skip: existsSync(modules) ? false : "npm ci in panel/web" }, async (context) => {
+test("a browser shows it, in both languages and at both sizes, and finds nothing wrong", { skip: existsSync(modules) ? false : "npm ci in crates/panel/web" }, async (context) => {
   const kinds = { html: "text/html", js: "text/javascript", css: "text/css", svg: "image/svg+xml" };
   const server = createServer((request, answer) => {
     if (request.url === "/overview") return answer.end(JSON.stringify(overview()));

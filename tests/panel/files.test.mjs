@@ -9,7 +9,7 @@ import { test } from "node:test";
 import { gzipSync } from "node:zlib";
 
 const root = new URL("../../", import.meta.url).pathname;
-const panel = new URL("../../panel/", import.meta.url).pathname;
+const panel = new URL("../../crates/panel/", import.meta.url).pathname;
 const dist = join(panel, "dist");
 const read = (name) => readFileSync(join(dist, name), "utf8");
 
@@ -70,7 +70,7 @@ function literals(file, from) {
 }
 
 test("what the control says of alarms, of waits and of orders that it refuses has its German", async (context) => {
-  if (!existsSync(join(panel, "web/node_modules"))) return context.skip("npm ci has not been run in panel/web");
+  if (!existsSync(join(panel, "web/node_modules"))) return context.skip("npm ci has not been run in crates/panel/web");
   const { build } = createRequire(join(panel, "web/package.json"))("esbuild");
   const built = await build({ entryPoints: [join(panel, "web/src/control-words.ts")], bundle: true, format: "esm", write: false });
   const { inGerman } = await import(`data:text/javascript;base64,${Buffer.from(built.outputFiles[0].contents).toString("base64")}`);
@@ -103,7 +103,7 @@ test("what the control says of alarms, of waits and of orders that it refuses ha
 });
 
 test("what is committed is what the sources give", (context) => {
-  if (!existsSync(join(panel, "web/node_modules"))) return context.skip("npm ci has not been run in panel/web");
+  if (!existsSync(join(panel, "web/node_modules"))) return context.skip("npm ci has not been run in crates/panel/web");
   const out = mkdtempSync(join(tmpdir(), "panel-"));
   try {
     execFileSync("node", ["build.mjs", out], { cwd: join(panel, "web"), stdio: "inherit" });

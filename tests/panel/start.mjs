@@ -9,11 +9,11 @@ import { join } from "node:path";
 export const root = new URL("../../", import.meta.url).pathname;
 export const program = process.env.ISOCNC ?? join(root, "target/debug/isocnc");
 const chromium = process.env.CHROMIUM ?? ["/usr/bin/chromium-headless-shell", "/usr/bin/chromium"].find(existsSync);
-export const modules = join(root, "panel/web/node_modules");
+export const modules = join(root, "crates/panel/web/node_modules");
 const serves = () => execFileSync(program, ["run", "--help"], { encoding: "utf8" }).includes("--panel");
 
 /** What is not there; "" where all is. */
-export const missing = !existsSync(program) ? program : !serves() ? "option --panel of it" : !chromium ? "Chromium" : !existsSync(modules) ? "npm ci in panel/web" : "";
+export const missing = !existsSync(program) ? program : !serves() ? "option --panel of it" : !chromium ? "Chromium" : !existsSync(modules) ? "npm ci in crates/panel/web" : "";
 
 /** A machine file of a mill in memory. */
 export function machineFile(name) {
@@ -92,7 +92,7 @@ export async function until(ask, what, holds, limit_ms = 60_000) {
 
 /** A browser without a screen, as root without a sandbox, a graphics card by software. */
 export function launch() {
-  const puppeteer = createRequire(join(root, "panel/web/package.json"))("puppeteer-core");
+  const puppeteer = createRequire(join(root, "crates/panel/web/package.json"))("puppeteer-core");
   return puppeteer.launch({
     executablePath: chromium,
     args: ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-accelerated-2d-canvas"],

@@ -7,8 +7,8 @@ use powerlink::wire::{
 };
 use proptest::prelude::*;
 
-/// The boot of one node by another vendor's managing node; see `powerlink/tests/data/README.md`.
-const BOOT: &[u8] = include_bytes!("../../../../powerlink/tests/data/openpowerlink-node1-boot.pcap");
+/// The boot of one node by another vendor's managing node; see `crates/powerlink/tests/data/README.md`.
+const BOOT: &[u8] = include_bytes!("../../../../crates/powerlink/tests/data/openpowerlink-node1-boot.pcap");
 
 fn args() -> TraceArgs {
     TraceArgs {

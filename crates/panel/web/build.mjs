@@ -21,7 +21,7 @@ await build({
 });
 cpSync("src/index.html", `${out}/index.html`);
 cpSync("src/icon.svg", `${out}/icon.svg`);
-const pictures = new URL("../../docs/pictures/", import.meta.url);
+const pictures = new URL("../../../docs/pictures/", import.meta.url);
 for (const name of readdirSync(pictures)) if (/^probe-.*\.svg$/.test(name)) cpSync(new URL(name, pictures), `${out}/${name}`);
 
 // The licences of what is in there, as their packages have them.

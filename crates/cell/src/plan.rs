@@ -236,7 +236,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const PAPER: &str = include_str!("../../configs/cell-cost.toml");
+    const PAPER: &str = include_str!("../../../configs/cell-cost.toml");
 
     #[test]
     fn the_table_of_the_paper_is_what_the_model_says() {

@@ -1,12 +1,14 @@
 //! All tests of this crate that see it from outside, in one program: each is linked once.
 
-#[path = "../../tests/common/counting.rs"]
+mod common;
+#[path = "../../../tests/common/counting.rs"]
 mod counting;
-mod rig;
 
-#[path = "differential/main.rs"]
+mod blocks;
 mod differential;
-mod models;
+mod errors;
+mod growth;
+mod language;
+mod mutation;
 mod no_allocation;
-mod rules;
-mod tables;
+mod second_edition;

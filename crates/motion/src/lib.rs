@@ -47,7 +47,7 @@ pub mod ring;
 pub mod rt;
 
 #[cfg(test)]
-#[path = "../../tests/common/counting.rs"]
+#[path = "../../../tests/common/counting.rs"]
 mod counting;
 #[cfg(test)]
 mod no_allocation_tests;

@@ -11,7 +11,7 @@ use ethercat::wire::register::AlState;
 use obd::device::{EsiDevice, EsiEntry, parse_esi};
 use std::path::Path;
 
-const FILE: &str = "../obd/tests/data/simulated.esi.xml";
+const FILE: &str = "../../obd/tests/data/simulated.esi.xml";
 
 /// `REFERENCES=write` writes it anew.
 #[test]

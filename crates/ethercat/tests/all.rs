@@ -1,6 +1,6 @@
 //! All tests of this crate that see it from outside, in one program: each is linked once.
 
-#[path = "../../tests/common/counting.rs"]
+#[path = "../../../tests/common/counting.rs"]
 mod counting;
 
 mod esi;

@@ -1,5 +1,5 @@
-// Builds ../dist from src with the tools, the style and the modules of the panel: npm ci in panel/web, then
-// node cell/web/build.mjs [FOLDER]. The same sources give the same octets.
+// Builds ../dist from src with the tools, the style and the modules of the panel: npm ci in crates/panel/web, then
+// node crates/cell/web/build.mjs [FOLDER]. The same sources give the same octets.
 import { cpSync, mkdirSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { fileURLToPath } from "node:url";

@@ -10,7 +10,7 @@ const EXAMPLES: [&str; 6] = ["carousel", "coolant", "door", "lubrication", "turr
 const PERIOD_NS: i64 = 10_000_000;
 
 fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
 fn read(path: &str) -> String {
@@ -219,6 +219,6 @@ fn each_small_change_of_an_example_shows_in_its_table() {
         alive.is_empty(),
         "{} of {all} mutants live:\n{}",
         alive.len(),
-        alive.join("\n")
+        alive.join("../..")
     );
 }

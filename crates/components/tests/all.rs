@@ -1,14 +1,12 @@
 //! All tests of this crate that see it from outside, in one program: each is linked once.
 
-mod common;
-#[path = "../../tests/common/counting.rs"]
+#[path = "../../../tests/common/counting.rs"]
 mod counting;
+mod rig;
 
-mod blocks;
+#[path = "differential/main.rs"]
 mod differential;
-mod errors;
-mod growth;
-mod language;
-mod mutation;
+mod models;
 mod no_allocation;
-mod second_edition;
+mod rules;
+mod tables;

@@ -10,7 +10,7 @@ use motion::canon::{Axis, Call, Plane, Position};
 use motion::rt::dda::{ArcDda, LineDda, Method, Turn};
 use std::error::Error;
 
-const PROGRAM: &str = include_str!("../../configs/plotter-part.ngc");
+const PROGRAM: &str = include_str!("../../../configs/plotter-part.ngc");
 
 /// The pen, in steps.
 struct Pen {

@@ -370,7 +370,7 @@ fn a_semaphore_is_busy_until_it_is_released() {
 /// The seed of the fuzzer uses all of it.
 #[test]
 fn the_seed_of_the_fuzzer_compiles() {
-    let seed = include_bytes!("../../fuzz/corpus/structured_text/second_edition");
+    let seed = include_bytes!("../../../fuzz/corpus/structured_text/second_edition");
     let text = seed.split(|octet| *octet == 0).next().unwrap();
     let _ = start(std::str::from_utf8(text).unwrap());
 }
