@@ -8,20 +8,20 @@
 // An application: what is public here is so for its binary and its tests, and says more than its name only where there is more to say.
 #![allow(missing_docs)]
 
-pub mod analyser;
-pub mod api;
-pub mod bus;
+pub use ::analyser;
+pub use ::api;
+pub use ::bus;
 pub mod cli;
-pub mod config;
-pub mod host;
-pub mod jitter;
-pub mod machine;
-pub mod operator;
-pub mod plot;
-pub mod program;
-pub mod rt;
-pub mod scope;
-pub mod sim;
+pub use ::config;
+pub use ::host;
+pub use ::jitter;
+pub use ::machine;
+pub use ::operator;
+pub use ::plot;
+pub use ::program;
+pub use ::rt;
+pub use ::scope;
+pub use ::sim;
 
 /// What components are made of, for those that are compiled in: [`main_with`].
 pub use ::components;

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 /// Rooms of real time, with all that is in them at any depth, and files of other rooms. What is not in real time there stands in
 /// [`START_UP`].
 const REAL_TIME: &[&str] = &[
-    "src/rt",
+    "crates/rt/src",
     "crates/components/src",
     "crates/motion/src/rt",
     "crates/motion/src/kinematics",
@@ -28,18 +28,18 @@ const REAL_TIME: &[&str] = &[
     "hal-pins/src/cell.rs",
     "hal-pins/src/scope/sampler.rs",
     "hal-pins/src/scope/ring.rs",
-    "src/bus/watch.rs",
-    "src/bus/powerlink/mod.rs",
-    "src/bus/powerlink/publisher.rs",
-    "src/bus/ethercat/mod.rs",
-    "src/bus/ethercat/publisher.rs",
-    "src/host/histogram.rs",
-    "src/host/latency.rs",
-    "src/host/network_locks.rs",
-    "src/host/spin.rs",
-    "src/host/step_port.rs",
-    "src/host/wait.rs",
-    "src/machine/overruns.rs",
+    "crates/bus/src/watch.rs",
+    "crates/bus/src/powerlink/mod.rs",
+    "crates/bus/src/powerlink/publisher.rs",
+    "crates/bus/src/ethercat/mod.rs",
+    "crates/bus/src/ethercat/publisher.rs",
+    "crates/host/src/histogram.rs",
+    "crates/host/src/latency.rs",
+    "crates/host/src/network_locks.rs",
+    "crates/host/src/spin.rs",
+    "crates/host/src/step_port.rs",
+    "crates/host/src/wait.rs",
+    "crates/machine/src/overruns.rs",
 ];
 
 const FORBIDDEN: [&str; 31] = [
@@ -82,30 +82,38 @@ const FORBIDDEN: [&str; 31] = [
 /// What runs before real time begins, after it has ended or in another thread: file, or folder with all that is below it; function,
 /// `*` for all of them; why.
 const START_UP: &[(&str, &str, &str)] = &[
-    ("src/bus/powerlink/publisher.rs", "rings", "makes the rings"),
-    ("src/bus/ethercat/mod.rs", "new", "makes the bus"),
-    ("src/bus/ethercat/mod.rs", "node_states", "names for people"),
+    ("crates/bus/src/powerlink/publisher.rs", "rings", "makes the rings"),
+    ("crates/bus/src/ethercat/mod.rs", "new", "makes the bus"),
+    ("crates/bus/src/ethercat/mod.rs", "node_states", "names for people"),
     (
-        "src/bus/powerlink/publisher.rs",
+        "crates/bus/src/powerlink/publisher.rs",
         "new",
         "makes the buffers, which are never freed",
     ),
     (
-        "src/rt/cycle/mod.rs",
+        "crates/rt/src/cycle/mod.rs",
         "peaks",
         "read by the report when the cycle thread is gone",
     ),
-    ("src/rt/drives/mod.rs", "new", "makes the list of drives"),
-    ("src/rt/components.rs", "new", "makes the lists"),
-    ("src/rt/logic/mod.rs", "claim", "makes the pins"),
-    ("src/rt/logic/mod.rs", "bind", "makes the nets"),
-    ("src/rt/logic/mod.rs", "recall", "before the first cycle"),
-    ("src/rt/logic/mod.rs", "take_scanners", "before the first cycle"),
-    ("src/rt/logic/scanner.rs", "new", "a program that does not run yet"),
-    ("src/rt/logic/scanner.rs", "of_pins", "a program that does not run yet"),
-    ("src/rt/logic/shared.rs", "new", "makes the cells"),
-    ("src/rt/logic/shared.rs", "look", "runs in ordinary threads"),
-    ("src/rt/components.rs", "late_reads", "looks at a machine file"),
+    ("crates/rt/src/drives/mod.rs", "new", "makes the list of drives"),
+    ("crates/rt/src/components.rs", "new", "makes the lists"),
+    ("crates/rt/src/logic/mod.rs", "claim", "makes the pins"),
+    ("crates/rt/src/logic/mod.rs", "bind", "makes the nets"),
+    ("crates/rt/src/logic/mod.rs", "recall", "before the first cycle"),
+    ("crates/rt/src/logic/mod.rs", "take_scanners", "before the first cycle"),
+    (
+        "crates/rt/src/logic/scanner.rs",
+        "new",
+        "a program that does not run yet",
+    ),
+    (
+        "crates/rt/src/logic/scanner.rs",
+        "of_pins",
+        "a program that does not run yet",
+    ),
+    ("crates/rt/src/logic/shared.rs", "new", "makes the cells"),
+    ("crates/rt/src/logic/shared.rs", "look", "runs in ordinary threads"),
+    ("crates/rt/src/components.rs", "late_reads", "looks at a machine file"),
     ("crates/components/src/instance.rs", "claim", "makes the pins"),
     (
         "crates/components/src/",
@@ -119,42 +127,66 @@ const START_UP: &[(&str, &str, &str)] = &[
         "makes kinds and pins; an instance runs by its own `update`",
     ),
     ("crates/logic/src/runtime.rs", "new", "makes the memory"),
-    ("crates/logic/src/block.rs", "all", "declares the blocks to the compiler"),
-    ("crates/logic/src/block.rs", "variables", "declares the blocks to the compiler"),
-    ("src/host/step_port.rs", "", "opens a file, in imports"),
-    ("src/host/step_port.rs", "open", "opens the port"),
-    ("src/host/step_port.rs", "octets_and_bits", "looks at a machine file"),
-    ("src/rt/analog.rs", "new", "makes the outputs"),
-    ("src/rt/assemble.rs", "assemble", "makes the cycle"),
-    ("src/rt/desk.rs", "new", "makes the pins"),
-    ("src/rt/external.rs", "new", "makes the pins"),
-    ("src/rt/jog_pins.rs", "new", "makes the pins"),
-    ("src/rt/local_drive.rs", "plans", "looks at a machine file"),
-    ("src/rt/logic/budget.rs", "*", "looks at a program before it runs"),
-    ("src/rt/logic/desk.rs", "*", "the ordinary threads' side"),
-    ("src/rt/loop_pins.rs", "new", "makes the pins"),
-    ("src/rt/step_pins.rs", "new", "makes the pins"),
-    ("src/rt/steps/ticker.rs", "new", "makes the ticker"),
-    ("src/rt/tool_pockets.rs", "default", "makes the cells"),
-    ("src/rt/joint_jog.rs", "new", "makes the joints"),
-    ("src/rt/homing.rs", "new", "makes the groups"),
-    ("src/rt/cycle_stats.rs", "new", "makes empty figures"),
-    ("src/rt/io_channels.rs", "new", "makes the pins"),
-    ("src/rt/io_channels.rs", "objects_in", "makes the pins"),
-    ("src/rt/io_channels.rs", "objects_out", "makes the pins"),
-    ("src/rt/io_channels.rs", "channel", "makes the pins"),
-    ("src/rt/io_channels.rs", "channel_name", "names a pin that is made"),
-    ("src/rt/io_channels.rs", "object_name", "names a pin that is made"),
-    ("src/rt/io_pins.rs", "new", "makes the pins"),
     (
-        "src/rt/waiting.rs",
+        "crates/logic/src/block.rs",
+        "all",
+        "declares the blocks to the compiler",
+    ),
+    (
+        "crates/logic/src/block.rs",
+        "variables",
+        "declares the blocks to the compiler",
+    ),
+    ("crates/host/src/step_port.rs", "", "opens a file, in imports"),
+    ("crates/host/src/step_port.rs", "open", "opens the port"),
+    (
+        "crates/host/src/step_port.rs",
+        "octets_and_bits",
+        "looks at a machine file",
+    ),
+    ("crates/rt/src/analog.rs", "new", "makes the outputs"),
+    ("crates/rt/src/assemble.rs", "assemble", "makes the cycle"),
+    ("crates/rt/src/desk.rs", "new", "makes the pins"),
+    ("crates/rt/src/external.rs", "new", "makes the pins"),
+    ("crates/rt/src/jog_pins.rs", "new", "makes the pins"),
+    ("crates/rt/src/local_drive.rs", "plans", "looks at a machine file"),
+    (
+        "crates/rt/src/logic/budget.rs",
+        "*",
+        "looks at a program before it runs",
+    ),
+    ("crates/rt/src/logic/desk.rs", "*", "the ordinary threads' side"),
+    ("crates/rt/src/loop_pins.rs", "new", "makes the pins"),
+    ("crates/rt/src/step_pins.rs", "new", "makes the pins"),
+    ("crates/rt/src/steps/ticker.rs", "new", "makes the ticker"),
+    ("crates/rt/src/tool_pockets.rs", "default", "makes the cells"),
+    ("crates/rt/src/joint_jog.rs", "new", "makes the joints"),
+    ("crates/rt/src/homing.rs", "new", "makes the groups"),
+    ("crates/rt/src/cycle_stats.rs", "new", "makes empty figures"),
+    ("crates/rt/src/io_channels.rs", "new", "makes the pins"),
+    ("crates/rt/src/io_channels.rs", "objects_in", "makes the pins"),
+    ("crates/rt/src/io_channels.rs", "objects_out", "makes the pins"),
+    ("crates/rt/src/io_channels.rs", "channel", "makes the pins"),
+    (
+        "crates/rt/src/io_channels.rs",
+        "channel_name",
+        "names a pin that is made",
+    ),
+    (
+        "crates/rt/src/io_channels.rs",
+        "object_name",
+        "names a pin that is made",
+    ),
+    ("crates/rt/src/io_pins.rs", "new", "makes the pins"),
+    (
+        "crates/rt/src/waiting.rs",
         "text",
         "a sentence for the operator, made by his thread",
     ),
-    ("src/rt/spindle.rs", "new", "makes the pins"),
-    ("src/rt/override_pins.rs", "new", "makes the pins"),
+    ("crates/rt/src/spindle.rs", "new", "makes the pins"),
+    ("crates/rt/src/override_pins.rs", "new", "makes the pins"),
     (
-        "src/rt/overrides.rs",
+        "crates/rt/src/overrides.rs",
         "check",
         "an order is looked at by the operator's thread before it becomes one",
     ),
@@ -163,24 +195,32 @@ const START_UP: &[(&str, &str, &str)] = &[
         "parse",
         "reads a file of the machine at start-up",
     ),
-    ("src/rt/pins.rs", "object_name", "names are given when pins are made"),
-    ("src/rt/pins.rs", "new", "makes and links the pins"),
-    ("src/host/network_locks.rs", "", "reads what kernel it is, in imports"),
-    ("src/host/network_locks.rs", "open", "makes the sockets"),
     (
-        "src/rt/timeout/mod.rs",
+        "crates/rt/src/pins.rs",
+        "object_name",
+        "names are given when pins are made",
+    ),
+    ("crates/rt/src/pins.rs", "new", "makes and links the pins"),
+    (
+        "crates/host/src/network_locks.rs",
+        "",
+        "reads what kernel it is, in imports",
+    ),
+    ("crates/host/src/network_locks.rs", "open", "makes the sockets"),
+    (
+        "crates/rt/src/timeout/mod.rs",
         "",
         "the handle of the thread, in imports and the type that ordinary threads hold",
     ),
-    ("src/rt/timeout/mod.rs", "spawn", "starts the thread"),
-    ("src/host/latency.rs", "new", "makes empty figures"),
+    ("crates/rt/src/timeout/mod.rs", "spawn", "starts the thread"),
+    ("crates/host/src/latency.rs", "new", "makes empty figures"),
     (
-        "src/host/latency.rs",
+        "crates/host/src/latency.rs",
         "ticks_per_ns",
         "compares two clocks before the scan begins",
     ),
-    ("src/host/latency.rs", "on_a_thread", "starts the thread"),
-    ("src/bus/powerlink/mod.rs", "new", "makes the bus"),
+    ("crates/host/src/latency.rs", "on_a_thread", "starts the thread"),
+    ("crates/bus/src/powerlink/mod.rs", "new", "makes the bus"),
     (
         "crates/motion/src/rt/joint_compensation/pitch_table.rs",
         "new",
@@ -319,8 +359,8 @@ fn all_of_a_room_is_real_time_unless_it_is_said_not_to_be() {
         .map(|path| path.strip_prefix(root).expect("inside").display().to_string())
         .collect();
     for file in [
-        "src/rt/jog_pins.rs",
-        "src/rt/steps/ticker.rs",
+        "crates/rt/src/jog_pins.rs",
+        "crates/rt/src/steps/ticker.rs",
         "crates/components/src/pid.rs",
         "crates/logic/src/runtime.rs",
         "crates/motion/src/rt/interpolator/mod.rs",
@@ -328,10 +368,12 @@ fn all_of_a_room_is_real_time_unless_it_is_said_not_to_be() {
         assert!(found.iter().any(|known| known == file), "{file}");
     }
     assert!(!found.iter().any(|file| file.contains("tests")), "{found:?}");
-    let exception = ("src/rt/logic/", "new", "");
-    assert!(excepts(&exception, "src/rt/logic/a.rs", "new") && !excepts(&exception, "src/rt/a.rs", "new"));
+    let exception = ("crates/rt/src/logic/", "new", "");
     assert!(
-        !excepts(&("src/rt/a.rs", "new", ""), "src/rt/a.rs", "step")
-            && excepts(&("src/rt/a.rs", "*", ""), "src/rt/a.rs", "step")
+        excepts(&exception, "crates/rt/src/logic/a.rs", "new") && !excepts(&exception, "crates/rt/src/a.rs", "new")
+    );
+    assert!(
+        !excepts(&("crates/rt/src/a.rs", "new", ""), "crates/rt/src/a.rs", "step")
+            && excepts(&("crates/rt/src/a.rs", "*", ""), "crates/rt/src/a.rs", "step")
     );
 }

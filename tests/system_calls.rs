@@ -37,7 +37,7 @@ const TICKS: usize = 400;
 const LOOKS: usize = 200;
 
 /// What the cycle thread may ask for: to sleep, to send, to wait for an answer or fetch it, whether the interface still runs,
-/// and under PREEMPT_RT the ways through the locks of the network (`src/host/network_locks.rs`).
+/// and under PREEMPT_RT the ways through the locks of the network (`crates/host/src/network_locks.rs`).
 const CYCLE_CALLS: [i64; 8] = [
     libc::SYS_clock_nanosleep,
     libc::SYS_sendto,

@@ -1,6 +1,6 @@
 //! Any octets as a message of a cell: read or refused; what is read can be said again.
 
-#[path = "../../cell/link/src/message.rs"]
+#[path = "../../crates/cell-link/src/message.rs"]
 #[allow(dead_code, reason = "the link has more use of it")]
 mod message;
 

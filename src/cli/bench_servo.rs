@@ -5,31 +5,30 @@
 //! The machine is simulated on virtual time, in this process: what is timed is the control's own code, with a program that moves all
 //! axes. What the simulated wire takes is left out, as a real one works beside the processor.
 
-use crate::bus;
 use crate::cli::bus::check::exchange_ns;
-use crate::config::{self, AxisMap, Config, HomingBy, Joint, SimJoint};
-use crate::host::histogram::{Jitter, Summary};
-use crate::host::steadiness::Steadiness;
-use crate::host::terminal::say;
-use crate::host::wait::thread_cpu_s;
-use crate::machine::state::State;
-use crate::machine::tables::Tables;
-use crate::operator::refusal::Refusal;
-use crate::operator::rehearsal::{Rehearsal, rehearse_with};
-use crate::program::real_time::Measure;
-use crate::program::{Feeder, Progress, home};
-use crate::rt::cycle::Part;
-use crate::sim::NetConfig;
 use anyhow::{Context, anyhow, bail, ensure};
 use clap::Args;
+use config::{self, AxisMap, Config, HomingBy, Joint, SimJoint};
+use host::histogram::{Jitter, Summary};
+use host::steadiness::Steadiness;
+use host::terminal::say;
+use host::wait::thread_cpu_s;
+use machine::state::State;
+use machine::tables::Tables;
 use motion::canon::{Axis, Position};
 use motion::kinematics::ToolFrame;
 use motion::plan::PlannerKind;
 use motion::rt::{
     CompensationShare, JointCompensation, MotionLimits, Pid, PidGains, PitchBounds, PitchRow, PitchTable, StopLimits,
 };
+use operator::refusal::Refusal;
+use operator::rehearsal::{Rehearsal, rehearse_with};
+use program::real_time::Measure;
+use program::{Feeder, Progress, home};
+use rt::cycle::Part;
 use serde::Serialize;
 use serde_json::{Value as Json, json};
+use sim::NetConfig;
 use std::f64::consts::TAU;
 use std::fmt;
 use std::fmt::Write as _;
@@ -592,8 +591,8 @@ fn entities(config: &Config) -> anyhow::Result<Vec<Planned>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::program::{Begin, check};
     use motion::cancel::Cancel;
+    use program::{Begin, check};
 
     #[test]
     fn its_program_has_as_many_lines_as_arcs_and_moves_all_axes_of_any_mill() {

@@ -4,21 +4,20 @@
 //! Out: every mistake with its place, or a summary of the machine, what this PC makes of its cycle, and its concise DCF; of a
 //! .cdc its listing. Nothing is opened, sent or moved.
 
-use crate::bus;
-use crate::bus::plan::NodePlan;
 use crate::cli::bench_servo;
 use crate::cli::bus::check::{budget_json, list_cdc, node_json, write_budget, write_cdc, write_node};
-use crate::config::{BusKind, Config, HomingBy, Joint, Place, SUBSTEPS, rate_max_hz};
-use crate::host::steadiness::Steadiness;
-use crate::operator::refusal::Refusal;
-use crate::operator::session::check_start;
-use crate::operator::tuning::stability::{GAIN_MARGIN_DB, Margins, PHASE_MARGIN_DEG, margins_of_joint};
-use crate::rt::components::{LateRead, late_reads};
-use crate::rt::logic::budget::{self, Budget};
-use crate::rt::pins::{Pins, PinsError, capacity};
-use crate::rt::steps::StepDrives;
 use anyhow::{Context, ensure};
+use bus::plan::NodePlan;
+use config::{BusKind, Config, HomingBy, Joint, Place, SUBSTEPS, rate_max_hz};
 use hal_pins::{Hal, file_len};
+use host::steadiness::Steadiness;
+use operator::refusal::Refusal;
+use operator::session::check_start;
+use operator::tuning::stability::{GAIN_MARGIN_DB, Margins, PHASE_MARGIN_DEG, margins_of_joint};
+use rt::components::{LateRead, late_reads};
+use rt::logic::budget::{self, Budget};
+use rt::pins::{Pins, PinsError, capacity};
+use rt::steps::StepDrives;
 use serde_json::{Value as Json, json};
 use std::fmt::{self, Write as _};
 use std::io::{ErrorKind, Write as _};
@@ -351,7 +350,6 @@ fn to_json(config: &Config, plans: &[NodePlan]) -> Json {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config;
     use std::path::Path;
 
     const DEMO: &str = include_str!("../../configs/mill3-demo.toml");

@@ -6,11 +6,11 @@
 //!
 //! The figures are exact, the same on every PC.
 
-use crate::host::terminal;
-use crate::plot::sheet::escaped;
 use anyhow::Context;
 use clap::Args;
+use host::terminal;
 use motion::rt::dda::{ArcDda, Fill, Method, Registers, Rule, Turn, path_variance, sawteeth};
+use plot::sheet::escaped;
 use serde_json::{Value as Json, json};
 use std::fmt::Write as _;
 use std::io::Write;

@@ -3,14 +3,13 @@
 //! In:  a machine file, a core, an interface: what the control would use.
 //! Out: a line for everything that matters, and what to do first. Exit code 0: no must is missing, 1: one is, 2: wrong usage.
 
-use crate::api::client::Client;
-use crate::bus;
 use crate::cli::control::forced_words;
-use crate::config::{Config, Rt};
-use crate::host::doctor::{Level, Pc, Report, Target, ThisPc, examine, is_interface_name, isolcpus};
-use crate::host::setup;
-use crate::operator::refusal::Refusal;
 use anyhow::Context as _;
+use api::client::Client;
+use config::{Config, Rt};
+use host::doctor::{Level, Pc, Report, Target, ThisPc, examine, is_interface_name, isolcpus};
+use host::setup;
+use operator::refusal::Refusal;
 use serde_json::json;
 use std::io::{IsTerminal as _, Write as _};
 use std::path::PathBuf;

@@ -5,10 +5,10 @@
 
 use super::bus::{Protocol, scan};
 use super::proposal::{Node, Proposal, letters};
-use crate::host::signals::end_by_interrupt;
-use crate::host::terminal::say;
-use crate::operator::refusal::Refusal;
-use crate::{bus, config};
+use host::signals::end_by_interrupt;
+use host::terminal::say;
+use operator::refusal::Refusal;
+
 use anyhow::{Context, bail, ensure};
 use clap::Args;
 use std::io::{BufRead, IsTerminal, Write};

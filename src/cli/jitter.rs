@@ -1,23 +1,22 @@
 //! `isocnc jitter`: how exactly the cycle is kept while a program runs, beside what the PC can do at all.
 
 use super::demo::{DemoBus, bear, machine_file};
-use crate::analyser::listen;
-use crate::bus;
-use crate::host::netns;
-use crate::host::signals;
-use crate::host::signals::StopSignal;
-use crate::host::terminal::say;
-use crate::jitter::report::Ended;
-use crate::jitter::run::{FarEnd, Wanted};
-use crate::jitter::table::table;
-use crate::jitter::{output, program, run};
-use crate::machine::tables::Tables;
-use crate::operator::refusal::Refusal;
-use crate::operator::session::Program;
-use crate::program::text::{Reader, Text};
-use crate::program::{Begin, check};
+use ::program::text::{Reader, Text};
+use ::program::{Begin, check};
+use analyser::listen;
 use anyhow::{Context, ensure};
 use clap::Args;
+use host::netns;
+use host::signals;
+use host::signals::StopSignal;
+use host::terminal::say;
+use jitter::report::Ended;
+use jitter::run::{FarEnd, Wanted};
+use jitter::table::table;
+use jitter::{output, program, run};
+use machine::tables::Tables;
+use operator::refusal::Refusal;
+use operator::session::Program;
 use std::path::PathBuf;
 use std::process::ExitCode;
 

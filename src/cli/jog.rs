@@ -4,13 +4,13 @@
 //! Out: jog orders, renewed while the command runs; one line when it is over. Killed in the midst, the joint comes to rest.
 
 use super::control::{ControlArgs, connect, print};
-use crate::api::client::Client;
-use crate::host::signals::{StopSignal, exit_code};
-use crate::host::terminal::{alarm as alarm_text, say};
-use crate::rt::joint_jog::HOLDS_S;
 use anyhow::{Context, bail};
+use api::client::Client;
 use clap::Args;
+use host::signals::{StopSignal, exit_code};
+use host::terminal::{alarm as alarm_text, say};
 use motion::canon::Axis;
+use rt::joint_jog::HOLDS_S;
 use serde_json::{Value, json};
 use std::process::ExitCode;
 use std::time::Duration;

@@ -26,9 +26,9 @@ pub mod tables;
 pub mod top;
 mod tune;
 
-use crate::host::terminal::say;
-use crate::operator::refusal::Refusal;
 use clap::{CommandFactory, Parser, Subcommand};
+use host::terminal::say;
+use operator::refusal::Refusal;
 use std::ffi::OsString;
 use std::process::ExitCode;
 
@@ -187,12 +187,12 @@ pub fn main() -> ExitCode {
         }
         Err(error) => return show(&error),
     };
-    if let Err(error) = crate::host::logging::begin() {
+    if let Err(error) = host::logging::begin() {
         files::errln!("isocnc: {error}");
         return ExitCode::from(2);
     }
     if let Command::Demo(_) | Command::Run(_) | Command::Jitter(_) = &cli.command {
-        crate::host::setup::keep_one_heap();
+        host::setup::keep_one_heap();
     }
     let result = match &cli.command {
         Command::Demo(args) => demo::demo(args),

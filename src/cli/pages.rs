@@ -4,11 +4,11 @@
 //! readers; the methods of the control socket.
 //! Out: a completion script or the schema on standard output; a page of the manual for each command.
 
-use crate::api::openrpc;
-use crate::host::terminal::say;
 use anyhow::Context;
+use api::openrpc;
 use clap::{Args, Command};
 use clap_complete::Shell;
+use host::terminal::say;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 

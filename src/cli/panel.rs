@@ -1,12 +1,11 @@
 //! `isocnc panel`: tokens of the operator panel in the browser.
 
-use crate::bus;
-use crate::config::{Encryption, Panel};
-use crate::host::terminal::say;
-use crate::operator::panel::scheme;
-use crate::operator::refusal::Refusal;
 use anyhow::{Context, ensure};
 use clap::{Args, Subcommand};
+use config::{Encryption, Panel};
+use host::terminal::say;
+use operator::panel::scheme;
+use operator::refusal::Refusal;
 use panel::{Role, TokenFile};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;

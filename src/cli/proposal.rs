@@ -4,8 +4,8 @@
 //! Out: the text. Each drive has a joint and an axis; without a drive nothing moves.
 
 use super::bus::Protocol;
-use crate::operator::refusal::Refusal;
 use anyhow::ensure;
+use operator::refusal::Refusal;
 use std::fmt::Write as _;
 
 const EXAMPLE: &str = include_str!("../../configs/mill3-powerlink.toml");
@@ -185,7 +185,6 @@ impl Proposal<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config;
 
     #[test]
     fn the_example_has_all_that_is_taken_from_it() {

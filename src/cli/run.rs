@@ -1,15 +1,14 @@
 //! `isocnc run`: the control.
 
-use crate::bus;
-use crate::host::signals::StopSignal;
-use crate::operator::panel::Panel;
-use crate::operator::refusal::Refusal;
-use crate::operator::session::{Program, Wire};
-use crate::operator::single_run::{Job, run_and_report};
-use crate::operator::standby::stand_by;
-use crate::program::text::{Reader, Text};
 use anyhow::Context;
 use clap::Args;
+use host::signals::StopSignal;
+use operator::panel::Panel;
+use operator::refusal::Refusal;
+use operator::session::{Program, Wire};
+use operator::single_run::{Job, run_and_report};
+use operator::standby::stand_by;
+use program::text::{Reader, Text};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;

@@ -1,20 +1,19 @@
 //! `isocnc simulate`: the simulated machine as the nodes of its bus on an interface.
 
-use crate::analyser::Analyser;
-use crate::bus;
-use crate::bus::Tap;
-use crate::bus::sender::SoleSender;
-use crate::config::{KeepAwake, Require, Rt};
-use crate::host::capabilities::{self, Work};
-use crate::host::setup;
-use crate::host::setup::{Role, STACK_SIZE, enter_thread};
-use crate::host::signals::{StopOnDrop, StopSignal};
-use crate::host::terminal::say;
-use crate::host::wait::to_next;
-use crate::operator::refusal::Refusal;
-use crate::sim::{self, READY, SimMachine, near_end, serve};
+use analyser::Analyser;
 use anyhow::{Context, anyhow, ensure};
+use bus::Tap;
+use bus::sender::SoleSender;
 use clap::Args;
+use config::{KeepAwake, Require, Rt};
+use host::capabilities::{self, Work};
+use host::setup;
+use host::setup::{Role, STACK_SIZE, enter_thread};
+use host::signals::{StopOnDrop, StopSignal};
+use host::terminal::say;
+use host::wait::to_next;
+use operator::refusal::Refusal;
+use sim::{self, READY, SimMachine, near_end, serve};
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;

@@ -3,8 +3,8 @@
 //! In:  the control socket. Out: a table or one line, or one JSON value.
 
 use super::control::{ControlArgs, call, parts_words, print, warn};
-use crate::host::terminal::{self, table};
 use clap::{Args, Subcommand};
+use host::terminal::{self, table};
 use serde_json::{Value, json};
 use std::process::ExitCode;
 use std::time::{Duration, UNIX_EPOCH};

@@ -1,4 +1,4 @@
-//! `docs/faults.md`: every fault, from `src/machine/faults.rs`.
+//! `docs/faults.md`: every fault, from `crates/machine/src/faults.rs`.
 
 use super::source::{covers, variants};
 use super::{check, code, head, row};
@@ -10,7 +10,7 @@ use isocnc::machine::faults::{
 use motion::rt::homing::HomingFailure;
 use motion::rt::{Order, SyncFault};
 
-pub(crate) const FAULTS: &str = "src/machine/faults.rs";
+pub(crate) const FAULTS: &str = "crates/machine/src/faults.rs";
 
 /// What drive supervisors see.
 pub(crate) const OF_DRIVES: [AxisFault; 11] = [

@@ -3,15 +3,14 @@
 //! In:  the checked machine description, the plans of its nodes.
 //! Out: text for a terminal, and the same as JSON.
 
-use crate::bus;
-use crate::bus::ethercat::setup::{StartSource, start_values};
-use crate::bus::layout::Layout;
-use crate::bus::plan::{LeftOut, LeftOutReason, NodePlan};
-use crate::bus::powerlink::cdc;
-use crate::bus::powerlink::managing_node::{latencies, mn_config, node_configs};
 use crate::cli::check::print;
-use crate::config::{Channel, ChannelKind, Config, EthercatNode, Exchange, Mapped, Node, Profile, SyncClock};
 use anyhow::Context;
+use bus::ethercat::setup::{StartSource, start_values};
+use bus::layout::Layout;
+use bus::plan::{LeftOut, LeftOutReason, NodePlan};
+use bus::powerlink::cdc;
+use bus::powerlink::managing_node::{latencies, mn_config, node_configs};
+use config::{Channel, ChannelKind, Config, EthercatNode, Exchange, Mapped, Node, Profile, SyncClock};
 use ethercat::main::config::StartValue;
 use powerlink::mn::{Budget, BudgetLine, MnConfig, NodeConfig, Part};
 use serde_json::{Value as Json, json};

@@ -4,8 +4,8 @@
 //! Out: who answers, values of objects. Frames go out by hand: SoA after SoA, never a SoC, a PReq or an NMT command, so that
 //! no node is reset or starts anything.
 
-use crate::bus::sender::SoleSender;
 use anyhow::{anyhow, bail};
+use bus::sender::SoleSender;
 use powerlink::link::{Link, LinkError};
 use powerlink::mn::UnaskedAnswers;
 use powerlink::nmt::NmtState;

@@ -11,7 +11,7 @@ use powerlink::nmt::NmtState;
 use powerlink::wire::node;
 use std::fmt::Write as _;
 
-pub use crate::bus::service::{mac, object};
+pub use bus::service::{mac, object};
 
 /// Most octets of a value that are printed.
 const OCTETS_SHOWN: usize = 16;

@@ -7,17 +7,17 @@
 mod status;
 mod waiting;
 
-use crate::api::client::{Client, ClientError};
-use crate::api::methods::sim_faults;
-use crate::api::rpc::code;
-use crate::host::signals::StopSignal;
-use crate::host::terminal;
-use crate::operator::program_reports::StandByReport;
-use crate::operator::refusal::Refusal;
 use anyhow::Context;
+use api::client::{Client, ClientError};
+use api::methods::sim_faults;
+use api::rpc::code;
 use clap::builder::PossibleValuesParser;
 use clap::{Args, Subcommand, ValueEnum};
 use files::read::PROGRAM_MAX;
+use host::signals::StopSignal;
+use host::terminal;
+use operator::program_reports::StandByReport;
+use operator::refusal::Refusal;
 use serde_json::{Value, json};
 use std::io::Read;
 use std::path::{Path, PathBuf};

@@ -2,7 +2,7 @@
 
 use super::super::progress;
 use super::{ControlArgs, StatusArgs, call, connect, overrides, print};
-use crate::host::terminal;
+use host::terminal;
 use serde_json::{Value, json};
 use std::io::Write;
 use std::process::ExitCode;

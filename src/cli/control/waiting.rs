@@ -3,11 +3,11 @@
 //! In:  an order; what the control tells of itself. Out: a status line meanwhile, one line and the exit code at the end.
 
 use super::{ControlArgs, GOES_ON, OrderArgs, connect, print, warn};
-use crate::api::client::{Client, ClientError};
-use crate::host::signals::{StopSignal, exit_code};
-use crate::host::terminal::{self, StatusLine};
-use crate::machine::faults::SILENCED;
 use anyhow::Context;
+use api::client::{Client, ClientError};
+use host::signals::{StopSignal, exit_code};
+use host::terminal::{self, StatusLine};
+use machine::faults::SILENCED;
 use serde_json::{Value, json};
 use std::process::ExitCode;
 use std::time::Duration;

@@ -9,11 +9,11 @@
 //!
 //! A net that leads to the left carries a value of the cycle before, and is dashed.
 
-use crate::config::{Component, Config, Place};
-use crate::plot::sheet::{Anchor, Face, Sheet};
-use crate::plot::{BODY, INK, SMALL, TITLE};
-use crate::rt::components::is_of_others;
+use config::{Component, Config, Place};
 use hal_pins::{Kind, PinInfo};
+use plot::sheet::{Anchor, Face, Sheet};
+use plot::{BODY, INK, SMALL, TITLE};
+use rt::components::is_of_others;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
@@ -496,7 +496,7 @@ fn curve(from: (f64, f64), to: (f64, f64)) -> Vec<(f64, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::parse;
+    use config::parse;
     use std::path::Path;
 
     const DEMO: &str = include_str!("../../../configs/mill3-demo.toml");

@@ -8,14 +8,13 @@ mod scope;
 mod show;
 
 use super::hal_import::{self, ImportArgs};
-use crate::api::methods::{pin_json as to_json, value_json};
-use crate::bus;
-use crate::host::terminal::table;
-use crate::operator::refusal::Refusal;
 use anyhow::{Context, anyhow, bail};
+use api::methods::{pin_json as to_json, value_json};
 use glob::Pattern;
 use graph::Graph;
 use hal_pins::{AnyValue, Attached, Found, HalError, Kind, PinInfo, nearest};
+use host::terminal::table;
+use operator::refusal::Refusal;
 use scope::ScopeArgs;
 use serde_json::{Value as Json, json};
 use std::io::{ErrorKind, Write};

@@ -1,6 +1,6 @@
 //! `isocnc hal show`: everything that is known of pins and nets.
 
-use crate::api::methods::pin_json;
+use api::methods::pin_json;
 use hal_pins::{Kind, PinInfo};
 use serde_json::{Value, json};
 use std::fmt::Write;

@@ -6,9 +6,9 @@
 use super::read::Command;
 use super::write::{self, Made, Wire};
 use super::{KnownPin, OwnPins, Place, Refused, Translation};
-use crate::rt::pins::must_be_wired;
 use components::{CATALOGUE, DIFFERENCES, Difference, Direction, Kind, PinSpec, find};
 use hal_pins::{AnyValue, Type};
+use rt::pins::must_be_wired;
 use std::collections::BTreeMap;
 
 /// Modules whose work the control does itself.

@@ -1,6 +1,6 @@
 //! Components and nets as the text of a machine file.
 
-use crate::config::Net;
+use config::Net;
 use std::fmt::Write as _;
 
 /// A component.

@@ -4,8 +4,8 @@
 //! Out: [`gcode::Settings`], or every mistake of the files on standard error.
 
 use super::InterpretArgs;
-use crate::machine::tables::{bare_tools, forget_g92};
-use crate::{bus, program};
+use machine::tables::{bare_tools, forget_g92};
+
 use anyhow::Context;
 use gcode::{Located, Settings, Splines, ToolChanger, ToolTable, parameter};
 use motion::canon::LengthUnit;

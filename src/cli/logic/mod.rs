@@ -7,12 +7,12 @@ mod online;
 mod table;
 
 use crate::cli::check::print;
-use crate::operator::refusal::Refusal;
-use crate::rt::logic::budget::{self, Budget};
 use anyhow::Context;
 use clap::{Args, Subcommand};
 use files::read::TEXT_MAX;
 use logic::{Diagnostic, Logic, Runtime, Severity, duration};
+use operator::refusal::Refusal;
+use rt::logic::budget::{self, Budget};
 use serde_json::{Value as Json, json};
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};

@@ -4,9 +4,8 @@
 //! Out: machines; a table for people, or JSON.
 
 use super::report::Report;
-use crate::bus;
-use crate::config::{self, Config};
-use crate::operator::refusal::Refusal;
+use config::{self, Config};
+use operator::refusal::Refusal;
 use serde::Serialize;
 use std::fmt;
 use std::path::Path;

@@ -4,16 +4,16 @@
 //! Out: a table and a picture of the medians: blocks a second, efficiency (time of one thread over that of n threads times n), and
 //! the part of the look-ahead that was computed again because an overlap was too short.
 
-use crate::config::Config;
-use crate::machine::tables::Tables;
-use crate::plot::lines::{number, round_up};
-use crate::plot::sheet::{Anchor, Sheet};
-use crate::plot::{BODY, GRID, INK, SMALL, TITLE};
-use crate::program::text::Reader;
-use crate::program::{FeedError, Feeder, Threads, home};
+use config::Config;
+use machine::tables::Tables;
 use motion::element::Element;
 use motion::plan::PlannerKind;
 use motion::ring::{Publish, Sink};
+use plot::lines::{number, round_up};
+use plot::sheet::{Anchor, Sheet};
+use plot::{BODY, GRID, INK, SMALL, TITLE};
+use program::text::Reader;
+use program::{FeedError, Feeder, Threads, home};
 use std::fmt;
 use std::time::Instant;
 
@@ -123,7 +123,7 @@ fn planned(config: &Config, tables: &Tables, (name, text): (&str, Reader<'_>), r
         let threads = Threads::new(row.threads, scope);
         let mut feeder = Feeder::in_threads((&config, tables), text, home(&config), Nothing, threads).beside(name);
         let mut blocks = 0;
-        while feeder.pump()? != crate::program::Progress::Done {
+        while feeder.pump()? != program::Progress::Done {
             blocks += feeder.ideal_path().count();
         }
         row.seconds.push(began.elapsed().as_secs_f64());

@@ -4,15 +4,15 @@
 //! Out: set-points; the programmed path; the smoothed path with its derivatives.
 
 use super::run_down::{Cycle, whole};
-use crate::config::Config;
-use crate::machine::tables::Tables;
-use crate::program::text::Reader;
-use crate::program::{FeedError, Feeder, home};
+use config::Config;
+use machine::tables::Tables;
 use motion::canon::{Axis, Position};
 use motion::element::{Element, Span};
 use motion::path::{Jet, Shape};
 use motion::plan::Programmed;
 use motion::ring::{Publish, Sink};
+use program::text::Reader;
+use program::{FeedError, Feeder, home};
 use std::collections::HashMap;
 use std::fmt::Write as _;
 

@@ -6,7 +6,7 @@
 //! The machine rests before the first set-point and after the last. Behind cycles that were not run, a difference is known
 //! once all set-points that it takes are.
 
-use crate::config::Config;
+use config::Config;
 use motion::canon::{Axis, Position};
 use motion::kinematics::{Kinematics, ToolFrame};
 

@@ -2,7 +2,7 @@
 //!
 //! In:  a text. Out: the number of each line, from 1 on, and its beginning.
 
-use crate::program::text::Reader;
+use program::text::Reader;
 use std::io::{self, BufRead, BufReader};
 use std::ops::ControlFlow;
 

@@ -24,18 +24,17 @@ mod slow_places;
 mod timeline;
 mod times;
 
-use crate::bus;
-use crate::config::{self, Config};
-use crate::host::terminal::say;
-use crate::machine::tables::Tables;
-use crate::operator::refusal::Refusal;
-use crate::program::text::{Reader, Text};
-use crate::program::{Doubt, FeedError, doubts, error_json, home};
 use anyhow::{Context, anyhow};
 use clap::{Args, ValueEnum};
 use compare::{Compared, Comparison};
+use config::{self, Config};
+use host::terminal::say;
+use machine::tables::Tables;
 use motion::cancel::Cancel;
 use motion::plan::PlannerKind;
+use operator::refusal::Refusal;
+use program::text::{Reader, Text};
+use program::{Doubt, FeedError, doubts, error_json, home};
 use report::Report;
 use run_down::{Wanted, Work};
 use script::{Script, ScriptError};
@@ -326,7 +325,7 @@ fn checked(args: &PlanArgs, config: &Config, text: Reader<'_>) -> Result<(Tables
         let rule = format!("cannot be planned: {}", config.without_joints());
         return Err(plain(&args.program, &format!("{name}: {rule}")));
     }
-    let errors = crate::program::check_text(config, &tables, &name, text, gcode::CheckLimits::default());
+    let errors = program::check_text(config, &tables, &name, text, gcode::CheckLimits::default());
     if !errors.is_empty() {
         let shown: Vec<String> = errors.iter().map(|error| error.render(&name)).collect();
         let listed: Vec<Json> = errors.iter().map(error_json).collect();

@@ -7,10 +7,10 @@ use super::lines::each_line;
 use super::picture::{self, Place};
 use super::report::Report;
 use super::run_down::Work;
-use crate::config::Config;
-use crate::plot::sheet::escaped;
-use crate::program::Doubt;
-use crate::program::text::Reader;
+use config::Config;
+use plot::sheet::escaped;
+use program::Doubt;
+use program::text::Reader;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::io;
@@ -241,11 +241,10 @@ fn lines(text: &str) -> String {
 mod tests {
     use super::*;
     use crate::cli::plan::run_down::{Wanted, run_down};
-    use crate::config;
-    use crate::machine::tables::Tables;
-    use crate::program::doubts;
+    use machine::tables::Tables;
     use motion::cancel::Cancel;
     use motion::canon::Position;
+    use program::doubts;
     use std::path::Path;
 
     fn page(text: &str) -> (String, String) {

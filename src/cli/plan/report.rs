@@ -7,9 +7,9 @@ use super::run_down::Work;
 use super::script::ScriptReport;
 use super::slow_places::FeedKept;
 use super::times::{TimeTable, Times};
-use crate::config::Config;
-use crate::program::real_time::RealTimeFactor;
+use config::Config;
 use motion::plan::{Deviation, PlannerKind};
+use program::real_time::RealTimeFactor;
 use serde::Serialize;
 use std::fmt;
 

@@ -134,8 +134,7 @@ mod tests {
     use super::super::report::Report;
     use super::super::run_down::{Wanted, Work, run_down};
     use super::*;
-    use crate::config;
-    use crate::machine::tables::Tables;
+    use machine::tables::Tables;
     use std::path::Path;
 
     fn planned(waits_for_speed: bool, text: &str) -> (Work, Report) {

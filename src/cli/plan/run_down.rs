@@ -12,13 +12,10 @@ use super::rests::{RestWatch, Rests};
 use super::script::{Manner, Operator, Script, ScriptReport};
 use super::slow_places::{FeedKept, FeedWatch, On};
 use super::times::{TimeTable, TimeWatch};
-use crate::config::Config;
-use crate::host::wait::thread_cpu_s;
-use crate::machine::motion_settings::{ring_capacity, stop_ramp};
-use crate::machine::tables::Tables;
-use crate::program::real_time::{Measure, Pace, RealTimeFactor};
-use crate::program::text::Reader;
-use crate::program::{FeedError, Feeder, Progress, Threads, home};
+use config::Config;
+use host::wait::thread_cpu_s;
+use machine::motion_settings::{ring_capacity, stop_ramp};
+use machine::tables::Tables;
 use motion::canon::{Axis, Position};
 use motion::element::Element;
 use motion::kinematics::Kinematics;
@@ -28,6 +25,9 @@ use motion::plan::deviation::{Deviation, DeviationJudge};
 use motion::plan::timeline::{Record, Timeline};
 use motion::ring::{self, Producer, Publish, Sink, Timed as _};
 use motion::rt::{Interpolator, Sample, SampleState, Shares, SyncFault};
+use program::real_time::{Measure, Pace, RealTimeFactor};
+use program::text::Reader;
+use program::{FeedError, Feeder, Progress, Threads, home};
 use std::collections::HashMap;
 use std::num::NonZero;
 use std::sync::Arc;
@@ -586,7 +586,6 @@ fn back_towards(at: &Position, to: &Position, distance_mm: f64) -> Position {
 mod tests {
     use super::*;
     use crate::cli::plan::report::Report;
-    use crate::config;
     use motion::plan::PlannerKind;
     use std::path::Path;
 

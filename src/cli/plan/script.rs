@@ -15,10 +15,10 @@
 //! Orders are those of the control, and are carried out by the same code: `rt::overrides` says who does what. A control takes an
 //! order some milliseconds later, as its clients and threads come to it; here it is the next cycle.
 
-use crate::rt::overrides::{Overridden, Overrides};
-use crate::rt::shared::{RtStatus, Snapshot};
 use motion::plan::PlannerKind;
 use motion::rt::{Interpolator, Sample, Shares};
+use rt::overrides::{Overridden, Overrides};
+use rt::shared::{RtStatus, Snapshot};
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -469,8 +469,8 @@ mod tests {
     use super::*;
     use crate::cli::plan::report::Report;
     use crate::cli::plan::run_down::{Wanted, Work, run_down};
-    use crate::config::{self, Config};
-    use crate::machine::tables::Tables;
+    use config::{self, Config};
+    use machine::tables::Tables;
     use proptest::prelude::*;
     use std::path::Path;
 

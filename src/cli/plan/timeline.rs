@@ -4,10 +4,10 @@
 //! Out: SVG: a lane for each thread over the whole time, with the share of time that it worked; below, one by one, its pieces of
 //! work in the first part of it.
 
-use crate::plot::lines::{number, round_up};
-use crate::plot::sheet::{Anchor, Face, Sheet};
-use crate::plot::{BODY, GRID, INK, SMALL, TITLE};
 use motion::plan::timeline::{Lane, Record, TASKS, Task};
+use plot::lines::{number, round_up};
+use plot::sheet::{Anchor, Face, Sheet};
+use plot::{BODY, GRID, INK, SMALL, TITLE};
 
 const WIDTH: f64 = 1200.0;
 const EDGE: f64 = 24.0;

@@ -6,8 +6,8 @@
 //! rest by itself once they end, however that happens.
 
 use super::link::News;
-use crate::rt::joint_jog::HOLDS_S;
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
+use rt::joint_jog::HOLDS_S;
 use serde_json::{Map, Value, json};
 
 /// A jog that is not renewed ends after this, ms.

@@ -3,7 +3,7 @@
 //! In:  requests. Out: how everything is, changes, refusals, that the control has gone. A thread waits for the control, so that the
 //! screen waits for nobody.
 
-use crate::api::client::{Client, Sender};
+use api::client::{Client, Sender};
 use serde_json::{Map, Value, json};
 use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -76,7 +76,7 @@ fn follow(machine: Option<&str>, sender: &Mutex<Option<Sender>>, tell: &mut dyn 
         let mut client = Client::connect(machine)?;
         let mut answer = client.call("subscribe", json!({}))?;
         let sender = client.sender()?;
-        Ok::<_, crate::api::client::ClientError>((fields(answer["state"].take()), sender, client))
+        Ok::<_, api::client::ClientError>((fields(answer["state"].take()), sender, client))
     };
     let (state, asking, mut client) = match begin() {
         Ok(begun) => begun,

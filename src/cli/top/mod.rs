@@ -8,14 +8,14 @@ mod app;
 mod link;
 mod view;
 
-use crate::host::signals::{StopSignal, exit_code};
-use crate::host::terminal::event_within;
-use crate::operator::refusal::Refusal;
 use anyhow::{Context, bail};
 use app::{Act, App};
 use clap::Args;
 use files::read::PROGRAM_MAX;
+use host::signals::{StopSignal, exit_code};
+use host::terminal::event_within;
 use link::Link;
+use operator::refusal::Refusal;
 use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::Event;
 use serde_json::Value;

@@ -3,17 +3,16 @@
 //! In:  a machine file. Out: a program of circles that is run from power-on to power-off; a table, JSON, a picture.
 
 use super::experiment;
-use crate::bus;
-use crate::config::Config;
-use crate::host::terminal::say;
-use crate::operator::circularity::{Circularity, circularity};
-use crate::operator::measurements;
-use crate::operator::refusal::Refusal;
-use crate::operator::report::prepare_for;
-use crate::plot::circle::{Way, circle_svg};
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
+use config::Config;
+use host::terminal::say;
 use motion::canon::Axis;
+use operator::circularity::{Circularity, circularity};
+use operator::measurements;
+use operator::refusal::Refusal;
+use operator::report::prepare_for;
+use plot::circle::{Way, circle_svg};
 use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -260,10 +259,9 @@ fn told(title: &str, axes: [Axis; 2], found: &Circularity) -> anyhow::Result<(St
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config;
-    use crate::machine::sequence::Outcome;
-    use crate::operator::rehearsal::rehearse;
-    use crate::sim::NetConfig;
+    use machine::sequence::Outcome;
+    use operator::rehearsal::rehearse;
+    use sim::NetConfig;
     use std::path::Path;
 
     const DEMO: &str = include_str!("../../../configs/mill3-demo.toml");

@@ -2,27 +2,26 @@
 //!
 //! In:  a machine file, a joint, moves. Out: the record of that joint.
 
-use crate::bus;
-use crate::config::{Config, Joint};
-use crate::host::signals::{StopSignal, exit_code};
-use crate::host::terminal::say;
-use crate::machine::sequence::Outcome;
-use crate::machine::state::State;
-use crate::machine::tables::{Tables, TablesError, lock};
-use crate::operator::measurements;
-use crate::operator::operator_loop::{LoopTask, Running};
-use crate::operator::progress::Progress;
-use crate::operator::recorder::JOINT_SAMPLES_MAX;
-use crate::operator::refusal::Refusal;
-use crate::operator::session::{self, Ended, Program, Session, Task, Wire};
-use crate::operator::tuning::record::Record;
-use crate::program::text::Reader;
-use crate::program::{Begin, check};
-use crate::rt::shared::Command;
-use crate::rt::waiting::Waiting;
 use anyhow::{Context, bail, ensure};
 use clap::Args;
+use config::{Config, Joint};
+use host::signals::{StopSignal, exit_code};
+use host::terminal::say;
+use machine::sequence::Outcome;
+use machine::state::State;
+use machine::tables::{Tables, TablesError, lock};
 use motion::kinematics::Transform;
+use operator::measurements;
+use operator::operator_loop::{LoopTask, Running};
+use operator::progress::Progress;
+use operator::recorder::JOINT_SAMPLES_MAX;
+use operator::refusal::Refusal;
+use operator::session::{self, Ended, Program, Session, Task, Wire};
+use operator::tuning::record::Record;
+use program::text::Reader;
+use program::{Begin, check};
+use rt::shared::Command;
+use rt::waiting::Waiting;
 use std::io::{BufRead, IsTerminal, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -299,14 +298,6 @@ impl Onlooker for Option<Progress> {
     }
 }
 
-impl LoopTask for Option<Progress> {
-    fn tick(&mut self, running: &mut Running, now_ns: u64) {
-        if let Some(progress) = self {
-            progress.tick(running, now_ns);
-        }
-    }
-}
-
 /// Has one joint traced, and answers at M0.
 struct Watch<'a> {
     joint: usize,
@@ -403,7 +394,6 @@ pub(super) fn write(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config;
 
     #[test]
     fn a_record_that_would_have_no_end_is_refused_with_the_way_out() {

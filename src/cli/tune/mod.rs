@@ -51,14 +51,14 @@ pub(super) fn tune(args: &TuneArgs) -> anyhow::Result<ExitCode> {
 
 #[cfg(test)]
 mod tests {
-    use crate::config::Config;
-    use crate::machine::sequence::Outcome;
-    use crate::operator::rehearsal::rehearse;
-    use crate::operator::tuning::record::Record;
-    use crate::rt::shared::Command;
-    use crate::rt::waiting::Waiting;
-    use crate::sim::NetConfig;
+    use config::Config;
     use hal_pins::Hal;
+    use machine::sequence::Outcome;
+    use operator::rehearsal::rehearse;
+    use operator::tuning::record::Record;
+    use rt::shared::Command;
+    use rt::waiting::Waiting;
+    use sim::NetConfig;
 
     pub(super) const LOOP: &str = include_str!("../../../configs/loop3-demo.toml");
 

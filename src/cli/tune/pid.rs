@@ -8,20 +8,20 @@
 
 use super::experiment::{self, JointArgs, Plan, letter, measure};
 use super::step::{Way, figures_table, judged, opening};
-use crate::config::{Config, DriveMode, Joint};
-use crate::host::terminal::say;
-use crate::operator::report::prepare_for;
-use crate::operator::tuning::plant::{Identified, Plant, identify};
-use crate::operator::tuning::record::{Move, Record};
-use crate::operator::tuning::stability::{
-    BUS_CYCLES, GAIN_MARGIN_DB, Margins, PHASE_MARGIN_DEG, feed_forward, margins, propose,
-};
-use crate::operator::tuning::step::{StepFigures, step_figures};
-use crate::plot::chart::{Across, Panel, Series, chart_svg};
 use anyhow::{Context, bail, ensure};
 use clap::Args;
+use config::{Config, DriveMode, Joint};
 use hal_pins::{AnyValue, Hal};
+use host::terminal::say;
 use motion::rt::PidGains;
+use operator::report::prepare_for;
+use operator::tuning::plant::{Identified, Plant, identify};
+use operator::tuning::record::{Move, Record};
+use operator::tuning::stability::{
+    BUS_CYCLES, GAIN_MARGIN_DB, Margins, PHASE_MARGIN_DEG, feed_forward, margins, propose,
+};
+use operator::tuning::step::{StepFigures, step_figures};
+use plot::chart::{Across, Panel, Series, chart_svg};
 use serde_json::{Value as Json, json};
 use std::fmt::Write as _;
 use std::process::ExitCode;
@@ -332,7 +332,6 @@ fn picture(title: &str, record: &Record, twice: bool) -> String {
 mod tests {
     use super::super::tests::{LOOP, rehearsed, rehearsed_with};
     use super::*;
-    use crate::config;
     use std::path::Path;
 
     const LOOPS: [&str; 2] = [

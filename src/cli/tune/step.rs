@@ -3,16 +3,16 @@
 //! In:  a machine file, a joint. Out: figures of each move, what might be fed forward, JSON, a picture.
 
 use super::experiment::{self, JointArgs, Plan, letter, measure, within};
-use crate::config::{Config, DriveMode, Joint};
-use crate::host::terminal::{say, table};
-use crate::operator::report::prepare_for;
-use crate::operator::tuning::plant::{Identified, identify};
-use crate::operator::tuning::record::{Move, Record};
-use crate::operator::tuning::stability::feed_forward;
-use crate::operator::tuning::step::{ErrorParts, StepFigures, error_parts, step_figures, torque_per_mm_s2};
-use crate::plot::chart::{Across, Panel, Series, chart_svg};
 use clap::Args;
+use config::{Config, DriveMode, Joint};
+use host::terminal::{say, table};
 use motion::rt::PidGains;
+use operator::report::prepare_for;
+use operator::tuning::plant::{Identified, identify};
+use operator::tuning::record::{Move, Record};
+use operator::tuning::stability::feed_forward;
+use operator::tuning::step::{ErrorParts, StepFigures, error_parts, step_figures, torque_per_mm_s2};
+use plot::chart::{Across, Panel, Series, chart_svg};
 use serde_json::{Value as Json, json};
 use std::fmt::Write as _;
 use std::process::ExitCode;
@@ -380,7 +380,6 @@ fn picture(title: &str, record: &Record, moves: &[Move]) -> String {
 mod tests {
     use super::super::tests::{LOOP, rehearsed};
     use super::*;
-    use crate::config;
     use std::path::Path;
 
     const WAY: Way = Way {

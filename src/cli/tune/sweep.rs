@@ -7,14 +7,14 @@
 //! at twice the frequency they are an eighth as long, and end where the drive cannot count them any more.
 
 use super::experiment::{self, JointArgs, Plan, letter, measure, within};
-use crate::config::{Config, Joint};
-use crate::host::terminal::say;
-use crate::operator::report::prepare_for;
-use crate::operator::tuning::frequency::{Bounds, Strokes, Sweep, sweep};
-use crate::operator::tuning::record::{Move, Record};
-use crate::plot::chart::{Across, Panel, Series, chart_svg};
 use anyhow::ensure;
 use clap::Args;
+use config::{Config, Joint};
+use host::terminal::say;
+use operator::report::prepare_for;
+use operator::tuning::frequency::{Bounds, Strokes, Sweep, sweep};
+use operator::tuning::record::{Move, Record};
+use plot::chart::{Across, Panel, Series, chart_svg};
 use serde_json::{Value as Json, json};
 use std::fmt::Write as _;
 use std::process::ExitCode;
@@ -241,10 +241,9 @@ fn picture(title: &str, found: &Sweep) -> String {
 mod tests {
     use super::super::tests::{LOOP, rehearsed};
     use super::*;
-    use crate::config;
-    use crate::operator::tuning::plant::Plant;
-    use crate::operator::tuning::stability::{feedback, margins, response};
     use clap::Parser;
+    use operator::tuning::plant::Plant;
+    use operator::tuning::stability::{feedback, margins, response};
     use std::path::Path;
 
     #[derive(Parser)]

@@ -7,8 +7,8 @@ pub(super) mod sdo;
 #[cfg(test)]
 mod tests;
 
-use crate::bus::ethercat::setup::{DEVICES_MAX, FRAMES_MAX};
 use anyhow::{anyhow, bail, ensure};
+use bus::ethercat::setup::{DEVICES_MAX, FRAMES_MAX};
 use ethercat::main::config::{Config, DeviceConfig, Times};
 use ethercat::main::{DeviceState, Event, MainDevice, SetupError};
 use ethercat::wire::coe::Object;

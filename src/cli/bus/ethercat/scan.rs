@@ -3,18 +3,17 @@
 //! In:  a link. Out: a table or JSON; with --write nodes, what they exchange and channels for each input and output.
 
 use super::{Found, Lead, asked, lead, refuse_other};
-use crate::bus;
 use crate::cli::bus::scan::propose::{self, Written};
 use crate::cli::bus::scan::{NOBODY_ON_BOTH, ScanArgs};
 use crate::cli::bus::{Protocol, words};
 use crate::cli::proposal::Node as ProposedNode;
-use crate::config::{self, Config, Identity, Mapped, Node};
-use crate::host::terminal;
-use crate::machine::modules::Modules;
-use crate::operator::refusal::Refusal;
 use anyhow::{Context, bail, ensure};
+use config::{self, Config, Identity, Mapped, Node};
 use ethercat::wire::sii::Identity as SiiIdentity;
+use host::terminal;
+use machine::modules::Modules;
 use obd::device::{EsiDevice, EsiFile, parse_esi};
+use operator::refusal::Refusal;
 use powerlink::link::Link;
 use serde_json::json;
 use std::io::Write;

@@ -4,8 +4,8 @@
 //! in INIT.
 
 use super::{asked, lead};
-use crate::bus::sender::SoleSender;
 use anyhow::ensure;
+use bus::sender::SoleSender;
 use ethercat::main::SetupError;
 use powerlink::link::Link;
 

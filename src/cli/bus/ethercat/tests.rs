@@ -2,18 +2,17 @@
 
 use super::scan::{Module, ask, new_file, scan_on};
 use super::*;
-use crate::bus::ethercat::setup;
 use crate::cli::bus::Protocol;
 use crate::cli::bus::scan::ScanArgs;
-use crate::config;
-use crate::machine::state::State;
-use crate::operator::console::Operator;
-use crate::operator::rehearsal::rehearse_on;
-use crate::sim::near_end::VirtualEthercat;
-use crate::sim::{NetConfig, SimMachine, VirtualNet};
+use bus::ethercat::setup;
 use ethercat::sub::models::{DriveModel, analog_terminal, coupler, digital_terminal};
 use ethercat::sub::{IdealMotor, Segment, SubDevice, SubDeviceConfig, esi};
+use machine::state::State;
+use operator::console::Operator;
+use operator::rehearsal::rehearse_on;
 use powerlink::link::{LinkError, Received};
+use sim::near_end::VirtualEthercat;
+use sim::{NetConfig, SimMachine, VirtualNet};
 use std::collections::VecDeque;
 use std::path::Path;
 use std::process::ExitCode;
@@ -212,16 +211,15 @@ fn a_file_that_a_scan_has_written_runs_on_the_devices_that_were_found() {
         let (told, well) = scanned(&mut simulated(&machine), &path, false, None);
         assert!(well && told.contains("is written"), "{told}");
         let found = config::read(&path).unwrap_or_else(|errors| panic!("{errors}"));
-        crate::bus::check(&found).unwrap_or_else(|errors| panic!("{errors}"));
+        bus::check(&found).unwrap_or_else(|errors| panic!("{errors}"));
         assert_eq!(found.bus.nodes.len(), machine.bus.nodes.len());
-        let plans = crate::bus::plan(&found);
+        let plans = bus::plan(&found);
         let tables = setup::tables(&found, &plans);
         let devices = setup::devices(&found, &plans, &tables);
         let network = setup::network(&found, &devices);
         let bus: VirtualEthercat<'_> =
-            crate::bus::ethercat::open::new(&found, &network, simulated(&machine), MAC, Arc::default())
-                .expect("it fits");
-        let bus: crate::sim::near_end::VirtualBus<'_> = Box::new(bus);
+            bus::ethercat::open::new(&found, &network, simulated(&machine), MAC, Arc::default()).expect("it fits");
+        let bus: sim::near_end::VirtualBus<'_> = Box::new(bus);
         rehearse_on(&found, b"", bus, Operator::standing_by, |run| {
             let up = run.run_until(10_000, |run| run.control.state() == State::Disabled)?;
             assert!(up, "{:#?}", run.operator.journal());

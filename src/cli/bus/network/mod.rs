@@ -5,16 +5,15 @@
 //! the line of the machine file.
 
 use super::words::counted;
-use crate::api::client::{Client, ClientError};
-use crate::api::network_view::{MappedView, NetworkView, NodeView};
-use crate::bus;
-use crate::bus::service::BudgetView;
-use crate::config::{self, BusKind};
-use crate::host::terminal::table;
-use crate::machine::faults::silenced;
-use crate::operator::refusal::Refusal;
 use anyhow::{Context, bail};
+use api::client::{Client, ClientError};
+use api::network_view::{MappedView, NetworkView, NodeView};
+use bus::service::BudgetView;
 use clap::Args;
+use config::{self, BusKind};
+use host::terminal::table;
+use machine::faults::silenced;
+use operator::refusal::Refusal;
 use serde_json::{Value, json};
 use std::io::{self, Write};
 use std::path::PathBuf;
@@ -416,7 +415,7 @@ fn mapping(view: &NetworkView, out: &mut impl Write) -> io::Result<()> {
                     format!("{first}..{last}")
                 };
                 let name = super::words::profile_object_name(object.index);
-                let at = crate::bus::service::object(object.index, object.sub);
+                let at = bus::service::object(object.index, object.sub);
                 format!("{place:>7} | {at:9} | {name}")
             })
         };

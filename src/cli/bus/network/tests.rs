@@ -1,5 +1,5 @@
 use super::*;
-use crate::bus::service::{IdentityView, NetworkLive, NodeLive, Why};
+use bus::service::{IdentityView, NetworkLive, NodeLive, Why};
 use std::path::Path;
 
 /// The demo machine with a running control: node 1 operational, node 2 of a wrong vendor, node 3 never heard of, node 10 not
@@ -188,7 +188,7 @@ fn without_a_control_it_says_so_and_finds_no_trouble() {
     assert!(troubles(&view, &Value::Null).is_empty());
     // All that is known of a silenced network is from before.
     let silenced = json!({ "state": "silenced" });
-    let said = crate::machine::faults::silenced(true, false);
+    let said = machine::faults::silenced(true, false);
     assert_eq!(troubles(&view, &silenced), [said]);
     let mut page = Vec::new();
     report(&view, &silenced, &mut page).unwrap();

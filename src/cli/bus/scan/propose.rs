@@ -6,12 +6,11 @@
 
 use super::super::station::{Found, Parameters, Station};
 use super::super::{Protocol, words};
-use crate::bus;
 use crate::cli::proposal::{Node, Proposal};
-use crate::config::{self, Identity, Mapped};
-use crate::operator::refusal::Refusal;
 use anyhow::{Context, bail, ensure};
+use config::{self, Identity, Mapped};
 use obd::device::{self, DeviceDescription};
+use operator::refusal::Refusal;
 use powerlink::sdo::ClientError;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};

@@ -1,10 +1,9 @@
 use super::*;
-use crate::config;
-use crate::sim::{SimMachine, serve};
 use powerlink::link::memory;
 use powerlink::nmt::NmtState;
 use powerlink::wire::RequestedService;
 use powerlink::wire::{Frame, Header, Soa, multicast, node};
+use sim::{SimMachine, serve};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 

@@ -1,10 +1,9 @@
 use super::*;
-use crate::config;
-use crate::sim::{SimMachine, serve};
 use clap::Parser;
 use obd::AbortCode;
 use powerlink::link::memory;
 use powerlink::sdo::udp::UdpServer;
+use sim::{SimMachine, serve};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;

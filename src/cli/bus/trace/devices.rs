@@ -7,11 +7,11 @@
 //! asked while it is empty has 0, and that is no trouble.
 
 use super::time;
-use crate::host::terminal::table;
 use ethercat::wire::coe::{Message, SdoResponse};
 use ethercat::wire::mailbox::{Mail, Protocol};
 use ethercat::wire::register::{self, AlState, AlStatus, AlStatusCode, eeprom};
 use ethercat::wire::{Addressing, Command, Datagram, Frame, MAC_PASSED};
+use host::terminal::table;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt;

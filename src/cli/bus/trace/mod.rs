@@ -11,10 +11,10 @@ mod summary;
 mod tests;
 
 use super::words;
-use crate::operator::refusal::Refusal;
 use anyhow::{Context, ensure};
 use clap::Args;
 use decode::{Content, Decoder, Line};
+use operator::refusal::Refusal;
 use powerlink::link::pcap::{PcapError, PcapReader};
 use powerlink::wire::Frame;
 use serde_json::json;

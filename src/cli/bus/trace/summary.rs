@@ -7,7 +7,7 @@ use super::super::words::{self, counted};
 use super::decode::{Content, Line};
 use super::devices::{self, Devices};
 use super::{Placed, time};
-use crate::host::terminal::table;
+use host::terminal::table;
 use powerlink::link::pcap::PcapError;
 use powerlink::nmt::NmtState;
 use powerlink::wire::{Asnd, Frame, Mac, RequestedService, node};

@@ -163,7 +163,7 @@ fn integer(text: &str, data_type: DataType) -> Result<Vec<u8>, String> {
 /// Pairs of hexadecimal digits, with or without colons or blanks between pairs.
 fn hex(text: &str) -> Option<Vec<u8>> {
     let digits: String = text.chars().filter(|digit| !matches!(digit, ':' | ' ')).collect();
-    crate::api::rpc::from_hex(digits.strip_prefix("0x").unwrap_or(&digits))
+    api::rpc::from_hex(digits.strip_prefix("0x").unwrap_or(&digits))
 }
 
 /// A value as its type shows it; without a type all that it may mean.
@@ -251,7 +251,7 @@ fn signed_number(octets: &[u8]) -> i128 {
 pub fn to_json(octets: &[u8], data_type: Option<DataType>) -> Json {
     let is_number = matches!(octets.len(), 1 | 2 | 4 | 8);
     json!({
-        "octets": crate::api::rpc::to_hex(octets),
+        "octets": api::rpc::to_hex(octets),
         "length": octets.len(),
         "unsigned": is_number.then(|| number(octets)),
         "signed": is_number.then(|| signed_number(octets) as i64),

@@ -7,18 +7,18 @@
 mod screen;
 mod view;
 
-use crate::api::methods::value_json;
-use crate::host::signals::{StopSignal, exit_code};
-use crate::operator::refusal::Refusal;
-use crate::scope::csv;
-use crate::scope::picture::{self, COLUMNS_MAX, Told};
-use crate::scope::record::{Mode, Step};
-use crate::scope::stream::{Stream, Wanted};
-use crate::scope::thin::{Column, Fitted};
-use crate::scope::trigger::Trigger;
 use anyhow::{Context, bail};
+use api::methods::value_json;
 use hal_pins::Attached;
 use hal_pins::scope::{CHANNELS_MAX, Channel};
+use host::signals::{StopSignal, exit_code};
+use operator::refusal::Refusal;
+use scope::csv;
+use scope::picture::{self, COLUMNS_MAX, Told};
+use scope::record::{Mode, Step};
+use scope::stream::{Stream, Wanted};
+use scope::thin::{Column, Fitted};
+use scope::trigger::Trigger;
 use serde_json::json;
 use std::fs::File;
 use std::io::{IsTerminal, Write};

@@ -5,19 +5,19 @@
 //! Memory is bounded: the last minute at the most, fewer seconds of many pins.
 
 use super::view;
-use crate::host::signals::{StopSignal, exit_code};
-use crate::host::terminal::event_within;
-use crate::scope::csv;
-use crate::scope::picture::{self, COLUMNS_MAX, Told};
-use crate::scope::record::{Mode, Step};
-use crate::scope::stream::{Stream, Wanted};
-use crate::scope::thin::{Column, Fitted};
-use crate::scope::trigger::Trigger;
 use anyhow::Context;
 use hal_pins::Attached;
 use hal_pins::scope::Channel;
+use host::signals::{StopSignal, exit_code};
+use host::terminal::event_within;
 use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::{Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
+use scope::csv;
+use scope::picture::{self, COLUMNS_MAX, Told};
+use scope::record::{Mode, Step};
+use scope::stream::{Stream, Wanted};
+use scope::thin::{Column, Fitted};
+use scope::trigger::Trigger;
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;

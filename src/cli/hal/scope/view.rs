@@ -4,7 +4,6 @@
 //! cycles; nothing is told by colour alone.
 
 use super::screen::App;
-use crate::scope::record::Mode;
 use hal_pins::Type;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -13,6 +12,7 @@ use ratatui::symbols::Marker;
 use ratatui::text::Line;
 use ratatui::widgets::Paragraph;
 use ratatui::widgets::canvas::{Canvas, Context, Line as Stroke};
+use scope::record::Mode;
 
 /// Smallest screen that holds it.
 const SMALLEST: (u16, u16) = (50, 12);

@@ -10,9 +10,9 @@ mod tool_path;
 
 use super::report::Report;
 use super::run_down::Work;
-use crate::config::Config;
-use crate::plot::sheet::Sheet;
-use crate::plot::{BODY, TITLE};
+use config::Config;
+use plot::sheet::Sheet;
+use plot::{BODY, TITLE};
 use recording::Recording;
 
 /// Whole picture, pixels.

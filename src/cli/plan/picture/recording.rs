@@ -5,7 +5,7 @@
 
 use crate::cli::plan::joints::{Joints, NAMES, ORDERS};
 use crate::cli::plan::run_down::Cycle;
-use crate::config::Config;
+use config::Config;
 use motion::canon::Axis;
 use motion::element::Action;
 use motion::rt::{Sample, SampleState};

@@ -7,9 +7,9 @@ use super::recording::{Event, Extremes, Recording, Stretches};
 use super::{Place, WIDTH};
 use crate::cli::plan::joints::{Joint, NAMES, ORDERS};
 use crate::cli::plan::run_down::Work;
-use crate::plot::lines::{number, round_up};
-use crate::plot::sheet::{Anchor, Face, Sheet};
-use crate::plot::{BODY, GRID, INK, SMALL};
+use plot::lines::{number, round_up};
+use plot::sheet::{Anchor, Face, Sheet};
+use plot::{BODY, GRID, INK, SMALL};
 
 const LEFT: f64 = 64.0;
 const RIGHT: f64 = WIDTH - 118.0;

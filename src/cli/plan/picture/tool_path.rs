@@ -4,10 +4,10 @@
 
 use super::{EDGE, Place, WIDTH};
 use crate::cli::plan::run_down::Cycle;
-use crate::plot::lines::{number, round_up, thin_out};
-use crate::plot::sheet::{Anchor, Sheet};
-use crate::plot::{BODY, INK, RAPID, SMALL};
 use motion::canon::{Axis, Position};
+use plot::lines::{number, round_up, thin_out};
+use plot::sheet::{Anchor, Sheet};
+use plot::{BODY, INK, RAPID, SMALL};
 
 /// Points of the picture at the most; above it, details are left out.
 const POINTS_MAX: usize = 9000;

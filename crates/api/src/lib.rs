@@ -1,0 +1,31 @@
+//! The control socket: a running control answers questions and takes orders of other processes.
+//!
+//! In:  JSON-RPC 2.0 requests, one a line, over a Unix stream socket that only the control's user may open.
+//! Out: answers, one a line. What real time knows comes from what it publishes; orders to it go through rings. The
+//! service thread may wait, allocate and fail: nothing in real time waits for it.
+//!
+//! [`methods::table`] is the table of what can be asked; [`openrpc`] the same for programs; [`control`] who may give orders, [`roles`]
+//! who may give which; [`server`] keeps clients apart and tells subscribers of changes; [`client`] is the asking end.
+
+// What is public here is so for the program and its tests, and says more than its name only where there is more to say.
+#![allow(missing_docs)]
+// The state of a control is one large JSON object.
+#![recursion_limit = "256"]
+
+pub mod client;
+pub mod control;
+pub mod errands;
+pub mod methods;
+mod metrics;
+pub mod network_view;
+pub mod openrpc;
+pub mod orders;
+pub mod paths;
+pub mod repeats;
+pub mod roles;
+pub mod rpc;
+pub mod scopes;
+pub mod server;
+pub mod socket;
+mod text_lines;
+pub mod uploads;

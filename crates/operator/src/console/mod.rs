@@ -1,0 +1,906 @@
+//! The operator's side of the cycle thread: orders in, notices out, records kept.
+//!
+//! In:  [`RtStatus`] values, notices and trace records of the cycle thread; wishes to stop.
+//! Out: orders, a journal, alarms, and the records that the report is made of.
+//!
+//! Polled every few milliseconds by an ordinary thread, or by a test on virtual time.
+
+mod notices;
+
+use super::journal_keeper::Kept;
+use super::recorder::Recorder;
+use crate::bursts::Bursts;
+use bus::{self, BusEvent, BusState};
+use config::{BusKind, Config, Identity};
+use machine::faults::{Fault, PROGRAM_CODE, Reaction, UNWATCHED_CODE, silenced};
+use machine::journal::{Acknowledged, AlarmRecord, Entry, Kind, ProgramRecord, acknowledge};
+use machine::modules::Modules;
+use machine::sequence::{Job, Outcome, Sequence, Step};
+use machine::state::State;
+use motion::canon::Position;
+use motion::element::Action;
+use motion::rt::Interpolator;
+use motion::rt::jog::{Obstacle, Obstruction};
+use rt::overrides::Overridden;
+use rt::shared::{AtOnce, Command, Notice, OperatorEndpoints, RtStatus, Snapshot, TimedNotice};
+use rt::timeout;
+use serde::{Deserialize, Serialize};
+use std::mem::{Discriminant, discriminant};
+use std::sync::{Arc, mpsc};
+use tracing::Level;
+
+/// What to do where nobody knows which tool is in the spindle.
+pub const LOOK_AT_TOOL: &str =
+    "look which tool is in the spindle, and which are in the pockets; isocnc mdi \"M61 Q5\" says that it is tool 5";
+
+/// Entries of the journal that are kept; older ones go.
+const JOURNAL_MAX: usize = 20_000;
+
+/// Stalls of the cycle thread are told of no more often, ns.
+const STALLS_TOLD_NS: u64 = 1_000_000_000;
+/// The alarm of a control whose time-out thread hung.
+pub const UNWATCHED: &str = "the time-out thread hung: nothing watches the cycle any more; this control comes to rest, ends and is \
+                         to be restarted";
+
+/// How grave an entry of the journal is.
+pub fn level(entry: &Entry) -> Level {
+    match entry.kind {
+        Kind::Alarm => Level::ERROR,
+        Kind::Warning => Level::WARN,
+        Kind::Note => Level::INFO,
+    }
+}
+
+/// Alarms and warnings begin with this word.
+fn kind(text: &str) -> Kind {
+    match text.split([':', ',']).next() {
+        Some("alarm") => Kind::Alarm,
+        Some("warning") => Kind::Warning,
+        _ => Kind::Note,
+    }
+}
+
+/// What counts as the same warning: the fault, and the input or external component that it is about.
+type WarningKind = (Discriminant<Fault>, Option<(usize, (u16, u8))>, Option<usize>);
+
+/// What is wrong without stopping the machine. Told when it comes first, and again the 10th, 100th time and so on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Warning {
+    /// Seconds from the first cycle to the first time.
+    pub time_s: f64,
+    pub times: u64,
+    /// What, as it was the last time.
+    pub cause: String,
+    #[serde(skip)]
+    kind: Option<WarningKind>,
+}
+
+/// Why the machine stopped by itself.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Alarm {
+    /// Seconds since the first cycle.
+    pub time_s: f64,
+    /// First cause, with the name of the node or joint.
+    pub cause: String,
+}
+
+/// What an entry of the journal has beside its text.
+#[derive(Debug, Default)]
+struct More {
+    alarm: Option<AlarmRecord>,
+    program: Option<ProgramRecord>,
+    acknowledges: Option<(Vec<u64>, Acknowledged)>,
+}
+
+/// A program, as it began.
+#[derive(Clone, Debug)]
+struct ProgramBegun {
+    name: String,
+    unix_s: f64,
+    /// Alarms there were, and warnings.
+    alarms: usize,
+    warnings: Vec<Warning>,
+}
+
+pub struct Operator {
+    endpoints: OperatorEndpoints,
+    sequence: Sequence,
+    /// Sets of joints in the order in which they are homed.
+    homing: Vec<u64>,
+    orders_given: u64,
+    /// Whether trace records are kept.
+    records: bool,
+    programs: u64,
+    program_ended: bool,
+    stop_pressed: bool,
+    bursts: Bursts,
+    not_begun: bool,
+    cycle_s: f64,
+    node_names: Vec<String>,
+    /// For what only the bus of this machine tells.
+    bus_names: bus::Names,
+    modules: Modules,
+    joint_names: Vec<String>,
+    /// Drives of the joints on the bus.
+    joint_drives: Vec<Option<String>>,
+    external_names: Vec<String>,
+    /// There is a bus; else nothing is said of a network.
+    has_network: bool,
+    /// What it says where the cycle thread hung.
+    silenced: &'static str,
+    nodes_up: usize,
+    operational_s: Option<f64>,
+    journal: Vec<Entry>,
+    journal_read: usize,
+    /// Number of the last entry.
+    seq: u64,
+    /// Time of day, s since 1970; `None`: there is none, as in virtual time.
+    time_of_day: Option<fn() -> f64>,
+    /// Who writes the journal to the disk, and how far that is.
+    keeper: Option<(mpsc::Sender<Entry>, Arc<Kept>)>,
+    alarms: Vec<Alarm>,
+    /// Alarms that somebody has acknowledged, or begun another program after.
+    alarms_over: usize,
+    /// Number of the entry of the first cause, and those of all that waits to be acknowledged.
+    first_cause: u64,
+    unacknowledged: Vec<u64>,
+    /// The program under way, but no line of MDI.
+    program: Option<ProgramBegun>,
+    /// State of the machine as the notices tell it.
+    state: State,
+    warnings: Vec<Warning>,
+    late_cycles: u64,
+    /// Stalls of the cycle thread since the last one that was told of, and when that was.
+    stalls: u64,
+    stall_told_ns: u64,
+    /// The control cannot go on and has to be restarted.
+    needs_restart: bool,
+    /// Overrides at the last look, and those of the journal, percent.
+    overrides: [[f64; 2]; 3],
+    /// What ended the last jog.
+    obstruction: Option<String>,
+    /// The tool that is being changed, and those that have been since somebody asked.
+    changing_tool: Option<u32>,
+    changed_tools: Vec<u32>,
+    /// Texts of the messages of the program (MSG, DEBUG) in their order, and how many have been shown.
+    messages: Option<(mpsc::Receiver<Option<String>>, u32)>,
+    /// What the report is made of.
+    pub recorder: Recorder,
+}
+
+impl Operator {
+    /// An operator who runs one program from power-on to power-off.
+    pub fn new(config: &Config, endpoints: OperatorEndpoints, now_ns: u64) -> Operator {
+        // Its drive is switched off once it stands.
+        let run_down_s = config.spindle.axis.map_or(0.0, |_| config.spindle.speed_timeout_s);
+        let run_down_ns = (run_down_s * 1e9) as u64;
+        Operator {
+            endpoints,
+            sequence: Sequence::new(now_ns, &config.homing_order()).with_run_down(run_down_ns),
+            homing: config.homing_order(),
+            records: true,
+            orders_given: 0,
+            program_ended: false,
+            stop_pressed: false,
+            bursts: Bursts::default(),
+            not_begun: false,
+            cycle_s: f64::from(config.cycle_us) * 1e-6,
+            modules: Modules::new(config),
+            node_names: config
+                .bus
+                .nodes
+                .iter()
+                .map(|node| format!("{} (node {})", node.name, node.id))
+                .collect(),
+            bus_names: bus::Names::new(config),
+            joint_names: joint_names(config),
+            joint_drives: config.joints.iter().map(|joint| config.drive_name(joint)).collect(),
+            external_names: config.external.iter().map(|of| of.name.clone()).collect(),
+            has_network: config.bus.kind != BusKind::None,
+            silenced: silenced(config.bus.kind != BusKind::None, config.steps.is_some()),
+            nodes_up: 0,
+            operational_s: None,
+            journal: Vec::new(),
+            journal_read: 0,
+            seq: 0,
+            time_of_day: None,
+            keeper: None,
+            alarms: Vec::new(),
+            alarms_over: 0,
+            first_cause: 0,
+            unacknowledged: Vec::new(),
+            program: None,
+            state: State::Booting,
+            warnings: Vec::new(),
+            late_cycles: 0,
+            stalls: 0,
+            stall_told_ns: 0,
+            needs_restart: false,
+            overrides: [[100.0; 2]; 3],
+            obstruction: None,
+            changing_tool: None,
+            changed_tools: Vec::new(),
+            messages: None,
+            recorder: Recorder::default(),
+            programs: 0,
+        }
+    }
+
+    /// The same with the program begun again whenever it has ended, until there is a wish to stop; in constant memory, so
+    /// without records.
+    pub fn repeating(self) -> Operator {
+        Operator {
+            sequence: self.sequence.repeating(),
+            records: false,
+            ..self
+        }
+    }
+
+    /// The same that waits for programs, without records: it may run for months.
+    pub fn standing_by(self) -> Operator {
+        Operator {
+            sequence: self.sequence.standing_by(),
+            records: false,
+            ..self
+        }
+    }
+
+    /// Begins a job while standing by; where it is a program, [`Operator::poll`] tells when to plan it. False: the machine is not
+    /// ready for one.
+    pub fn begin(&mut self, now_ns: u64, job: Job) -> bool {
+        let state = self.live().state;
+        let free = self.sequence.step() == Step::StandBy && matches!(state, State::Disabled | State::Ready);
+        if free {
+            self.take_for_acknowledged("the next order");
+            self.sequence.begin(now_ns, state, job);
+        }
+        free
+    }
+
+    /// The sets of joints to be homed, in their order, for these joints (bit n: joint n) to be homed.
+    pub fn homing_order(&self, joints: u64) -> Vec<u64> {
+        let groups = self.homing.iter().map(|group| group & joints);
+        groups.filter(|group| *group != 0).collect()
+    }
+
+    /// Those that are not homed.
+    pub fn not_homed(&self) -> u64 {
+        let all = self.homing.iter().fold(0, |all, group| all | group);
+        all & !self.live().homed
+    }
+
+    /// Allows motion again after a fault.
+    pub fn acknowledge(&mut self) {
+        self.take_for_acknowledged("alarm acknowledge");
+        self.give(Command::Acknowledge);
+    }
+
+    /// The emergency stop is over; switches nothing on.
+    pub fn reset_estop(&mut self) {
+        self.give(Command::EstopReset);
+    }
+
+    /// Somebody knows of all alarms up to now, and has said so by this order.
+    fn take_for_acknowledged(&mut self, by: &str) {
+        self.alarms_over = self.alarms.len();
+        let seqs = std::mem::take(&mut self.unacknowledged);
+        if seqs.is_empty() {
+            return;
+        }
+        let how = Acknowledged {
+            unix_s: self.unix_s(),
+            by: by.to_owned(),
+        };
+        acknowledge(&mut self.journal, &seqs, &how);
+        let told = self.journal.iter().filter(|entry| seqs.contains(&entry.seq));
+        let codes: Vec<&str> = told
+            .filter_map(|entry| Some(entry.alarm.as_ref()?.code.as_str()))
+            .collect();
+        let text = format!("acknowledged by {by}: {}", codes.join(", "));
+        let more = More {
+            acknowledges: Some((seqs, how)),
+            ..More::default()
+        };
+        let time_s = self.now_s();
+        self.note_more(time_s, text, more);
+    }
+
+    /// A program begins, and records of it.
+    pub fn begin_program(&mut self, name: &str) {
+        let unix_s = self.unix_s();
+        self.program = Some(ProgramBegun {
+            name: name.to_owned(),
+            unix_s,
+            alarms: self.alarms.len(),
+            warnings: self.warnings.clone(),
+        });
+        self.recorder = Recorder::default();
+        self.records = true;
+        let more = More {
+            program: Some(ProgramRecord {
+                name: name.to_owned(),
+                begun_unix_s: unix_s,
+                result: None,
+                took_s: None,
+                line: None,
+                deviation_max_mm: None,
+                report: None,
+            }),
+            ..More::default()
+        };
+        let time_s = self.now_s();
+        self.note_more(time_s, format!("program {name}: begun"), more);
+    }
+
+    /// When the program under way began, s since 1970.
+    pub fn program_begun_unix_s(&self) -> f64 {
+        self.program.as_ref().map_or(0.0, |program| program.unix_s)
+    }
+
+    /// It is over. `report`: number of its report.
+    pub fn end_program(&mut self, result: &str, took_s: f64, report: Option<u64>) {
+        let Some(ProgramBegun { name, unix_s, .. }) = self.program.take() else {
+            return;
+        };
+        let more = More {
+            program: Some(ProgramRecord {
+                name: name.clone(),
+                begun_unix_s: unix_s,
+                result: Some(result.to_owned()),
+                took_s: Some(took_s),
+                line: Some(self.recorder.last_line()),
+                deviation_max_mm: self.recorder.deviation().map(|deviation| deviation.actual_max_mm),
+                report,
+            }),
+            ..More::default()
+        };
+        let time_s = self.now_s();
+        self.note_more(time_s, format!("program {name}: {result}, {took_s:.1} s"), more);
+    }
+
+    /// Alarms since the program under way began; all, where none is.
+    pub fn alarms_of_program(&self) -> &[Alarm] {
+        let before = self.program.as_ref().map_or(0, |program| program.alarms);
+        &self.alarms[before..]
+    }
+
+    /// Warnings that came while the program under way ran.
+    pub fn warnings_of_program(&self) -> Vec<Warning> {
+        let before: &[Warning] = self.program.as_ref().map_or(&[], |program| &program.warnings);
+        let fresh = self.warnings.iter().filter_map(|warning| {
+            let earlier = before.iter().find(|earlier| earlier.kind == warning.kind);
+            let times = warning.times - earlier.map_or(0, |earlier| earlier.times);
+            (times > 0).then(|| Warning {
+                times,
+                ..warning.clone()
+            })
+        });
+        fresh.collect()
+    }
+
+    fn now_s(&self) -> f64 {
+        self.live().cycles as f64 * self.cycle_s
+    }
+
+    fn unix_s(&self) -> f64 {
+        self.time_of_day.map_or(0.0, |now| now())
+    }
+
+    /// What is known of an alarm, which is the next entry; `first`: it is the first cause.
+    fn alarm_record(&mut self, code: &str, reaction: Reaction, first: bool) -> AlarmRecord {
+        let seq = self.seq + 1;
+        self.endpoints.live.desk.count_alarm(reaction);
+        if first {
+            self.first_cause = seq;
+        }
+        if reaction >= Reaction::ControlledStop {
+            self.unacknowledged.push(seq);
+        }
+        let stands = self.alarm().is_some();
+        let line = self.live().line;
+        AlarmRecord {
+            code: code.to_owned(),
+            severity: reaction.severity().to_owned(),
+            reaction: reaction.name().to_owned(),
+            first_cause: if first || !stands { seq } else { self.first_cause },
+            joint: None,
+            node: None,
+            program: self.program.as_ref().map(|program| program.name.clone()),
+            line: Some(line).filter(|line| *line > 0 && self.program.is_some()),
+            state: self.state.name().to_owned(),
+            acknowledged: None,
+        }
+    }
+
+    fn note_alarm(&mut self, time_s: f64, cause: String, alarm: AlarmRecord) {
+        let more = More {
+            alarm: Some(alarm),
+            ..More::default()
+        };
+        self.note_more(time_s, format!("alarm: {cause}"), more);
+        self.alarms.push(Alarm { time_s, cause });
+    }
+
+    /// Takes in what came, gives the next order. `now_ns`: any monotonic clock.
+    ///
+    /// A machine position: the caller is to plan the program from there, which takes threads and files, and to call
+    /// [`Operator::start`].
+    pub fn poll(&mut self, now_ns: u64) -> Option<Position> {
+        while let Ok(notice) = self.endpoints.notices.pop() {
+            self.apply_notice(notice);
+        }
+        while let Ok(record) = self.endpoints.trace.pop() {
+            if self.records {
+                self.recorder.add(&record);
+            }
+        }
+        while self.endpoints.finished.pop().is_ok() {}
+        for what in self.endpoints.logic.warnings() {
+            self.add_entry(format!("warning: {what}"));
+        }
+        self.note_overrides();
+        self.note_bursts(self.now_s());
+        let live = self.live();
+        // The state counts only once it is that of the last order; a thread that hangs takes none.
+        if std::mem::take(&mut self.not_begun) && self.sequence.not_begun(now_ns) {
+            self.add_entry("warning: not begun, for the machine was not ready for it: isocnc status".into());
+        }
+        let step = match live.orders_taken < self.orders_given && live.state != State::Silenced {
+            // There must be room for it: it is given once.
+            true if self.endpoints.commands.is_full() => None,
+            // Nobody keeps the machine from an end by orders of his own.
+            true => self.sequence.order_end(),
+            false => self.sequence.poll(now_ns, live.state, self.program_ended),
+        };
+        let command = match step? {
+            Step::Program => return Some(live.position),
+            Step::Enable => Command::Enable,
+            Step::Home => Command::Home(self.sequence.joints_to_home()),
+            Step::Stop => Command::Stop,
+            Step::Disable => Command::Disable,
+            Step::ShutDown => Command::ShutDown,
+            Step::Network | Step::StandBy | Step::Done => return None,
+        };
+        self.give(command);
+        None
+    }
+
+    /// Hands the program to the cycle thread, or (`mdi`) a line that was typed.
+    pub fn start(&mut self, program: Box<Interpolator>, mdi: bool) {
+        self.records &= !mdi;
+        self.program_ended = false;
+        self.programs += u64::from(!mdi);
+        self.give(Command::Start { program, mdi });
+    }
+
+    /// The texts of the messages of the next program come here, each before the machine comes to it; `None`: not for the journal.
+    pub fn hear_messages(&mut self, texts: mpsc::Receiver<Option<String>>) {
+        self.messages = Some((texts, 0));
+    }
+
+    /// The tool whose change has begun and is not done.
+    pub fn changing_tool(&self) -> Option<u32> {
+        self.changing_tool
+    }
+
+    /// Changes that were done since the last call, in their order.
+    pub(super) fn take_changed_tools(&mut self) -> Vec<u32> {
+        std::mem::take(&mut self.changed_tools)
+    }
+
+    /// The text of a message; `None`: it has been shown before, on the way forward, or is none for the journal.
+    fn message(&mut self, number: u32) -> Option<String> {
+        let (texts, shown) = self.messages.as_mut()?;
+        let mut text = None;
+        while *shown <= number {
+            text = texts.try_recv().ok()?;
+            *shown += 1;
+        }
+        text
+    }
+
+    /// Wants an end of everything; may be called again and again.
+    pub fn end(&mut self, now_ns: u64) {
+        self.sequence.end(now_ns);
+    }
+
+    /// Wants the machine at rest, spindle and coolant off; may be called again and again. Whoever stands by waits for the next job
+    /// then, drives on.
+    pub fn stop(&mut self, now_ns: u64) {
+        self.sequence.stop(now_ns);
+        if self.sequence.step() == Step::StandBy && matches!(self.live().state, State::Ready | State::Jogging) {
+            self.give(Command::Stop);
+        }
+    }
+
+    /// Wants the machine at rest and drives off; may be called again and again.
+    pub fn off(&mut self, now_ns: u64) {
+        self.sequence.off(now_ns);
+    }
+
+    /// Takes in what the time-out thread saw. `evidence`: what the system says of the cycle thread's last time.
+    pub fn hear(&mut self, report: &timeout::Report, evidence: impl FnOnce() -> String) {
+        match report.event {
+            // These are counted where they happen, and judged by the managing node.
+            timeout::Event::PresTimeout { .. }
+            | timeout::Event::AsyncTimeout { .. }
+            | timeout::Event::CycleLate { .. } => {}
+            timeout::Event::CycleStarved {
+                cycle,
+                overdue_ns,
+                ran_ns,
+            } => {
+                self.stalls += 1;
+                if report.at_ns - self.stall_told_ns < STALLS_TOLD_NS {
+                    return;
+                }
+                let more = match std::mem::take(&mut self.stalls) {
+                    1 => String::new(),
+                    stalls => format!(", {stalls} times"),
+                };
+                self.stall_told_ns = report.at_ns;
+                let text = format!(
+                    "warning: the cycle thread did not get its core for {:.1} ms{more}, and computed {:.1} ms of them: {}",
+                    overdue_ns as f64 * 1e-6,
+                    ran_ns as f64 * 1e-6,
+                    evidence()
+                );
+                self.note(cycle as f64 * self.cycle_s, text);
+            }
+            timeout::Event::CycleHung { cycle, overdue_ns } => {
+                let hung_ms = overdue_ns as f64 * 1e-6;
+                self.enter_silenced(
+                    cycle,
+                    format!("{}. It hung for {hung_ms:.1} ms: {}", self.silenced, evidence()),
+                );
+            }
+        }
+    }
+
+    /// Nothing can be steered any more.
+    fn enter_silenced(&mut self, cycle: u64, cause: String) {
+        self.endpoints.live.show_silenced();
+        self.needs_restart = true;
+        let time_s = cycle as f64 * self.cycle_s;
+        let record = self.alarm_record(Fault::CycleHung.code(), Reaction::Silence, true);
+        self.note_alarm(time_s, cause, record);
+    }
+
+    /// The time-out thread does not look any more: the machine comes to rest and the control ends.
+    pub fn is_unwatched(&mut self, now_ns: u64) {
+        if !std::mem::replace(&mut self.needs_restart, true) {
+            self.fail_with(now_ns, UNWATCHED_CODE, UNWATCHED.into());
+        }
+        self.end(now_ns);
+    }
+
+    /// Whether this control cannot go on and has to be restarted.
+    pub fn needs_restart(&self) -> bool {
+        self.needs_restart
+    }
+
+    /// Something outside the cycle thread went wrong: stop and say why.
+    pub fn fail(&mut self, now_ns: u64, cause: String) {
+        self.fail_with(now_ns, PROGRAM_CODE, cause);
+    }
+
+    fn fail_with(&mut self, now_ns: u64, code: &str, cause: String) {
+        let is_first = self.alarm().is_none();
+        let record = self.alarm_record(code, Reaction::ControlledStop, is_first);
+        let time_s = self.now_s();
+        self.note_alarm(time_s, cause, record);
+        self.sequence.fail(now_ns);
+    }
+
+    /// Something that the operator ought to know and that stops nothing.
+    pub fn add_entry(&mut self, text: String) {
+        let time_s = self.now_s();
+        self.note(time_s, text);
+    }
+
+    /// Gives an order that does not belong to the sequence.
+    pub fn give(&mut self, command: Command) {
+        self.is_given(command);
+    }
+
+    /// Whether there was room for it: the ring is emptied every cycle and far longer than what is ordered in one, unless somebody
+    /// floods it.
+    fn is_given(&mut self, command: Command) -> bool {
+        let given = self.endpoints.commands.push(command).is_ok();
+        self.orders_given += u64::from(given);
+        given
+    }
+
+    /// Orders an emergency stop, for which there is always room.
+    pub fn estop(&mut self) {
+        if !self.is_given(Command::Estop) {
+            self.endpoints.live.order(AtOnce::Estop);
+        }
+    }
+
+    /// Whether somebody has pressed the stop pin since the last call: an end of all that is under way or about to begin.
+    pub fn take_stop_pressed(&mut self) -> bool {
+        std::mem::take(&mut self.stop_pressed)
+    }
+
+    /// What is under way, in words.
+    pub fn step_name(&self) -> &'static str {
+        match self.step() {
+            Step::Network if !self.has_network => "start",
+            Step::ShutDown if !self.has_network => "shut-down",
+            step => step.name(),
+        }
+    }
+
+    /// Whether what the machine shows is what came of all orders given.
+    pub fn is_up_to_date(&self) -> bool {
+        self.live().orders_taken >= self.orders_given
+    }
+
+    pub fn live(&self) -> Snapshot {
+        self.endpoints.live.snapshot()
+    }
+
+    /// The latest values themselves, and the overrides.
+    pub fn shared(&self) -> Arc<RtStatus> {
+        Arc::clone(&self.endpoints.live)
+    }
+
+    /// The tool that the last change brought; `None`: there was no change.
+    pub fn tool(&self) -> Option<u32> {
+        self.endpoints.live.tool()
+    }
+
+    /// Name of a joint, for messages.
+    pub fn joint_name(&self, joint: usize) -> &str {
+        &self.joint_names[joint]
+    }
+
+    /// What ended the last jog, if something was in its way.
+    pub fn obstruction(&self) -> Option<&str> {
+        self.obstruction.as_deref()
+    }
+
+    /// Another jog begins.
+    pub fn forget_obstruction(&mut self) {
+        self.obstruction = None;
+    }
+
+    /// Step of the sequence.
+    pub fn step(&self) -> Step {
+        self.sequence.step()
+    }
+
+    /// How it ended, once it has. A program that was never run to its end because of an alarm counts as faulted.
+    pub fn outcome(&self) -> Option<Outcome> {
+        let outcome = self.sequence.outcome()?;
+        Some(if self.alarms.is_empty() {
+            outcome
+        } else {
+            Outcome::Faulted
+        })
+    }
+
+    /// How the last program ended, while none is under way.
+    pub fn program_outcome(&self) -> Option<Outcome> {
+        self.sequence.program_outcome()
+    }
+
+    /// How the last job ended, while none is under way.
+    pub fn job_outcome(&self) -> Option<Outcome> {
+        self.sequence.job_outcome()
+    }
+
+    /// How often the program under way is to be begun behind this time.
+    pub fn runs_left(&self) -> u32 {
+        self.sequence.runs_left()
+    }
+
+    /// Whether a program is under way, or what leads to one.
+    pub fn has_program(&self) -> bool {
+        self.sequence.has_program()
+    }
+
+    /// What a control of this machine says whose cycle thread hung.
+    pub fn silenced(&self) -> &'static str {
+        self.silenced
+    }
+
+    /// First cause since the last acknowledge.
+    pub fn alarm(&self) -> Option<&Alarm> {
+        self.alarms.get(self.alarms_over)
+    }
+
+    /// Seconds from the first cycle to OPERATIONAL of the whole network.
+    pub fn operational_s(&self) -> Option<f64> {
+        self.operational_s.filter(|_| self.has_network)
+    }
+
+    /// Programs begun so far, each repetition counted.
+    pub fn programs(&self) -> u64 {
+        self.programs
+    }
+
+    /// Goes on with the journal of earlier days, whose last number is this, and gives new entries to `keeper`, too, who shows how far
+    /// the disk has them.
+    pub fn keep_journal(&mut self, before: Vec<Entry>, last: u64, keeper: mpsc::Sender<Entry>, kept: Arc<Kept>) {
+        self.seq = last;
+        kept.begin(last);
+        self.journal_read = before.len();
+        self.journal = before;
+        self.keeper = Some((keeper, kept));
+    }
+
+    /// Entries have the time of day from this clock, s since 1970.
+    pub fn set_time_of_day(&mut self, clock: fn() -> f64) {
+        self.time_of_day = Some(clock);
+    }
+
+    /// Number of the last entry.
+    pub fn last_entry(&self) -> u64 {
+        self.seq
+    }
+
+    /// Whether the entries up to this number are on the disk, or cannot be.
+    pub fn is_journal_kept(&self, seq: u64) -> bool {
+        self.keeper.as_ref().is_none_or(|(_, kept)| kept.has(seq))
+    }
+
+    /// Number of the last entry that is on the disk, or cannot be.
+    pub fn last_entry_on_disk(&self) -> u64 {
+        self.keeper.as_ref().map_or(self.seq, |(_, kept)| kept.last())
+    }
+
+    /// Whether the disk does not take the journal.
+    pub fn journal_fails(&self) -> bool {
+        self.keeper.as_ref().is_some_and(|(_, kept)| kept.fails())
+    }
+
+    /// Nothing more is kept.
+    pub fn close_journal(&mut self) {
+        self.note_bursts(f64::INFINITY);
+        self.keeper = None;
+    }
+
+    /// Everything noted so far, or the latest of it.
+    pub fn journal(&self) -> &[Entry] {
+        &self.journal
+    }
+
+    /// The first entry that has not been read.
+    pub fn next_entry(&mut self) -> Option<&Entry> {
+        let entry = self.journal.get(self.journal_read)?;
+        self.journal_read += 1;
+        Some(entry)
+    }
+
+    /// Alarms, the first cause first.
+    pub fn alarms(&self) -> &[Alarm] {
+        &self.alarms
+    }
+
+    /// Warnings, one of each kind.
+    pub fn warnings(&self) -> &[Warning] {
+        &self.warnings
+    }
+
+    /// Cycles that began late enough to be noticed, or were left out.
+    pub fn late_cycles(&self) -> u64 {
+        self.late_cycles
+    }
+
+    fn note(&mut self, time_s: f64, text: String) {
+        if self.bursts.tells(time_s, &text) {
+            self.note_more(time_s, text, More::default());
+        }
+    }
+
+    /// Tells what was not told one by one, of windows that are over at this time.
+    fn note_bursts(&mut self, time_s: f64) {
+        let now_s = self.now_s();
+        for text in self.bursts.counted(time_s) {
+            self.note_more(now_s, text, More::default());
+        }
+    }
+
+    fn note_more(&mut self, time_s: f64, text: String, more: More) {
+        if self.journal.len() >= JOURNAL_MAX {
+            // Half at once, so that it costs nothing to speak of; a control may run for months.
+            let gone = self.journal.len() / 2;
+            self.journal.drain(..gone);
+            self.journal_read = self.journal_read.saturating_sub(gone);
+        }
+        self.seq += 1;
+        let entry = Entry {
+            seq: self.seq,
+            unix_s: self.unix_s(),
+            time_s,
+            kind: kind(&text),
+            text,
+            alarm: more.alarm,
+            program: more.program,
+            acknowledges: more.acknowledges,
+        };
+        if let Some((keeper, _)) = &self.keeper {
+            // One that is gone has told so.
+            let _ = keeper.send(entry.clone());
+        }
+        self.journal.push(entry);
+    }
+}
+
+fn joint_names(config: &Config) -> Vec<String> {
+    let joints = config.joints.iter().enumerate();
+    let name = |(number, joint): (usize, &config::Joint)| {
+        // Which of several drives of a node it is, does not go without saying.
+        let node = config.bus.nodes.get(joint.node).filter(|_| config.shares_node(joint));
+        let drive = node.map_or(String::new(), |node| {
+            format!(", axis {} of {}", joint.drive_axis, node.name)
+        });
+        match config.axes.iter().find(|map| map.joints.contains(&number)) {
+            Some(map) => format!("axis {} (joint {number}{drive})", map.axis.letter()),
+            None => format!("joint {number}{drive}"),
+        }
+    };
+    joints.map(name).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    #[test]
+    fn a_warning_that_comes_again_is_counted_and_told_at_1_10_100() {
+        let config = config::parse(
+            include_str!("../../../../configs/mill3-demo.toml"),
+            Path::new("demo.toml"),
+        )
+        .unwrap();
+        let (mut notices, notices_out) = rtrb::RingBuffer::new(1000);
+        let endpoints = OperatorEndpoints {
+            commands: rtrb::RingBuffer::new(1).0,
+            notices: notices_out,
+            trace: rtrb::RingBuffer::new(1).1,
+            finished: rtrb::RingBuffer::new(1).1,
+            live: Arc::default(),
+            logic: Arc::default(),
+        };
+        let mut operator = Operator::new(&config, endpoints, 0);
+        for time in 1..=250 {
+            let fault = match time {
+                7 => Fault::CountsLost {
+                    counts: 3,
+                    in_step: false,
+                },
+                _ => Fault::ManyOverruns { cycles: time },
+            };
+            let notice = Notice::Fault { fault, first: false };
+            let cycle = time * 1000;
+            notices.push(TimedNotice { cycle, notice }).unwrap();
+        }
+        operator.poll(0);
+        let told: Vec<&str> = operator.journal().iter().map(|entry| entry.text.as_str()).collect();
+        assert_eq!(told.len(), 4, "{told:#?}");
+        assert!(told[0].starts_with("warning: 1 of the last 1000 cycles"), "{}", told[0]);
+        assert!(told[1].starts_with("warning: spindle: "), "{}", told[1]);
+        assert!(
+            told[2].starts_with("warning, 10 times by now: 11 of the last"),
+            "{}",
+            told[2]
+        );
+        assert!(
+            told[3].starts_with("warning, 100 times by now: 101 of the last"),
+            "{}",
+            told[3]
+        );
+        let counts: Vec<_> = operator
+            .warnings()
+            .iter()
+            .map(|warning| (warning.time_s, warning.times))
+            .collect();
+        assert_eq!(counts, [(1.0, 249), (7.0, 1)]);
+        assert!(operator.warnings()[0].cause.starts_with("250 of the last"));
+        assert_eq!(operator.alarms(), []);
+    }
+}

@@ -1,0 +1,564 @@
+//! The running process: threads, the end in good order.
+//!
+//! In:  a machine, what it is there for, a wire, somebody who looks after it.
+//! Out: everything that is known of it at the end.
+
+use crate::cell::Cell;
+use crate::console::{LOOK_AT_TOOL, Operator};
+use crate::journal_keeper;
+use crate::memory::{self, Memory};
+use crate::operator_loop::{LoopTask, OperatorLoop, Running};
+use crate::panel::Panel;
+use crate::refusal::Refusal;
+use crate::retain_keeper;
+use anyhow::{Context, anyhow};
+use api::methods::Methods;
+use api::network_view::NetworkView;
+use api::orders::order_channel;
+use api::server::{self, Serve};
+use api::socket::{BindError, Socket, path_beside};
+use bus::sender::SoleSender;
+use bus::watch::Watch;
+use bus::{self, NodeStatistics, Open};
+use config::{Config, KeepAwake};
+use gcode::PinReader;
+use hal_pins::scope::Sampler;
+use hal_pins::{AnyValue, Hal};
+use host::calibrate::{Calibration, calibrate};
+use host::capabilities;
+use host::capabilities::Work;
+use host::other_controls::CYCLE_THREAD;
+use host::setup;
+use host::setup::{Finding, Role, STACK_SIZE, by_cure, enter_thread};
+use host::signals::{StopOnDrop, StopSignal};
+use host::steadiness::Steadiness;
+use host::step_port;
+use host::terminal::say;
+use host::wait::{Grid, monotonic_ns};
+use machine::journal::{Entry, Journal};
+use machine::state_file::{self, Opened, Remembered};
+use machine::tables::{Tables, lock};
+use motion::cancel::Cancel;
+use motion::rt::Peaks;
+use program::text::Reader;
+use program::{Begin, Overview, check};
+use rt::assemble::assemble;
+use rt::cycle_stats;
+use rt::cycle_stats::CycleFigures;
+use rt::logic::{self, Scanner};
+use rt::pins::capacity;
+use rt::thread;
+use rt::timeout::{self, Limits, TimeoutThread};
+use sim::near_end;
+use sim::paced::{Paced, run_paced};
+use sim::stepper;
+use std::io::Write;
+use std::os::unix::net::UnixStream;
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex, mpsc};
+
+/// Exit code of a control that cannot go on by itself and has to be restarted.
+pub const EXIT_RESTART: u8 = 3;
+/// A cycle thread that hung is given this long to end, in looks of 10 ms.
+const END_LOOKS: u32 = 100;
+
+/// A control from power-on to power-off.
+pub struct Session<'a> {
+    pub config: &'a Config,
+    /// What the machine remembers.
+    pub tables: &'a Mutex<Tables>,
+    /// What it is there for.
+    pub task: Task<'a>,
+    /// Warn of nothing: the output is for a program.
+    pub quiet: bool,
+    /// Asks for a stop; caught since the command began, so that at no moment a signal just ends the process.
+    pub signal: StopSignal,
+    /// Keep the rights of this thread: another session follows in this process.
+    pub keep_rights: bool,
+    /// The panel in the browser.
+    pub panel: Option<Panel>,
+}
+
+/// A part program.
+#[derive(Clone, Copy, Debug)]
+pub struct Program<'a> {
+    /// Its name, for messages.
+    pub name: &'a str,
+    pub text: Reader<'a>,
+}
+
+/// What a control does between homing and power-off.
+#[derive(Clone, Copy, Debug)]
+pub enum Task<'a> {
+    /// Runs a program, which comes to this, and keeps a record of it.
+    Once(Program<'a>, &'a Overview),
+    /// Runs a program again and again until it is told to stop, in constant memory.
+    Repeat(Program<'a>),
+    /// Waits for programs of clients, drives off.
+    StandBy,
+}
+
+/// The wire to the drives.
+pub enum Wire {
+    /// A network interface.
+    Interface(String),
+    /// Memory; the simulated machine of the machine file is at the other end, in this process.
+    Memory,
+    /// The same on paced time, for a PC that keeps no cycle: a date comes when everybody is ready for it.
+    Paced,
+}
+
+/// What is known of a control that has ended.
+pub struct Ended {
+    /// Journal, alarms, outcome, what the program did.
+    pub operator: Operator,
+    /// Planned time of a program whose probing moves ended at a contact: of what was really to be run, s.
+    pub probed_time_s: Option<f64>,
+    /// How the cycle thread ran.
+    pub figures: Box<CycleFigures>,
+    /// Peaks of each joint.
+    pub peaks: Vec<Peaks>,
+    /// Frames of each node.
+    pub statistics: Vec<NodeStatistics>,
+    /// What the time-out thread counted.
+    pub timeouts: timeout::Counters,
+    /// The core of the real-time threads.
+    pub cpu: usize,
+    /// What kept it awake.
+    pub kept_awake: KeepAwake,
+    /// What this PC lacks.
+    pub findings: Vec<Finding>,
+    /// The timing: who chose it, and what was measured for it.
+    pub calibration: Calibration,
+}
+
+/// Whether interface and name of a control are free: another one may have them.
+///
+/// # Errors
+/// Who has them.
+pub fn check_free(config: &Config, wire: &Wire) -> anyhow::Result<()> {
+    if let Wire::Interface(interface) = wire {
+        drop(SoleSender::claim(interface)?);
+    }
+    let hal = Hal::create(&config.name, capacity(config)).context("pins")?;
+    match Socket::bind(&path_beside(hal.path(), &config.name)) {
+        Err(error @ BindError::Running { .. }) => Err(error.into()),
+        // Without a socket a control runs all the same.
+        Ok(_) | Err(BindError::NoSocket { .. } | BindError::System { .. }) => Ok(()),
+    }
+}
+
+/// What a control of this machine would not start with, or run no program with, as far as its files and this build of isocnc say.
+/// Nothing is opened or written.
+///
+/// # Errors
+/// The first of them.
+pub fn check_start(config: &Config) -> anyhow::Result<()> {
+    let tables = Tables::read(config).map_err(Refusal::from)?;
+    Panel::check(config)?;
+    Cell::of(config)?;
+    if !config.joints.is_empty() {
+        // What stands before every program: startup code.
+        let begin = Begin::at_home(config);
+        let name = config.path.display().to_string();
+        check(config, &tables, &name, "M2\n", &begin, &Cancel::default())
+            .map_err(|errors| Refusal::of_program(&name, &errors))?;
+    }
+    Ok(())
+}
+
+/// Runs a control from power-on to power-off; `task` looks after it meanwhile.
+///
+/// # Errors
+/// What keeps it from starting; a thread that panicked. How the machine fared is no error but in [`Ended`].
+pub fn run(session: &Session<'_>, wire: Wire, task: &mut dyn LoopTask) -> anyhow::Result<Ended> {
+    // Before anything that takes time: nothing is to be tuned for a wire that is another one's.
+    let _sole = match &wire {
+        Wire::Interface(interface) => Some(SoleSender::claim(interface)?),
+        Wire::Memory | Wire::Paced => None,
+    };
+    let mut process = setup::prepare_process(&session.config.rt)?;
+    let calibration = calibrate(session.config, &mut process);
+    if !session.quiet {
+        for finding in by_cure(&process.findings) {
+            // Nobody need be there to read it.
+            let _ = writeln!(files::printed::stderr(), "warning: {finding}");
+        }
+        if !matches!(wire, Wire::Paced) {
+            say(&format!("{calibration}\n"));
+        }
+        if let Wire::Interface(_) = wire
+            && let Some(advice) = Steadiness::measure(&session.config.rt).advice(session.config)
+        {
+            let _ = writeln!(files::printed::stderr(), "warning: {advice}");
+        }
+    }
+    let process = Arc::new(process);
+    let config = session.config;
+    logic::budget::of_machine(config)?;
+    let watch = Arc::new(Watch::default());
+    let in_memory = !matches!(wire, Wire::Interface(_));
+    let near = |paced| NearEnd {
+        process: &process,
+        calibration,
+        watch: Arc::clone(&watch),
+        in_memory,
+        paced,
+    };
+    match &wire {
+        Wire::Interface(interface) => bus::with_interface(
+            config,
+            interface,
+            Arc::clone(&watch),
+            || capabilities::give_up_or_warn(Work::Ordinary),
+            &mut |warning| _ = writeln!(files::printed::stderr(), "warning: {warning}"),
+            |open| run_on(session, task, near(None), open),
+        ),
+        Wire::Paced => near_end::with_paced(config, Arc::clone(&watch), |open, wire| {
+            run_on(session, task, near(Some(wire)), open)
+        }),
+        Wire::Memory => near_end::with_memory(config, Arc::clone(&watch), &process, |open| {
+            run_on(session, task, near(None), open)
+        }),
+    }
+}
+
+/// What a session runs with, whatever its wire is.
+struct NearEnd<'a> {
+    process: &'a Arc<setup::Process>,
+    calibration: Calibration,
+    watch: Arc<Watch>,
+    /// The nodes are simulated in this process.
+    in_memory: bool,
+    /// Time is that of this wire.
+    paced: Option<Paced>,
+}
+
+fn run_on(
+    session: &Session<'_>,
+    task: &mut dyn LoopTask,
+    near_end: NearEnd<'_>,
+    open: Open<'_>,
+) -> anyhow::Result<Ended> {
+    let config = session.config;
+    let NearEnd {
+        process,
+        calibration,
+        watch,
+        in_memory,
+        paced,
+    } = near_end;
+    let rt = calibration.applied(&config.rt);
+    let mut spin = calibration.spin(config);
+    let grid = Grid {
+        phase_ns: calibration.phase_ns(),
+        ..thread::grid(config)
+    };
+    let mut hal = Hal::create(&config.name, capacity(config)).context("pins")?;
+    let (control, endpoints) = assemble(config, &bus::plan(config), open.cyclic, &mut hal)?;
+    // On the heap: it is larger than the stack of a real-time thread, which is locked in memory as a whole.
+    let mut control = Box::new(control);
+    let out_of_this_pc = config.steps.as_ref().map(step_port::open).transpose()?.flatten();
+    if let Some(port) = out_of_this_pc.or_else(|| stepper::port(config)) {
+        control.steps_mut().set_port(port);
+    }
+    // On paced time the cycle makes its pulses itself.
+    let steps = match paced {
+        None => control.steps_mut().take_ticker(),
+        Some(_) => None,
+    };
+    let desk = control.logic_mut().desk();
+    let mut network = NetworkView::from_config(config);
+    if in_memory {
+        network.interface = "a wire in memory".into();
+    }
+    let (client, inbox) = order_channel();
+    let methods = Methods::new(network, endpoints.live.clone(), open.service, client, monotonic_ns).of_machine(
+        config,
+        pin_values(&hal),
+        time_of_day,
+        hal.path(),
+    );
+    let cell = match session.task {
+        Task::StandBy => Cell::of(config)?,
+        Task::Once(..) | Task::Repeat(_) => None,
+    };
+    let programs = session.panel.as_ref().and_then(Panel::programs);
+    let programs = programs.or(cell.as_ref().map(Cell::programs)).map(Path::to_owned);
+    let methods = methods.with_programs(programs);
+    let methods = methods.with_logic(desk.clone());
+    let socket = control_socket(hal.path(), &config.name)?;
+    let (door, intake, arrivals) = server::entrance(methods.wake());
+    match Sampler::new(&hal, grid.period_ns) {
+        Ok(scope) => control.set_scope(scope),
+        // The machine runs as well without.
+        Err(cause) => tracing::warn!("no oscilloscope: {cause}"),
+    }
+
+    let (recorder, windows) = cycle_stats::recorder(grid.period_ns);
+    let (reports, watch_reports) = rtrb::RingBuffer::new(timeout::REPORTS);
+    let mut operator = Operator::new(config, endpoints, monotonic_ns());
+    operator.set_time_of_day(time_of_day);
+    let journal = match &config.state_directory {
+        Some(folder) => Some(open_journal(folder, &mut operator)?),
+        None => None,
+    };
+    let remembered = match (&config.state_directory, session.task) {
+        (Some(folder), Task::Once(..) | Task::StandBy) => recall(folder, &config.name, &mut operator),
+        (Some(_), Task::Repeat(_)) | (None, _) => Remembered::default(),
+    };
+    if let Some(folder) = &config.state_directory {
+        retain_keeper::recall(folder, &config.name, control.logic_mut(), &mut operator);
+    }
+    // On paced time the cycle runs them itself.
+    let mut scanners = match paced {
+        None => control.logic_mut().take_scanners(),
+        Some(_) => Vec::new(),
+    };
+    scanners.sort_by_key(Scanner::period_ns);
+    lock(session.tables).set_tool_in_spindle(remembered.tool);
+    for warning in lock(session.tables).warnings() {
+        operator.add_entry(format!("warning: {warning}"));
+    }
+    judge_tool(&lock(session.tables), &remembered, &mut operator);
+    let mut memory = Memory::new(config, remembered);
+    if let Some(panel) = &session.panel {
+        operator.add_entry(panel.note.clone());
+    }
+    let mut running = Running {
+        operator: match session.task {
+            Task::Once(..) => operator,
+            Task::Repeat(_) => operator.repeating(),
+            Task::StandBy => operator.standing_by(),
+        },
+        reports: watch_reports,
+        watch: Arc::clone(&watch),
+        watched: paced.is_none(),
+        windows,
+        cpu: process.cpu,
+    };
+    let stop = AtomicBool::new(false);
+    let (figures, probed_time_s) = std::thread::scope(|scope| -> anyhow::Result<_> {
+        let limits = Limits::for_machine(&config.bus, &rt, grid);
+        let timeouts = match &paced {
+            None => Some(TimeoutThread::spawn(
+                Arc::clone(process),
+                Arc::clone(&watch),
+                limits,
+                reports,
+                steps,
+            )?),
+            // Nobody can be late.
+            Some(_) => None,
+        };
+        let cycle = std::thread::Builder::new()
+            .name(CYCLE_THREAD.into())
+            .stack_size(STACK_SIZE)
+            .spawn_scoped(scope, || match &paced {
+                None => {
+                    // What is missing has been told by `prepare_process`.
+                    drop(enter_thread(Role::Cycle, process));
+                    thread::run(&mut control, grid, &mut spin, &watch, recorder, &stop)
+                }
+                Some(wire) => {
+                    capabilities::give_up_or_warn(Work::Ordinary);
+                    run_paced(&mut control, grid, wire, recorder, &stop)
+                }
+            })?;
+        for (rank, mut scanner) in scanners.into_iter().enumerate() {
+            let (stop, process) = (&stop, Arc::clone(process));
+            std::thread::Builder::new()
+                .name(format!("rt-logic {}", scanner.number()))
+                .stack_size(STACK_SIZE)
+                .spawn_scoped(scope, move || {
+                    drop(enter_thread(Role::Logic(rank as u8), &process));
+                    logic::run(&mut scanner, stop);
+                })?;
+        }
+        if let Some((journal, entries, kept)) = journal {
+            std::thread::Builder::new()
+                .name("journal".into())
+                .spawn_scoped(scope, move || journal_keeper::keep(journal, &entries, &kept))?;
+        }
+        if let (Some(folder), Task::Once(..) | Task::StandBy) = (&config.state_directory, session.task) {
+            let writer = memory.kept_on_disk(folder);
+            std::thread::Builder::new()
+                .name("state".into())
+                .spawn_scoped(scope, move || memory::write(folder, &writer))?;
+        }
+        if let Some(folder) = config.state_directory.as_ref().filter(|_| !config.logics.is_empty()) {
+            let (desk, stop) = (Arc::clone(&desk), &stop);
+            std::thread::Builder::new()
+                .name("retain".into())
+                .spawn_scoped(scope, move || retain_keeper::run(folder, &config.name, &desk, stop))?;
+        }
+        if socket.is_some() || session.panel.is_some() || cell.is_some() {
+            let (socket, stop) = (socket.as_ref(), &stop);
+            let at_once = methods.at_once();
+            std::thread::Builder::new()
+                .name("socket".into())
+                // It parses a line at the most, and all of it is locked.
+                .stack_size(STACK_SIZE / 4)
+                .spawn_scoped(scope, move || {
+                    capabilities::give_up_or_warn(Work::Ordinary);
+                    intake.run(socket, &at_once, stop);
+                })?;
+            std::thread::Builder::new()
+                .name("service".into())
+                .stack_size(STACK_SIZE)
+                .spawn_scoped(scope, move || {
+                    let (mut methods, arrivals) = (methods, arrivals);
+                    capabilities::give_up_or_warn(Work::Ordinary);
+                    server::serve(&arrivals, &mut methods, stop);
+                })?;
+        }
+        if let Some(cell) = cell {
+            let (door, stop) = (door.clone(), &stop);
+            std::thread::Builder::new()
+                .name("cell".into())
+                .stack_size(STACK_SIZE)
+                .spawn_scoped(scope, move || cell.serve(&door, stop))?;
+        }
+        // Closed at its other end by the end of this session, however that comes about.
+        let (panel_stays, until) = UnixStream::pair()?;
+        if let Some(panel) = &session.panel {
+            std::thread::Builder::new()
+                .name("panel".into())
+                .stack_size(STACK_SIZE)
+                .spawn_scoped(scope, move || panel.serve(door, until))?;
+        }
+        // Everything is open and every thread of the cycle runs.
+        if !session.keep_rights {
+            capabilities::give_up_or_warn(Work::Closing);
+        }
+        let ended = StopOnDrop(&stop);
+        let lives = || !cycle.is_finished();
+        let operator_loop = OperatorLoop::new(scope, session, &stop, inbox, pin_reader(&hal), process.cpu, memory);
+        let probed_time_s = operator_loop.run(&mut running, task, &lives);
+        drop(ended);
+        drop(panel_stays);
+        running.operator.close_journal();
+        if running.operator.needs_restart() {
+            end_with_thread(&cycle, &running.operator);
+        }
+        let figures = cycle.join().map_err(|_| {
+            anyhow!("the cycle thread panicked; nothing leads the machine any more, which stops by itself")
+        });
+        drop(timeouts);
+        Ok((figures?, probed_time_s?))
+    })?;
+    if let Err(cause) = capabilities::use_files() {
+        // Folders that this user may write anyway are none the worse.
+        let _ = writeln!(files::printed::stderr(), "warning: {cause}");
+    }
+
+    Ok(Ended {
+        operator: running.operator,
+        probed_time_s,
+        figures,
+        peaks: control.peaks(),
+        statistics: (0..config.bus.nodes.len())
+            .map(|node| control.bus_mut().statistics(node))
+            .collect(),
+        timeouts: watch.counters(),
+        cpu: process.cpu,
+        kept_awake: process.kept_awake(),
+        findings: process.findings.clone(),
+        calibration: Calibration {
+            spin_raised_us: spin.raised_us(),
+            ..calibration
+        },
+    })
+}
+
+/// Pins as programs read them.
+pub(super) fn pin_reader(hal: &Hal) -> PinReader {
+    PinReader::new(pin_values(hal))
+}
+
+fn pin_values(hal: &Hal) -> impl Fn(&str) -> Option<f64> + Send + Sync + 'static + use<> {
+    let pins = hal.view();
+    move |name| pins.value(name).map(AnyValue::to_f64)
+}
+
+/// Seconds since 1970.
+fn time_of_day() -> f64 {
+    let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
+    since.map_or(0.0, |since| since.as_secs_f64())
+}
+
+/// What the last control of this machine has left in the state folder.
+fn recall(folder: &Path, machine: &str, operator: &mut Operator) -> Remembered {
+    let Opened { remembered, warning } = state_file::open(folder, machine);
+    if let Some(warning) = warning {
+        operator.add_entry(format!("warning: {warning}"));
+    }
+    if let Some(program) = remembered.program.as_ref().filter(|program| program.result.is_none()) {
+        operator.add_entry(format!(
+            "warning: the control ended in mid-program: {}, line {} was reached",
+            program.name, program.line
+        ));
+    }
+    remembered
+}
+
+/// What the operator should know of the tool in the spindle.
+fn judge_tool(tables: &Tables, remembered: &Remembered, operator: &mut Operator) {
+    let (in_table, last) = (tables.tool_in_spindle(), remembered.tool);
+    if let Some(tool) = remembered.changing {
+        operator.add_entry(format!(
+            "warning: the control ended while tool {tool} was to be changed: {LOOK_AT_TOOL}"
+        ));
+    } else if last != 0 && in_table != last {
+        operator.add_entry(format!(
+            "warning: the tool table has tool {in_table} in the spindle (pocket 0), and the control has last seen tool {last} there: \
+             {LOOK_AT_TOOL}"
+        ));
+    }
+}
+
+/// Opens the journal of the state folder, and lets the operator go on with it.
+fn open_journal(
+    folder: &Path,
+    operator: &mut Operator,
+) -> anyhow::Result<(Journal, mpsc::Receiver<Entry>, Arc<journal_keeper::Kept>)> {
+    let opened = Journal::open(folder).with_context(|| format!("state_directory {}", folder.display()))?;
+    let (keeper, entries) = mpsc::channel();
+    let kept = Arc::new(journal_keeper::Kept::default());
+    operator.keep_journal(opened.entries, opened.last, keeper, Arc::clone(&kept));
+    if let Some(warning) = opened.warning {
+        operator.add_entry(format!("warning: {warning}"));
+    }
+    Ok((opened.journal, entries, kept))
+}
+
+/// A thread that hangs cannot be joined: where it does not come back, the process ends without a report.
+fn end_with_thread<T>(cycle: &std::thread::ScopedJoinHandle<'_, T>, operator: &Operator) {
+    for _ in 0..END_LOOKS {
+        if cycle.is_finished() {
+            return;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    }
+    let cause = operator
+        .alarm()
+        .map_or("the cycle thread hung", |alarm| alarm.cause.as_str());
+    let _ = writeln!(files::printed::stderr(), "isocnc: {cause}");
+    std::process::exit(i32::from(EXIT_RESTART));
+}
+
+/// The socket by which other processes reach this control. A control that cannot have one still cuts.
+///
+/// # Errors
+/// Another control of this machine runs.
+fn control_socket(pins: &Path, machine: &str) -> anyhow::Result<Option<Socket>> {
+    match Socket::bind(&path_beside(pins, machine)) {
+        Ok(socket) => Ok(Some(socket)),
+        Err(error @ BindError::Running { .. }) => Err(error.into()),
+        Err(error @ (BindError::NoSocket { .. } | BindError::System { .. })) => {
+            let _ = writeln!(files::printed::stderr(), "warning: no control socket: {error}");
+            Ok(None)
+        }
+    }
+}

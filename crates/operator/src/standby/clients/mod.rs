@@ -1,0 +1,952 @@
+//! What clients want of the machine: each order is judged by the table of [`machine::permission`], then carried out.
+
+mod executed;
+mod given_up;
+mod shown;
+
+use executed::Executed;
+pub(crate) use shown::outcome_word;
+
+use super::check::{Checked, Part, Subject, examine};
+use super::streamed::Streamed;
+use super::wishes::{is_told, moves, wish};
+use crate::console::Operator;
+use crate::manual_mode;
+use crate::remembered;
+use crate::table_writer::{Keeper, Mark};
+use api::orders::{Jogged, Order, OrderInbox, Source};
+use api::paths::PathOrder;
+use api::rpc::{RpcError, code};
+use api::server::Ticket;
+use config::Config;
+use gcode::{InForce, Modes};
+use host::capabilities;
+use host::capabilities::Work;
+use machine::permission::{ACKNOWLEDGE, Activity, Power, Wish, permit};
+use machine::sequence::{Job, Step};
+use machine::state::State;
+use machine::tables::{Tables, lock};
+use motion::cancel::Cancel;
+use motion::canon::{Axis, Position};
+use program::text::{Reader, Text};
+use program::tool_path::{record_octets, trace};
+use program::{Begin, Doubt, Overview, changed, home};
+use rt::shared::{Command, Snapshot};
+use rt::waiting;
+use rt::way_back::SLOW_MM;
+use serde_json::{Value, json};
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, mpsc};
+use std::thread::{Scope, ScopedJoinHandle};
+use std::time::Duration;
+
+/// Lines of MDI that wait for their turn.
+const MDI_MAX: usize = 64;
+const _: () = assert!(MDI_MAX < api::server::PENDING_MAX, "a stop behind them must be read");
+/// Programs that are only looked at, at the same time.
+const INSPECTED_MAX: usize = 2;
+/// An order counts as carried out once what it changed is on the disk; one that takes longer than this is not waited for, ns.
+const DISK_NS: u64 = 2_000_000_000;
+/// How long drives may take to be off behind an acknowledge until an order that switches them on is refused.
+const SETTLES_NS: u64 = 5_000_000_000;
+
+/// What becomes of a program behind its check.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Then {
+    /// It is kept.
+    Load,
+    /// It runs so many times.
+    Start { runs: u32 },
+    /// It runs, once drives are on and joints are home.
+    Run,
+    /// It runs while it grows.
+    Stream,
+}
+
+/// What was typed.
+enum Typed {
+    Line(String),
+    /// Lines for a text that grows, and whether they are to have been executed.
+    Lines(String, bool),
+}
+
+/// Whose orders the machine follows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Mode {
+    #[default]
+    Manual,
+    Mdi,
+    Auto,
+}
+
+impl Mode {
+    const fn name(self) -> &'static str {
+        match self {
+            Mode::Manual => "manual",
+            Mode::Mdi => "mdi",
+            Mode::Auto => "auto",
+        }
+    }
+}
+
+/// Serves the clients of one session.
+pub(crate) struct Clients<'scope, 'env> {
+    pub(super) scope: &'scope Scope<'scope, 'env>,
+    pub(super) config: &'env Config,
+    pub(super) tables: &'env Mutex<Tables>,
+    /// The session waits for programs; else it has its own.
+    stands_by: bool,
+    pub(super) inbox: OrderInbox,
+    pub(super) checking: Option<Checking<'scope>>,
+    /// What runs, or ran last.
+    part: Option<Arc<Part>>,
+    /// The one program of a session that does not stand by, and its name.
+    given: Option<(&'env str, &'env Overview)>,
+    /// The program to start.
+    loaded: Option<Arc<Part>>,
+    mode: Mode,
+    /// Lines of MDI that wait for their turn, and who wants them.
+    mdi: VecDeque<(Ticket, Typed)>,
+    /// The text that grows, while it runs or is about to.
+    streamed: Option<Streamed>,
+    /// It is over.
+    is_streamed_over: bool,
+    /// Those in force for the next line of MDI; `None`: as at the start of a program.
+    modes: Option<Arc<Modes>>,
+    /// Those of what runs.
+    executed: Option<Executed>,
+    /// Those at the start of a program, and what they were taken of.
+    initial: Option<(Tables, Modes)>,
+    /// How often the machine had switched spindle and coolant off by the last look, and when the last program began.
+    switched_off: [u64; 2],
+    /// Some planner still works for the program that was the last one.
+    is_planning: bool,
+    /// Who has changed what the machine remembers, and hears once that is on the disk.
+    unsettled: Vec<(Ticket, Unsettled)>,
+    /// Orders that came before the cycle had taken the one in front of them.
+    early: VecDeque<(Ticket, Order)>,
+    /// Since when drives go off behind an acknowledge or a reset, if they do.
+    settles_since_ns: Option<u64>,
+    /// Programs that are only looked at.
+    inspected: Vec<(Ticket, Cancel, ScopedJoinHandle<'scope, Checked>)>,
+    /// Ways of programs that are being drawn.
+    drawn: Vec<(Cancel, ScopedJoinHandle<'scope, ()>)>,
+    /// The last job has ended, and counts once what came of it is on the disk.
+    ended: Option<Unsettled>,
+}
+
+/// A program that is being checked.
+pub(super) struct Checking<'scope> {
+    /// Who waits for it to begin; `None`: nobody any more, and it does not begin.
+    pub(super) wanted: Option<Ticket>,
+    then: Then,
+    cancel: Cancel,
+    pub(super) thread: ScopedJoinHandle<'scope, Checked>,
+}
+
+type Answer = Result<Value, String>;
+
+/// What is on its way to the disk, and since when.
+#[derive(Clone, Copy, Debug)]
+struct Unsettled {
+    mark: Mark,
+    since_ns: u64,
+}
+
+impl Unsettled {
+    fn new(keeper: &Keeper<'_, '_>, operator: &Operator, now_ns: u64) -> Unsettled {
+        Unsettled {
+            mark: keeper.mark(operator),
+            since_ns: now_ns,
+        }
+    }
+
+    fn is_over(&self, keeper: &Keeper<'_, '_>, operator: &Operator, now_ns: u64) -> bool {
+        keeper.is_settled(&self.mark, operator) || now_ns.saturating_sub(self.since_ns) > DISK_NS
+    }
+}
+
+impl<'scope, 'env> Clients<'scope, 'env> {
+    pub(crate) fn new(
+        scope: &'scope Scope<'scope, 'env>,
+        config: &'env Config,
+        tables: &'env Mutex<Tables>,
+        stands_by: bool,
+        inbox: OrderInbox,
+    ) -> Clients<'scope, 'env> {
+        Clients {
+            scope,
+            config,
+            tables,
+            stands_by,
+            inbox,
+            checking: None,
+            part: None,
+            given: None,
+            loaded: None,
+            mode: Mode::default(),
+            mdi: VecDeque::new(),
+            streamed: None,
+            is_streamed_over: false,
+            modes: None,
+            executed: None,
+            initial: None,
+            switched_off: [0; 2],
+            is_planning: false,
+            unsettled: Vec::new(),
+            early: VecDeque::new(),
+            settles_since_ns: None,
+            inspected: Vec::new(),
+            drawn: Vec::new(),
+            ended: None,
+        }
+    }
+
+    /// Of a session that runs this program and no other.
+    pub(crate) fn of_program(self, name: &'env str, overview: &'env Overview) -> Clients<'scope, 'env> {
+        let given = Some((name, overview));
+        Clients { given, ..self }
+    }
+
+    /// What is under way, or was last.
+    pub(crate) fn part(&self) -> Option<&Arc<Part>> {
+        self.part.as_ref()
+    }
+
+    /// What runs from now on tells the modes of its blocks there.
+    pub(crate) fn follow_modes(&mut self, heard: mpsc::Receiver<(u32, InForce)>) {
+        let is_dry = self.part.as_ref().is_some_and(|part| part.dry_feed_min().is_some());
+        self.executed = Some(Executed::new(heard, is_dry));
+    }
+
+    /// A program is over, and has left these modes if it came to its end. What follows the stop of a program begins as a program
+    /// does; a line of MDI that was given up leaves those before it.
+    pub(crate) fn adopt_modes(&mut self, modes: Option<Modes>) {
+        self.executed = None;
+        let [now, at_begin] = self.switched_off;
+        let is_given_up = modes.is_none();
+        let is_dry = self.part.as_ref().is_some_and(|part| part.dry_feed_min().is_some());
+        if !is_given_up || !self.part.as_ref().is_some_and(|part| part.is_mdi()) {
+            self.modes = modes.map(Arc::new);
+        }
+        // A dry run has not switched on what its text says.
+        if now != at_begin || is_dry {
+            self.switch_modes_off();
+        }
+        if is_given_up {
+            self.refuse_queue("the line before it was given up");
+        } else if let Some(streamed) = &self.streamed {
+            // Also where its reader has not come to its end: behind M2.
+            streamed.text().close();
+            self.is_streamed_over = true;
+        }
+    }
+
+    /// What has been switched off stays off until a line names it again.
+    fn switch_modes_off(&mut self) {
+        if let Some(modes) = &mut self.modes {
+            Arc::make_mut(modes).switch_off();
+        }
+    }
+
+    /// Hands take over where they move something, and what is held has its orders again once it is on its way back.
+    fn follow_mode(&mut self, operator: &Operator) {
+        self.mode = match self.condition(operator).activity {
+            Activity::Jogging | Activity::Away => Mode::Manual,
+            Activity::Running | Activity::Held | Activity::Returning => match &self.part {
+                Some(part) if part.is_mdi() => Mode::Mdi,
+                _ => Mode::Auto,
+            },
+            Activity::Idle | Activity::Checking | Activity::Homing | Activity::Stopping => self.mode,
+        };
+    }
+
+    /// Waits for an order of a client, this long at the most.
+    pub(crate) fn wait(&mut self, longest: Duration) {
+        self.inbox.wait(longest);
+    }
+
+    /// Carries out what clients want. Waits for nothing. `is_planning`: a planner still works for the last program.
+    pub(crate) fn serve(
+        &mut self,
+        operator: &mut Operator,
+        keeper: &mut Keeper<'_, '_>,
+        is_planning: bool,
+        now_ns: u64,
+    ) {
+        self.is_planning = is_planning;
+        let switched_off = operator.live().switched_off;
+        if std::mem::replace(&mut self.switched_off[0], switched_off) != switched_off {
+            self.switch_modes_off();
+        }
+        if operator.take_stop_pressed() {
+            self.stop(operator, now_ns);
+        }
+        let settles = operator.live().state == State::Disabling && operator.step() == Step::StandBy;
+        self.settles_since_ns = settles.then(|| self.settles_since_ns.unwrap_or(now_ns));
+        // Before the cycle has taken the start of a program, it shows where the one before was.
+        if let Some(executed) = &mut self.executed {
+            let live = operator.live();
+            executed.follow(if operator.is_up_to_date() { live.modes } else { 0 });
+        }
+        self.follow_mode(operator);
+        // Orders first: a stop reaches a program that would begin in this turn.
+        let mut answers = Vec::new();
+        self.follow_pins(operator, keeper);
+        let mut early = std::mem::take(&mut self.early);
+        while let Some((ticket, order)) = early.pop_front().or_else(|| self.inbox.take()) {
+            if self.is_too_early(&order, operator, now_ns) {
+                self.early.push_back((ticket, order));
+                continue;
+            }
+            match order {
+                Order::Withdraw => {
+                    self.withdraw(ticket);
+                    continue;
+                }
+                // What somebody else had ordered does not begin under the hand of another.
+                Order::TakenOver(_) => {
+                    self.refuse_queue("another client has taken control");
+                    self.give_up_check();
+                }
+                _ => {}
+            }
+            if let Some(answer) = self.obey(ticket, order, operator, keeper, now_ns) {
+                answers.push((ticket, answer.map_err(RpcError::from)));
+            }
+        }
+        if self
+            .checking
+            .as_ref()
+            .is_some_and(|checking| checking.thread.is_finished())
+            && let Some(Checking {
+                wanted, then, thread, ..
+            }) = self.checking.take()
+        {
+            let checked = thread
+                .join()
+                .unwrap_or_else(|_| Err("the check of the program panicked".to_owned().into()));
+            if let Some(ticket) = wanted {
+                let answer = checked.and_then(|part| Ok(self.accept(part, then, operator, keeper, now_ns)?));
+                match (then, &answer) {
+                    (Then::Stream, Err(why)) => self.refuse_queue(&why.message),
+                    (Then::Stream, Ok(_)) => {}
+                    _ => answers.push((ticket, answer)),
+                }
+            }
+        }
+        while let Some(at) = self.inspected.iter().position(|(_, _, thread)| thread.is_finished()) {
+            let (ticket, _, thread) = self.inspected.swap_remove(at);
+            let checked = thread
+                .join()
+                .unwrap_or_else(|_| Err("the check of the program panicked".to_owned().into()));
+            answers.push((ticket, checked.map(|part| outlook(&part))));
+        }
+        self.serve_streamed(operator, &mut answers);
+        if self.condition(operator).activity == Activity::Idle
+            && self.streamed.is_none()
+            && let Some((ticket, typed)) = self.mdi.pop_front()
+        {
+            match self.may(Wish::Mdi, operator) {
+                Ok(()) => self.begin_typed(ticket, typed, operator, &mut answers),
+                Err(why) => answers.push((ticket, Err(why.into()))),
+            }
+        }
+        let (over, wait) = self
+            .unsettled
+            .drain(..)
+            .partition::<Vec<_>, _>(|(_, order)| order.is_over(keeper, operator, now_ns));
+        self.unsettled = wait;
+        let kept = match keeper.failure(operator) {
+            Some(why) => json!({ "warning": format!("not kept: {why}") }),
+            None => json!({}),
+        };
+        answers.extend(over.into_iter().map(|(ticket, _)| (ticket, Ok(kept.clone()))));
+        let has_ended = operator.job_outcome().is_some()
+            && self.checking.is_none()
+            && !self.is_planning
+            && operator.is_up_to_date();
+        self.ended = match self.ended {
+            _ if !has_ended => None,
+            None => Some(Unsettled::new(keeper, operator, now_ns)),
+            ended => ended,
+        };
+        let is_settled = self.ended.is_some_and(|ended| ended.is_over(keeper, operator, now_ns));
+        // Whoever has an answer sees what came of the order.
+        let shown = self.shown(operator, keeper, is_settled);
+        self.inbox.show(shown);
+        for (ticket, answer) in answers {
+            self.inbox.answer(ticket, answer);
+        }
+    }
+
+    /// Hands lines to the text that grows, and answers who can be answered.
+    fn serve_streamed(&mut self, operator: &Operator, answers: &mut Vec<(Ticket, Result<Value, RpcError>)>) {
+        let is_idle = self.condition(operator).activity == Activity::Idle;
+        if let Some(streamed) = self.streamed.take_if(|_| is_idle && self.is_streamed_over) {
+            answers.extend(streamed.end(None));
+        }
+        let Some(streamed) = &mut self.streamed else { return };
+        while let Some((ticket, Typed::Lines(lines, wait))) = self.mdi.front() {
+            match streamed.take(*ticket, lines, *wait) {
+                Ok(true) => {}
+                // It is the next text.
+                Ok(false) => break,
+                Err(cause) => answers.push((*ticket, Err(not_kept(&cause)))),
+            }
+            self.mdi.pop_front();
+        }
+        answers.extend(streamed.answers());
+    }
+
+    /// Begins what was typed.
+    fn begin_typed(
+        &mut self,
+        ticket: Ticket,
+        typed: Typed,
+        operator: &Operator,
+        answers: &mut Vec<(Ticket, Result<Value, RpcError>)>,
+    ) {
+        let modes = self.modes.clone();
+        let (lines, wait) = match typed {
+            Typed::Line(line) => {
+                let subject = Subject::Mdi { line, modes };
+                return self.check(ticket, subject, Then::Start { runs: 1 }, operator);
+            }
+            // All before it is over.
+            Typed::Lines(lines, _) if lines.is_empty() => return answers.push((ticket, Ok(json!({})))),
+            Typed::Lines(lines, wait) => (lines, wait),
+        };
+        let begun = Streamed::new().and_then(|mut streamed| {
+            streamed.take(ticket, &lines, wait)?;
+            Ok(streamed)
+        });
+        match begun {
+            Ok(streamed) => {
+                let text = Arc::new(Text::from(Arc::clone(streamed.text())));
+                (self.streamed, self.is_streamed_over) = (Some(streamed), false);
+                // Whoever waits for room or for the end is answered then.
+                self.check(0, Subject::Lines { text, modes }, Then::Stream, operator);
+            }
+            Err(cause) => answers.push((ticket, Err(not_kept(&cause)))),
+        }
+    }
+
+    /// `None`: the answer comes later.
+    fn obey(
+        &mut self,
+        ticket: Ticket,
+        order: Order,
+        operator: &mut Operator,
+        keeper: &mut Keeper<'_, '_>,
+        now_ns: u64,
+    ) -> Option<Answer> {
+        // Whatever it is: nothing can be done any more.
+        if operator.live().state == State::Silenced {
+            return Some(Err(operator.silenced().to_owned()));
+        }
+        if let Order::Note(text) | Order::TakenOver(text) = order {
+            operator.add_entry(text);
+            return Some(Ok(json!({})));
+        }
+        if let Order::Inspect(source) = order {
+            return self.inspect(ticket, source, operator).err().map(Err);
+        }
+        if let Order::Path(path) = order {
+            return Some(self.draw(path, operator));
+        }
+        if let Order::Parts { count, target } = order {
+            let mut parts = keeper.memory.now().parts;
+            parts.count = count.unwrap_or(parts.count);
+            parts.target = target.map_or(parts.target, |target| Some(target).filter(|target| *target > 0));
+            keeper.memory.set_parts(parts);
+            operator.add_entry(format!("order: parts {parts}"));
+            self.unsettled.push((ticket, Unsettled::new(keeper, operator, now_ns)));
+            return None;
+        }
+        let Some(wish) = wish(&order) else {
+            let tables = lock(self.tables);
+            return Some(Ok(match order {
+                Order::Tools => remembered::tools(&tables, self.config.unit),
+                Order::Report(number) => {
+                    let found = keeper.memory.reports().find(number);
+                    return Some(found.map(|report| json!(report)));
+                }
+                Order::MdiHistory => json!({ "lines": keeper.memory.now().mdi }),
+                Order::Journal(since) => remembered::journal(operator, since),
+                _ => {
+                    let executed = self.executed.as_ref().and_then(Executed::now);
+                    let system = executed.map_or(tables.work_system(), |modes| modes.work_system());
+                    remembered::offsets(&tables, self.config, system)
+                }
+            }));
+        };
+        if moves(wish) && self.config.joints.is_empty() {
+            return Some(Err(self.config.without_joints()));
+        }
+        if let Err(why) = self.may(wish, operator) {
+            // Lines of MDI wait behind those that run.
+            let waits = matches!(order, Order::Mdi(_) | Order::Lines { .. }) && self.is_mdi_under_way(operator);
+            if !waits {
+                return Some(Err(why));
+            }
+        }
+        if is_told(&order) {
+            operator.add_entry(format!("order: {}", wish.command()));
+        }
+        let done = match order {
+            Order::Withdraw
+            | Order::Offsets
+            | Order::Tools
+            | Order::Journal(_)
+            | Order::Note(_)
+            | Order::TakenOver(_)
+            | Order::MdiHistory
+            | Order::Report(_)
+            | Order::Path(_)
+            | Order::Inspect(_)
+            | Order::Parts { .. } => return None,
+            Order::On => self.begin(Job::On, Mode::Manual, operator, now_ns),
+            Order::Off => {
+                self.give_up_check();
+                self.refuse_queue("drives are switched off");
+                operator.off(now_ns);
+                Ok(())
+            }
+            Order::Home(joints) => {
+                self.joints_to_home(&joints)
+                    .and_then(|joints| match operator.homing_order(joints) {
+                        order if order.is_empty() => Err("none of these joints has a home".into()),
+                        order => self.begin(Job::Home(order), Mode::Manual, operator, now_ns),
+                    })
+            }
+            // It would be shown in the place of what is about to run.
+            Order::Load(_) if operator.has_program() => Err("a program is about to run: wait for it, or isocnc stop".into()),
+            // Beside homing and jogs, too.
+            Order::Load(_) if self.checking.is_some() => {
+                Err("another program is being checked: wait for it, or isocnc stop".into())
+            }
+            Order::Load(source) => {
+                self.check(ticket, Subject::Program(source), Then::Load, operator);
+                return None;
+            }
+            Order::Run(source) => {
+                self.check(ticket, Subject::Program(source), Then::Run, operator);
+                return None;
+            }
+            Order::Start {
+                from_line,
+                yes,
+                runs,
+                dry_feed_min,
+                revision,
+            } => {
+                let Some(part) = self.loaded.clone() else {
+                    return Some(Err("no program is loaded".into()));
+                };
+                if revision.is_some_and(|revision| revision != part.revision) {
+                    let why = format!("another program is loaded by now: {}: look at it, then start it", part.name);
+                    return Some(Err(why));
+                }
+                let dry_feed_s = dry_feed_min.map(|feed| feed / 60.0);
+                let subject = match from_line {
+                    Some(line) => Subject::FromLine {
+                        part,
+                        line,
+                        yes,
+                        dry_feed_s,
+                    },
+                    None => Subject::Loaded { part, dry_feed_s },
+                };
+                self.check(ticket, subject, Then::Start { runs }, operator);
+                return None;
+            }
+            Order::Mdi(_) if self.mdi.len() >= MDI_MAX => Err(format!("{MDI_MAX} lines wait already")),
+            Order::Mdi(line) => {
+                keeper.memory.add_mdi(&line);
+                self.mdi.push_back((ticket, Typed::Line(line)));
+                return None;
+            }
+            Order::Lines { .. } if self.mdi.len() >= MDI_MAX => Err(format!("{MDI_MAX} lines wait already")),
+            Order::Lines { text, wait } => {
+                self.mdi.push_back((ticket, Typed::Lines(text, wait)));
+                return None;
+            }
+            Order::Change(change) => {
+                if let Some(axis) = change.axis()
+                    && let Err(why) = manual_mode::joints(Jogged::Axis(axis), self.config)
+                {
+                    return Some(Err(why));
+                }
+                // What somebody else has written into the files meanwhile stays.
+                if keeper.is_written()
+                    && let Err(error) = lock(self.tables).refresh(self.config)
+                {
+                    return Some(Err(error.to_string()));
+                }
+                let at = operator.live().position;
+                let changed = changed(self.config, &lock(self.tables), at, self.modes.as_deref(), &change);
+                match changed {
+                    Ok(left) => {
+                        // Reading and motion follow the length that is in force.
+                        if let (Some(tool), Some(modes)) = (change.tool(), &mut self.modes) {
+                            Arc::make_mut(modes).use_offset_of(tool, &left.tools);
+                        }
+                        keeper.hand_in(left);
+                        self.unsettled.push((ticket, Unsettled::new(keeper, operator, now_ns)));
+                        return None;
+                    }
+                    Err(why) => Err(why),
+                }
+            }
+            Order::Jog(jog) => {
+                self.mode = Mode::Manual;
+                return Some(manual_mode::jog(&jog, self.config, operator));
+            }
+            Order::Hold => {
+                operator.give(Command::Hold);
+                Ok(())
+            }
+            Order::Resume => {
+                let way = way_back(&operator.live(), self.config);
+                operator.give(Command::Resume);
+                return Some(Ok(way.map_or(json!({}), |way| json!({ "returns": way }))));
+            }
+            Order::Skip => match operator.live().waiting {
+                Some(waiting) if waiting.can_be_skipped() => {
+                    operator.give(Command::Skip(waiting));
+                    return Some(Ok(json!({ "skips": waiting.text() })));
+                }
+                Some(waiting) => Err(format!("{}: that cannot be left out; what releases it: {}", waiting.text(), waiting.release())),
+                None => Err("a move is under way: what follows would begin elsewhere than it was programmed; isocnc stop, then isocnc \
+                             program start --from-line N tells the way to another block and goes it"
+                    .into()),
+            },
+            Order::Reverse(share) => {
+                operator.give(Command::Reverse(share));
+                Ok(())
+            }
+            // Of a program that has not begun yet as well.
+            Order::SingleBlock(on) => {
+                operator.give(Command::SingleBlock(on));
+                Ok(())
+            }
+            Order::OptionalStop(on) => {
+                operator.give(Command::OptionalStop(on));
+                Ok(())
+            }
+            Order::BlockDelete(on) => {
+                lock(self.tables).block_delete = on;
+                Ok(())
+            }
+            Order::ToolChanged => match operator.live().waiting {
+                Some(waiting::Waiting::ToolChange { .. }) => {
+                    operator.give(Command::ToolChanged);
+                    Ok(())
+                }
+                _ => Err("nothing waits for a tool: isocnc status tells how the machine is".into()),
+            },
+            Order::Stop => {
+                self.stop(operator, now_ns);
+                Ok(())
+            }
+            Order::Estop => {
+                self.give_up_check();
+                self.refuse_queue("emergency stop");
+                operator.estop();
+                Ok(())
+            }
+            Order::EstopReset => {
+                operator.reset_estop();
+                Ok(())
+            }
+            Order::Acknowledge => {
+                operator.acknowledge();
+                Ok(())
+            }
+        };
+        Some(done.map(|()| json!({})))
+    }
+
+    /// Has the way of the program that is loaded drawn in a thread of its own.
+    fn draw(&mut self, path: PathOrder, operator: &Operator) -> Answer {
+        self.drawn.retain(|(_, thread)| !thread.is_finished());
+        let Some(part) = self.loaded.clone().filter(|_| !self.config.joints.is_empty()) else {
+            path.cancel.cancel();
+            return Err("no program is loaded: isocnc program load FILE".into());
+        };
+        let (config, tables) = (self.config, lock(self.tables).clone());
+        let at = self.begin_of_programs(operator);
+        let axes: Vec<String> = config.axes.iter().map(|map| map.axis.letter().to_string()).collect();
+        let answer = json!({
+            "path": path.number,
+            "program": part.name,
+            "axes": axes,
+            "record_octets": record_octets(axes.len()),
+        });
+        let cancel = path.cancel.clone();
+        let spawned = std::thread::Builder::new()
+            .name("path".into())
+            .spawn_scoped(self.scope, move || {
+                capabilities::give_up_or_warn(Work::Ordinary);
+                let text = Reader::from(&*part.text);
+                let how = (at, path.tolerance_mm);
+                let ended = trace(config, &tables, &part.name, text, how, &path.cancel, |records| {
+                    path.send(api::paths::Part::Records(records))
+                });
+                path.send(api::paths::Part::End(ended));
+            });
+        match spawned {
+            Ok(thread) => {
+                self.drawn.push((cancel, thread));
+                Ok(answer)
+            }
+            // A PC that has no room for a picture goes on with the part.
+            Err(cause) => {
+                cancel.cancel();
+                Err(format!("the path cannot be drawn now: {cause}"))
+            }
+        }
+    }
+
+    /// Where a program would begin: where the machine stands, or as behind homing.
+    fn begin_of_programs(&self, operator: &Operator) -> Position {
+        match operator.not_homed() {
+            0 => operator.live().position,
+            _ => home(self.config),
+        }
+    }
+
+    /// Whether nothing is under way but an order that the cycle has yet to take.
+    pub(super) fn is_settling(&self, operator: &Operator) -> bool {
+        let is_lost = operator.live().state == State::Silenced;
+        operator.step() == Step::StandBy && !self.is_planning && !operator.is_up_to_date() && !is_lost
+    }
+
+    /// Whether an order can be judged once the cycle has taken the one before it, within a cycle or two; or, where it switches
+    /// drives on, once they are off behind an acknowledge. What a hand orders does not wait for that.
+    fn is_too_early(&self, order: &Order, operator: &Operator, now_ns: u64) -> bool {
+        let switches_on = matches!(
+            wish(order),
+            Some(Wish::On | Wish::Home | Wish::Mdi | Wish::Start | Wish::Run)
+        );
+        let since_ns = self.settles_since_ns.filter(|_| switches_on);
+        let waits = self.is_settling(operator) || since_ns.is_some_and(|since_ns| now_ns - since_ns < SETTLES_NS);
+        waits && wish(order).is_some_and(|wish| self.may(wish, operator).is_err())
+    }
+
+    pub(super) fn may(&self, wish: Wish, operator: &Operator) -> Result<(), String> {
+        let mut condition = self.condition(operator);
+        // Orders of a hand come faster than the cycle takes them; it looks itself whether each can be.
+        if wish == Wish::Jog && self.is_settling(operator) {
+            condition.activity = Activity::Jogging;
+        }
+        // That of a program that was wrong stops no drive.
+        let is_powered = matches!(condition.power, Power::On | Power::Off);
+        if wish == Wish::Acknowledge && is_powered && condition.activity == Activity::Idle && operator.alarm().is_some()
+        {
+            return Ok(());
+        }
+        permit(wish, &condition).map_err(|refusal| match operator.alarm() {
+            // The first cause says more than that there is one.
+            Some(alarm) if refusal.next == ACKNOWLEDGE => format!("{}; {}", alarm.cause, refusal.next),
+            // It is told as it comes, and over only once the machine rests.
+            Some(_) if wish == Wish::Acknowledge && condition.power == Power::On => {
+                "the machine comes to rest for the alarm: wait until it has, then isocnc alarm acknowledge".into()
+            }
+            _ => refusal.to_string(),
+        })
+    }
+
+    fn is_mdi_under_way(&self, operator: &Operator) -> bool {
+        let condition = self.condition(operator);
+        let is_busy = matches!(
+            condition.activity,
+            Activity::Checking | Activity::Running | Activity::Held
+        ) || self.is_planning && condition.activity == Activity::Stopping;
+        self.mode == Mode::Mdi && condition.power == Power::On && is_busy
+    }
+
+    fn joints_to_home(&self, joints: &[usize]) -> Result<u64, String> {
+        if joints.is_empty() {
+            return Ok(u64::MAX);
+        }
+        joints.iter().try_fold(0, |all, joint| {
+            Ok(all | manual_mode::joints(Jogged::Joint(*joint), self.config)?)
+        })
+    }
+
+    fn begin(&mut self, job: Job, mode: Mode, operator: &mut Operator, now_ns: u64) -> Result<(), String> {
+        match operator.begin(now_ns, job) {
+            true => {
+                self.mode = mode;
+                Ok(())
+            }
+            false => Err("the machine is not ready for it: isocnc status tells how it is".into()),
+        }
+    }
+
+    /// Has it checked in a thread of its own.
+    fn check(&mut self, ticket: Ticket, subject: Subject, then: Then, operator: &Operator) {
+        let (config, tables) = (self.config, self.tables);
+        let at = self.begin_of_programs(operator);
+        self.mode = match subject {
+            Subject::Mdi { .. } | Subject::Lines { .. } => Mode::Mdi,
+            Subject::Program(_) | Subject::Loaded { .. } | Subject::FromLine { .. } => Mode::Auto,
+        };
+        let switched_off = operator.live().switched_off;
+        let cancel = Cancel::default();
+        let given_up = cancel.clone();
+        let spawned = std::thread::Builder::new()
+            .name("check".into())
+            .spawn_scoped(self.scope, move || {
+                examine(config, tables, at, subject, switched_off, &given_up)
+            });
+        match spawned {
+            Ok(thread) => {
+                self.checking = Some(Checking {
+                    wanted: Some(ticket),
+                    then,
+                    cancel,
+                    thread,
+                });
+            }
+            // Whatever runs goes on.
+            Err(cause) => {
+                let what = format!("it cannot be checked now: {cause}");
+                self.inbox.answer(ticket, Err(RpcError::new(code::REFUSED, what)));
+            }
+        }
+    }
+
+    /// Checks a program and keeps nothing of it, whatever runs meanwhile.
+    fn inspect(&mut self, ticket: Ticket, source: Source, operator: &Operator) -> Result<(), String> {
+        if self.config.joints.is_empty() {
+            return Err(self.config.without_joints());
+        }
+        if self.inspected.len() >= INSPECTED_MAX {
+            return Err(format!("{INSPECTED_MAX} programs are being checked already"));
+        }
+        let (config, tables) = (self.config, self.tables);
+        let at = self.begin_of_programs(operator);
+        let switched_off = operator.live().switched_off;
+        let cancel = Cancel::default();
+        let given_up = cancel.clone();
+        let thread = std::thread::Builder::new()
+            .name("check".into())
+            .spawn_scoped(self.scope, move || {
+                examine(config, tables, at, Subject::Program(source), switched_off, &given_up)
+            });
+        let thread = thread.map_err(|cause| format!("it cannot be checked now: {cause}"))?;
+        self.inspected.push((ticket, cancel, thread));
+        Ok(())
+    }
+
+    /// A program has passed its check.
+    fn accept(
+        &mut self,
+        part: Arc<Part>,
+        then: Then,
+        operator: &mut Operator,
+        keeper: &mut Keeper<'_, '_>,
+        now_ns: u64,
+    ) -> Answer {
+        if matches!(part.begin, Begin::Program { .. }) {
+            self.loaded = Some(Arc::clone(&part));
+        }
+        if then == Then::Load {
+            keeper.memory.load_program(&part.name);
+        }
+        match then {
+            Then::Load => Ok(self.outlook(&part, operator)),
+            Then::Start { .. } | Then::Run | Then::Stream => self.start(part, then, operator, now_ns),
+        }
+    }
+
+    /// What is to be known of a program before it runs.
+    fn outlook(&self, part: &Part, operator: &mut Operator) -> Value {
+        for warning in warnings(part) {
+            operator.add_entry(format!("warning: {warning}"));
+        }
+        outlook(part)
+    }
+
+    fn start(&mut self, part: Arc<Part>, then: Then, operator: &mut Operator, now_ns: u64) -> Answer {
+        let (wish, mode) = match (then, part.is_mdi()) {
+            (_, true) => (Wish::Mdi, Mode::Mdi),
+            (Then::Run, false) => (Wish::Run, Mode::Auto),
+            (Then::Start { .. } | Then::Load | Then::Stream, false) => (Wish::Start, Mode::Auto),
+        };
+        // Things may have changed during the check.
+        self.may(wish, operator)?;
+        let switched_off = operator.live().switched_off;
+        if part.is_mdi() && part.switched_off != switched_off {
+            return Err("stopped before it began".into());
+        }
+        let (missing, runs) = match then {
+            Then::Run => (operator.not_homed(), 1),
+            Then::Start { runs } => (0, runs),
+            Then::Load | Then::Stream => (0, 1),
+        };
+        let home = operator.homing_order(missing);
+        self.begin(Job::Program { home, runs }, mode, operator, now_ns)?;
+        let begun = self.outlook(&part, operator);
+        if part.is_mdi() {
+            operator.add_entry(format!("MDI: {}", part.line));
+        }
+        if let Some(feed) = part.dry_feed_min() {
+            operator.add_entry(format!(
+                "dry run: moves at feed run at {feed} mm/min, spindle and coolant are not switched on"
+            ));
+        }
+        self.switched_off[1] = switched_off;
+        self.part = Some(part);
+        Ok(begun)
+    }
+}
+
+/// How the machine returns to where the program is held, if it is elsewhere: one sentence a leg.
+fn way_back(live: &Snapshot, config: &Config) -> Option<Vec<String>> {
+    let (at, to) = (live.position, live.held_at?);
+    let axes = || config.axes.iter().map(|map| map.axis);
+    let beside = axes().filter(|axis| *axis != Axis::Z && at[*axis] != to[*axis]);
+    let beside: Vec<String> = beside.map(|axis| format!("{}{:.3}", axis.letter(), to[axis])).collect();
+    let mut way = Vec::new();
+    if axes().any(|axis| axis == Axis::Z) && at[Axis::Z] < to[Axis::Z] {
+        way.push(format!("Z up to {:.3}", to[Axis::Z]));
+    }
+    if !beside.is_empty() {
+        way.push(beside.join(" "));
+    }
+    if axes().any(|axis| axis == Axis::Z) && at[Axis::Z] > to[Axis::Z] {
+        way.push(format!("Z down to {:.3}, the last {SLOW_MM} mm slowly", to[Axis::Z]));
+    }
+    Some(way)
+}
+
+/// Lines cannot be taken, for this reason.
+fn not_kept(cause: &std::io::Error) -> RpcError {
+    RpcError::new(code::REFUSED, format!("the lines cannot be kept: {cause}"))
+}
+
+/// What whoever starts a program should know of it, a line each.
+fn warnings(part: &Part) -> Vec<String> {
+    let slow = part.overview.real_time.warning();
+    let slow = slow.map(|(line, what)| format!("{}:{line}: {what}", part.name));
+    slow.into_iter()
+        .chain(part.doubts.iter().map(Doubt::to_string))
+        .collect()
+}
+
+/// What is to be known of a program before it runs.
+fn outlook(part: &Part) -> Value {
+    let warning = Some(warnings(part).join("\n")).filter(|warning| !warning.is_empty());
+    json!({
+        "program": part.name,
+        "revision": part.revision,
+        "lines": part.overview.lines,
+        "planned_time_s": part.overview.time_s,
+        "real_time_factor": part.overview.real_time,
+        "warning": warning,
+    })
+}

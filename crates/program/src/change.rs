@@ -1,0 +1,208 @@
+//! What an operator sets by hand: touched-off axes, offsets, tools.
+//!
+//! In:  what is to change, where the machine stands, the modes of MDI.
+//! Out: offsets, parameters and tools as they are then. Nothing moves, and no mode changes; the length of a tool whose G43 is in force is
+//! for who keeps the modes to follow ([`Change::tool`]).
+//!
+//! The interpreter carries it out (G10), so that a touch-off from outside and one in a program are the same.
+
+use super::settings_with;
+use config::Config;
+use gcode::{Interpreter, Modes, Settings, Tool};
+use machine::tables::Tables;
+use motion::canon::{Axis, LengthUnit, Position};
+
+/// What the machine remembers otherwise from now on. Values are in the unit of the machine, or degrees.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Change {
+    /// In a work system (1: G54; `None`: the one in force) the axis reads this value where it stands.
+    TouchOffWork { axis: Axis, value: f64, system: Option<u8> },
+    /// With the length of this tool in force, the axis reads this value where it stands.
+    TouchOffTool { axis: Axis, value: f64, tool: u32 },
+    /// Origin of a work system (1: G54; `None`: the one in force) on one axis, in machine coordinates.
+    Offset { axis: Axis, value: f64, system: Option<u8> },
+    /// Rotation of a work system (1: G54; `None`: the one in force) about Z of its origin, degrees.
+    Rotation { degrees: f64, system: Option<u8> },
+    /// Measures of a tool; those that are `None` stay. One that the table does not have is added.
+    Tool {
+        number: u32,
+        length: Option<f64>,
+        diameter: Option<f64>,
+    },
+}
+
+impl Change {
+    /// The axis that it is about.
+    pub fn axis(&self) -> Option<Axis> {
+        match self {
+            Change::TouchOffWork { axis, .. } | Change::TouchOffTool { axis, .. } | Change::Offset { axis, .. } => {
+                Some(*axis)
+            }
+            Change::Rotation { .. } | Change::Tool { .. } => None,
+        }
+    }
+
+    /// The tool whose measures it sets.
+    pub fn tool(&self) -> Option<u32> {
+        match self {
+            Change::TouchOffTool { tool, .. } | Change::Tool { number: tool, .. } => Some(*tool),
+            Change::TouchOffWork { .. } | Change::Offset { .. } | Change::Rotation { .. } => None,
+        }
+    }
+}
+
+/// Carries out a change. Lengths are in the unit of the machine.
+///
+/// # Errors
+/// Why it cannot be.
+pub fn changed(
+    config: &Config,
+    tables: &Tables,
+    at: Position,
+    modes: Option<&Modes>,
+    change: &Change,
+) -> Result<Settings, String> {
+    let settings = settings_with(config, tables, at);
+    let line = match *change {
+        Change::TouchOffWork { axis, value, system } => set("L20", u32::from(system.unwrap_or(0)), axis, value),
+        Change::Offset { axis, value, system } => set("L2", u32::from(system.unwrap_or(0)), axis, value),
+        Change::Rotation { degrees, system } => format!("G10 L2 P{} R{degrees}", system.unwrap_or(0)),
+        Change::TouchOffTool { axis, value, tool } => set("L10", tool, axis, value),
+        Change::Tool {
+            number,
+            length,
+            diameter,
+        } => return with_tool(settings, config.unit, number, length, diameter),
+    };
+    let unit = match config.unit {
+        LengthUnit::Millimetre => "G21",
+        LengthUnit::Inch => "G20",
+    };
+    let text = format!("{unit}\n{line}\n");
+    let mut run = Interpreter::new(settings).run(text.as_bytes()).as_mdi();
+    if let Some(modes) = modes {
+        run = run.continuing(modes);
+    }
+    match run.by_ref().find_map(Result::err) {
+        Some(error) => Err(error.kind.to_string()),
+        None => Ok(run.snapshot()),
+    }
+}
+
+fn set(how: &str, what: u32, axis: Axis, value: f64) -> String {
+    format!("G10 {how} P{what} {}{value}", axis.letter())
+}
+
+fn with_tool(
+    mut settings: Settings,
+    unit: LengthUnit,
+    number: u32,
+    length: Option<f64>,
+    diameter: Option<f64>,
+) -> Result<Settings, String> {
+    let known = settings.tools.by_number(number).cloned();
+    if number == 0 && known.is_none() {
+        return Err("tool 0 stands for none: numbers of tools begin at 1".into());
+    }
+    let mut tool = known.unwrap_or(Tool {
+        number,
+        pocket: number,
+        ..Tool::default()
+    });
+    if let Some(length) = length {
+        tool.offset[Axis::Z] = length * unit.mm();
+    }
+    if let Some(diameter) = diameter {
+        tool.diameter_mm = diameter * unit.mm();
+    }
+    settings.tools.set(tool).map_err(|error| error.to_string())?;
+    Ok(settings)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    fn demo() -> (Config, Tables) {
+        let config = config::parse(include_str!("../../../configs/mill3-demo.toml"), Path::new("demo.toml")).unwrap();
+        let tables = Tables::read(&config).unwrap();
+        (config, tables)
+    }
+
+    #[test]
+    fn an_axis_reads_what_it_was_touched_off_to_where_it_stands() {
+        let (config, mut tables) = demo();
+        let at = Position::xyz(30.0, 40.0, -10.0);
+        let mut change = |change: &Change| -> Result<Settings, String> {
+            let changed = changed(&config, &tables, at, None, change)?;
+            tables.adopt(changed.clone());
+            Ok(changed)
+        };
+        let touch_off = |axis, value, system| Change::TouchOffWork { axis, value, system };
+        let found = change(&touch_off(Axis::X, 2.5, None)).unwrap();
+        assert_eq!(found.work_offsets[0][Axis::X], 27.5);
+        let found = change(&touch_off(Axis::Y, 0.0, Some(3))).unwrap();
+        assert_eq!(found.work_offsets[2][Axis::Y], 40.0);
+        assert_eq!(found.work_offsets[0][Axis::X], 27.5, "the others stay");
+        let found = change(&Change::Offset {
+            axis: Axis::Z,
+            value: -7.25,
+            system: Some(9),
+        });
+        assert_eq!(found.unwrap().work_offsets[8][Axis::Z], -7.25);
+        let found = change(&Change::Rotation {
+            degrees: 15.0,
+            system: Some(2),
+        });
+        let found = found.unwrap();
+        assert_eq!(
+            (found.work_rotations_degrees[1], found.work_rotations_degrees[0]),
+            (15.0, 0.0)
+        );
+        assert_eq!(found.work_offsets[2][Axis::Y], 40.0, "origins stay");
+        let refused = change(&Change::TouchOffTool {
+            axis: Axis::Z,
+            value: 0.0,
+            tool: 500,
+        });
+        assert!(refused.is_err());
+    }
+
+    #[test]
+    fn a_tool_is_set_by_value_and_by_touching_the_work() {
+        let (config, mut tables) = demo();
+        let at = Position::xyz(0.0, 0.0, -10.0);
+        let length = |settings: &Settings, tool| settings.tools.by_number(tool).unwrap().offset[Axis::Z];
+        let set = Change::Tool {
+            number: 5,
+            length: Some(12.3),
+            diameter: Some(6.0),
+        };
+        let found = changed(&config, &tables, at, None, &set).unwrap();
+        assert_eq!(length(&found, 5), 12.3);
+        assert_eq!(found.tools.by_number(5).unwrap().diameter_mm, 6.0);
+        let none = Change::Tool {
+            number: 0,
+            length: Some(1.0),
+            diameter: None,
+        };
+        let refused = changed(&config, &tables, at, None, &none).unwrap_err();
+        assert_eq!(refused, "tool 0 stands for none: numbers of tools begin at 1");
+        tables.adopt(found);
+        let origin = settings_with(&config, &tables, at).work_offsets[0][Axis::Z];
+        let touch_off = Change::TouchOffTool {
+            axis: Axis::Z,
+            value: 1.0,
+            tool: 5,
+        };
+        let found = changed(&config, &tables, at, None, &touch_off).unwrap();
+        // machine = work + origin + length
+        assert!((length(&found, 5) - (-10.0 - 1.0 - origin)).abs() < 1e-9);
+        assert_eq!(
+            found.tools.by_number(5).unwrap().diameter_mm,
+            6.0,
+            "what was not named stays"
+        );
+    }
+}
