@@ -1,4 +1,4 @@
-//! README.md and the pages that were once in it name only what exists: commands, options, files, pins of the sections that it lists.
+//! README.md and the pages that were once in it name only what exists: commands, options, files, sections of the machine file.
 
 use isocnc::config::BusKind;
 use std::collections::BTreeSet;
@@ -87,10 +87,11 @@ fn exists(path: &str) -> bool {
 }
 
 #[test]
-fn it_opens_with_the_two_commands() {
+fn it_opens_with_its_commands() {
     let block = fenced(true);
     assert!(block[0].starts_with("cargo run --release -- demo "), "{}", block[0]);
-    assert!(block[1].starts_with("cargo test --workspace "), "{}", block[1]);
+    assert!(block[1].starts_with("cargo run --release -- demo --panel "), "{}", block[1]);
+    assert!(block[2].starts_with("cargo test --workspace "), "{}", block[2]);
 }
 
 /// What isocnc is said to be in one sentence names every way to a motor that there is.

@@ -370,7 +370,7 @@ test("signals: the oscilloscope shows the motion that there is, a trigger its pl
 
   await fill(page, "trigger", `${pin}<45`);
   await click(page, "trigger-set");
-  await page.waitForFunction(() => document.querySelector("[data-testid=scope-state]").textContent.includes("waits"));
+  await page.waitForFunction(() => document.querySelector("[data-testid=scope-state]").textContent.includes("waiting"));
   await goTo(30);
   await page.waitForFunction(() => Number(document.querySelector("[data-testid=scope-state]").dataset.rows) > 50);
   await click(page, "scope-run");

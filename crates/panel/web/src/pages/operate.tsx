@@ -268,7 +268,7 @@ function Program() {
     >
       {program && (
         <p class="muted">
-          {t("lines", { n: program.lines })} {program.dry_run && <em class="tag">{t("dry-run")}</em>}
+          {t(program.lines === 1 ? "line" : "lines", { n: program.lines })} {program.dry_run && <em class="tag">{t("dry-run")}</em>}
         </p>
       )}
       <ProgramText follow picked={picked ?? undefined} />

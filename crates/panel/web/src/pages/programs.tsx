@@ -209,7 +209,7 @@ export function Programs() {
           <Upload />
           <Files />
         </Card>
-        <Card kind="program" id="program" label={t("program")} title={program?.name ?? t("no-program")} tools={program && <span class="muted">{t("lines", { n: program.lines })} · {duration(program.planned_time_s)}</span>}>
+        <Card kind="program" id="program" label={t("program")} title={program?.name ?? t("no-program")} tools={program && <span class="muted">{t(program.lines === 1 ? "line" : "lines", { n: program.lines })} · {duration(program.planned_time_s)}</span>}>
           <ProgramText onPick={pickLine} picked={picked ?? undefined} />
         </Card>
       </div>

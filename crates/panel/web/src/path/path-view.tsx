@@ -222,11 +222,13 @@ class Path {
   }
 
   private note(under_way: boolean): void {
-    const n = this.data.segments.toLocaleString();
+    const { segments } = this.data;
+    const n = segments.toLocaleString();
+    const words = under_way ? "path-loading" : segments === 1 ? "path-segment" : "path-segments";
     const flat = this.canvas.dataset.renderer === "flat" ? ` (${t("path-flat")})` : "";
-    this.canvas.dataset.segments = String(this.data.segments);
+    this.canvas.dataset.segments = String(segments);
     this.canvas.dataset.whole = String(!under_way);
-    this.tellNote((this.error || (this.data.segments ? t(under_way ? "path-loading" : "path-segments", { n }) : "")) + flat);
+    this.tellNote((this.error || (segments ? t(words, { n }) : "")) + flat);
   }
 
   private box(): Frame["box"] {
