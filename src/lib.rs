@@ -12,16 +12,22 @@ pub use ::analyser;
 pub use ::api;
 pub use ::bus;
 pub mod cli;
+pub use ::bus_tools;
 pub use ::config;
+pub use ::hal_tools;
 pub use ::host;
 pub use ::jitter;
 pub use ::machine;
 pub use ::operator;
+pub use ::plan_report;
 pub use ::plot;
 pub use ::program;
+pub use ::remote;
 pub use ::rt;
 pub use ::scope;
 pub use ::sim;
+pub use ::terminal;
+pub use ::tune;
 
 /// What components are made of, for those that are compiled in: [`main_with`].
 pub use ::components;

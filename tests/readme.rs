@@ -90,7 +90,11 @@ fn exists(path: &str) -> bool {
 fn it_opens_with_its_commands() {
     let block = fenced(true);
     assert!(block[0].starts_with("cargo run --release -- demo "), "{}", block[0]);
-    assert!(block[1].starts_with("cargo run --release -- demo --panel "), "{}", block[1]);
+    assert!(
+        block[1].starts_with("cargo run --release -- demo --panel "),
+        "{}",
+        block[1]
+    );
     assert!(block[2].starts_with("cargo test --workspace "), "{}", block[2]);
 }
 

@@ -5,8 +5,8 @@
 //! The machine is simulated on virtual time, in this process: what is timed is the control's own code, with a program that moves all
 //! axes. What the simulated wire takes is left out, as a real one works beside the processor.
 
-use crate::cli::bus::check::exchange_ns;
 use anyhow::{Context, anyhow, bail, ensure};
+use bus_tools::check::exchange_ns;
 use clap::Args;
 use config::{self, AxisMap, Config, HomingBy, Joint, SimJoint};
 use host::histogram::{Jitter, Summary};
@@ -21,7 +21,6 @@ use motion::plan::PlannerKind;
 use motion::rt::{
     CompensationShare, JointCompensation, MotionLimits, Pid, PidGains, PitchBounds, PitchRow, PitchTable, StopLimits,
 };
-use operator::refusal::Refusal;
 use operator::rehearsal::{Rehearsal, rehearse_with};
 use program::real_time::Measure;
 use program::{Feeder, Progress, home};
@@ -36,6 +35,7 @@ use std::hint::black_box;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
+use terminal::refusal::Refusal;
 
 const DEMO: &str = include_str!("../../configs/mill3-demo.toml");
 /// Numbers of axes where none is named.

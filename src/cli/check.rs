@@ -5,25 +5,25 @@
 //! .cdc its listing. Nothing is opened, sent or moved.
 
 use crate::cli::bench_servo;
-use crate::cli::bus::check::{budget_json, list_cdc, node_json, write_budget, write_cdc, write_node};
 use anyhow::{Context, ensure};
 use bus::plan::NodePlan;
+use bus_tools::check::{budget_json, list_cdc, node_json, write_budget, write_cdc, write_node};
 use config::{BusKind, Config, HomingBy, Joint, Place, SUBSTEPS, rate_max_hz};
 use hal_pins::{Hal, file_len};
 use host::steadiness::Steadiness;
-use operator::refusal::Refusal;
 use operator::session::check_start;
-use operator::tuning::stability::{GAIN_MARGIN_DB, Margins, PHASE_MARGIN_DEG, margins_of_joint};
 use rt::components::{LateRead, late_reads};
 use rt::logic::budget::{self, Budget};
 use rt::pins::{Pins, PinsError, capacity};
 use rt::steps::StepDrives;
 use serde_json::{Value as Json, json};
 use std::fmt::{self, Write as _};
-use std::io::{ErrorKind, Write as _};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use terminal::print;
+use terminal::refusal::Refusal;
+use tune::analysis::stability::{GAIN_MARGIN_DB, Margins, PHASE_MARGIN_DEG, margins_of_joint};
 
 /// Arguments of `check`.
 #[derive(Debug, clap::Args)]
@@ -123,14 +123,6 @@ fn logic_json(config: &Config, budgets: &[Budget]) -> Json {
         })
     });
     tasks.collect()
-}
-
-/// Writes to standard output; the reader of a pipe may have seen enough.
-pub(super) fn print(text: &str) -> std::io::Result<()> {
-    match files::printed::stdout().write_all(text.as_bytes()) {
-        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
-        result => result,
-    }
 }
 
 /// What shows only when the parts are put together: whether the pins exist that nets name.

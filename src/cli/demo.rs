@@ -13,7 +13,6 @@ use jitter::plot::soc_period_svg;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use operator::panel::Panel;
-use operator::refusal::Refusal;
 use operator::report::{FarEnd, SOC_PERIOD_DATA};
 use operator::session::{Program, Wire};
 use operator::single_run::{Job, run_and_report};
@@ -26,6 +25,7 @@ use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitCode, Stdio};
 use std::time::{Duration, Instant};
+use terminal::refusal::Refusal;
 
 /// Machine of each bus.
 const MACHINES: [(DemoBus, &str); 2] = [

@@ -3,18 +3,18 @@
 //! In:  a machine file, a core, an interface: what the control would use.
 //! Out: a line for everything that matters, and what to do first. Exit code 0: no must is missing, 1: one is, 2: wrong usage.
 
-use crate::cli::control::forced_words;
 use anyhow::Context as _;
 use api::client::Client;
 use config::{Config, Rt};
 use host::doctor::{Level, Pc, Report, Target, ThisPc, examine, is_interface_name, isolcpus};
 use host::setup;
-use operator::refusal::Refusal;
+use remote::control::forced_words;
 use serde_json::json;
 use std::io::{IsTerminal as _, Write as _};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
+use terminal::refusal::Refusal;
 
 /// How long the PC is watched before the measurements: steal and interrupts grow by then.
 const WATCH: Duration = Duration::from_secs(1);

@@ -15,10 +15,10 @@ use jitter::run::{FarEnd, Wanted};
 use jitter::table::table;
 use jitter::{output, program, run};
 use machine::tables::Tables;
-use operator::refusal::Refusal;
 use operator::session::Program;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use terminal::refusal::Refusal;
 
 /// Ends of the private wire: the control's and the machine's.
 const INTERFACES: [&str; 2] = ["plk0", "plk1"];

@@ -1,36 +1,27 @@
 //! The command line: arguments to one command each.
 
 mod bench_servo;
-pub mod bus;
 pub mod check;
-pub mod control;
 pub mod dda;
 pub mod demo;
 pub mod doctor;
-pub mod hal;
-pub mod hal_import;
-pub mod init;
 pub mod interpret;
 pub mod jitter;
-pub mod jog;
 pub mod logic;
 pub mod pages;
 #[cfg(feature = "panel")]
 pub mod panel;
-pub mod plan;
-mod progress;
-mod proposal;
 pub mod run;
 pub mod simulate;
-pub mod tables;
-pub mod top;
-mod tune;
 
+use bus_tools::init;
 use clap::{CommandFactory, Parser, Subcommand};
+use hal_tools::hal;
 use host::terminal::say;
-use operator::refusal::Refusal;
+use remote::{control, jog, tables, top};
 use std::ffi::OsString;
 use std::process::ExitCode;
+use terminal::refusal::Refusal;
 
 /// The whole command line.
 #[derive(Debug, Parser)]
@@ -139,7 +130,7 @@ enum Command {
     Interpret(interpret::InterpretArgs),
     /// Plan a whole part program off line: motion time, peaks, samples.
     #[command(after_help = "Example: isocnc plan machine.toml part.ngc --svg plan.svg")]
-    Plan(plan::PlanArgs),
+    Plan(plan_report::PlanArgs),
     /// How well step pulses by digital differential analysers follow a circle: path variance of each method and register width.
     #[command(after_help = "Example: isocnc dda --width 6,8 --svg dda.svg")]
     Dda(dda::DdaArgs),
@@ -162,7 +153,7 @@ enum Command {
     /// Check or run Structured Text, the logic of a machine, without a machine.
     Logic(logic::LogicArgs),
     /// Look at the network: who is on it, how it is, what went over the wire.
-    Bus(bus::BusArgs),
+    Bus(bus_tools::BusArgs),
     /// Print the completion script of a shell.
     #[command(after_help = "Example: isocnc completions bash")]
     Completions(pages::CompletionsArgs),
@@ -228,7 +219,7 @@ pub fn main() -> ExitCode {
         Command::Check(args) => check::check(args),
         Command::Init(args) => init::init(args),
         Command::Interpret(args) => interpret::interpret(args),
-        Command::Plan(args) => plan::plan(args),
+        Command::Plan(args) => plan_report::plan(args),
         Command::Simulate(args) => simulate::simulate(args),
         Command::Jitter(args) => jitter::jitter(args),
         Command::Dda(args) => dda::dda(args),
@@ -238,7 +229,7 @@ pub fn main() -> ExitCode {
         Command::Panel(args) => panel::panel(args),
         Command::Hal(args) => hal::hal(args),
         Command::Logic(args) => logic::logic(args),
-        Command::Bus(args) => bus::bus(args),
+        Command::Bus(args) => bus_tools::bus(args),
         Command::Completions(args) => pages::completions(args, Cli::command()),
         Command::Schema(args) => pages::schema(args),
         Command::Man(args) => pages::man(args, Cli::command()),

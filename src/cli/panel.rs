@@ -5,10 +5,10 @@ use clap::{Args, Subcommand};
 use config::{Encryption, Panel};
 use host::terminal::say;
 use operator::panel::scheme;
-use operator::refusal::Refusal;
 use panel::{Role, TokenFile};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use terminal::refusal::Refusal;
 
 /// Arguments of `panel`.
 #[derive(Debug, Args)]

@@ -4,7 +4,6 @@ use anyhow::Context;
 use clap::Args;
 use host::signals::StopSignal;
 use operator::panel::Panel;
-use operator::refusal::Refusal;
 use operator::session::{Program, Wire};
 use operator::single_run::{Job, run_and_report};
 use operator::standby::stand_by;
@@ -12,6 +11,7 @@ use program::text::{Reader, Text};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use terminal::refusal::Refusal;
 
 /// Arguments of `run`.
 #[derive(Debug, Args)]

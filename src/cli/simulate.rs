@@ -12,13 +12,13 @@ use host::setup::{Role, STACK_SIZE, enter_thread};
 use host::signals::{StopOnDrop, StopSignal};
 use host::terminal::say;
 use host::wait::to_next;
-use operator::refusal::Refusal;
 use sim::{self, READY, SimMachine, near_end, serve};
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
+use terminal::refusal::Refusal;
 
 /// Arguments of `simulate`.
 #[derive(Debug, Args)]

@@ -25,7 +25,6 @@ mod path_judge;
 pub mod program_reports;
 pub mod progress;
 pub mod recorder;
-pub mod refusal;
 pub mod rehearsal;
 mod remembered;
 pub mod report;
@@ -37,4 +36,3 @@ pub mod systemd;
 mod table_writer;
 #[cfg(test)]
 mod tests_kills;
-pub mod tuning;

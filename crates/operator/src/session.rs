@@ -9,7 +9,6 @@ use crate::journal_keeper;
 use crate::memory::{self, Memory};
 use crate::operator_loop::{LoopTask, OperatorLoop, Running};
 use crate::panel::Panel;
-use crate::refusal::Refusal;
 use crate::retain_keeper;
 use anyhow::{Context, anyhow};
 use api::methods::Methods;
@@ -57,6 +56,7 @@ use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, mpsc};
+use terminal::refusal::Refusal;
 
 /// Exit code of a control that cannot go on by itself and has to be restarted.
 pub const EXIT_RESTART: u8 = 3;

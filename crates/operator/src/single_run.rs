@@ -6,7 +6,6 @@ use super::progress::Progress;
 use super::report::{self, Facts, FarEnd};
 use crate::operator_loop::{LoopTask, Running};
 use crate::panel::Panel;
-use crate::refusal::Refusal;
 use crate::session;
 use crate::session::{Program, Session, Task, Wire};
 use anyhow::Context;
@@ -19,6 +18,7 @@ use program::{Begin, check, doubts};
 use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Mutex;
+use terminal::refusal::Refusal;
 
 /// What is to be done.
 pub struct Job<'a> {

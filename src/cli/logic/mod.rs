@@ -6,12 +6,10 @@
 mod online;
 mod table;
 
-use crate::cli::check::print;
 use anyhow::Context;
 use clap::{Args, Subcommand};
 use files::read::TEXT_MAX;
 use logic::{Diagnostic, Logic, Runtime, Severity, duration};
-use operator::refusal::Refusal;
 use rt::logic::budget::{self, Budget};
 use serde_json::{Value as Json, json};
 use std::io::{ErrorKind, Write};
@@ -19,6 +17,8 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 use table::Table;
+use terminal::print;
+use terminal::refusal::Refusal;
 
 /// Share of the period that the longest scan may take.
 const SHARE_MAX: f64 = 0.5;

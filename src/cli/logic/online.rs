@@ -2,12 +2,12 @@
 //!
 //! In:  the control socket. Out: variables as a table or JSON, again where something has changed; a line for what was done.
 
-use crate::cli::control::{ControlArgs, call, connect, print};
 use anyhow::{Context, bail};
 use api::client::{Client, ClientError};
 use clap::Args;
 use host::signals::StopSignal;
 use host::terminal::{self, say};
+use remote::control::{ControlArgs, call, connect, print};
 use serde_json::{Value, json};
 use std::process::ExitCode;
 use std::time::Duration;

@@ -23,7 +23,6 @@ use crate::console::level;
 use crate::operator_loop::{LoopTask, Running};
 use crate::panel::Panel;
 use crate::progress::told;
-use crate::refusal::Refusal;
 use crate::session;
 use crate::session::{Session, Task, Wire};
 use config::Config;
@@ -35,6 +34,7 @@ use machine::tables::Tables;
 use serde_json::json;
 use std::process::ExitCode;
 use std::sync::Mutex;
+use terminal::refusal::Refusal;
 
 /// Stands by until a signal ends it.
 ///

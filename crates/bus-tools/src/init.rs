@@ -1,0 +1,300 @@
+//! `isocnc init`: a machine file to begin with.
+//!
+//! In:  options, answers of the user, or the nodes that answer on an interface, of either bus.
+//! Out: a machine file that `isocnc check` accepts. It is written at once at the end: what is given up before leaves nothing.
+
+use super::proposal::{Node, Proposal, letters};
+use crate::{Protocol, scan};
+use host::signals::end_by_interrupt;
+use host::terminal::say;
+use terminal::refusal::Refusal;
+
+use anyhow::{Context, bail, ensure};
+use clap::Args;
+use std::io::{BufRead, IsTerminal, Write};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Arguments of `init`.
+#[derive(Clone, Debug, Default, Args)]
+pub struct InitArgs {
+    /// Machine file to write
+    file: PathBuf,
+    /// Name of the machine
+    #[arg(long)]
+    name: Option<String>,
+    /// Network interface of the bus
+    #[arg(long, value_name = "IF")]
+    interface: Option<String>,
+    /// Take the nodes that answer on this interface, of POWERLINK or of EtherCAT; nothing is sent where another master is at work
+    #[arg(long, value_name = "IF", conflicts_with_all = ["interface", "drives", "io"])]
+    scan: Option<String>,
+    /// Letters of the axes, one drive each
+    #[arg(long, value_name = "LETTERS")]
+    axes: Option<String>,
+    /// Node ids of the drives, in the order of the axes
+    #[arg(long, value_name = "IDS", value_delimiter = ',')]
+    drives: Vec<u8>,
+    /// Node ids of inputs and outputs
+    #[arg(long, value_name = "IDS", value_delimiter = ',')]
+    io: Vec<u8>,
+    /// Cycle, µs
+    #[arg(long, value_name = "US", default_value_t = 1000)]
+    cycle_us: u32,
+    /// Ask nothing: what no option gives is as usual
+    #[arg(long)]
+    yes: bool,
+    /// Replace a file that is there
+    #[arg(long)]
+    force: bool,
+}
+
+/// Writes a machine file.
+///
+/// # Errors
+/// A file that is there, an interface, or what makes no machine.
+pub fn init(args: &InitArgs) -> anyhow::Result<ExitCode> {
+    let file = args.file.display();
+    let is_there = || std::fs::symlink_metadata(&args.file).is_ok();
+    ensure!(
+        args.force || !is_there(),
+        "{file} is there already; --force replaces it"
+    );
+    let mut args = args.clone();
+    let found = args.scan.as_deref().map(scan::nodes_on).transpose()?;
+    if std::io::stdin().is_terminal() && !args.yes {
+        let count = found
+            .as_ref()
+            .map(|(_, nodes)| nodes.iter().filter(|node| node.is_drive).count());
+        end_by_interrupt()?;
+        ask(
+            &mut args,
+            count,
+            &mut std::io::stdin().lock(),
+            &mut files::printed::stdout(),
+        )?;
+    }
+    let text = machine_file(&args, found)?;
+    // What the options say makes no machine.
+    let config = config::parse(&text, &args.file).map_err(|errors| Refusal::from(errors).wrong_usage())?;
+    bus::check(&config).map_err(Refusal::from)?;
+    ensure!(
+        args.force || !is_there(),
+        "{file} has come meanwhile; --force replaces it"
+    );
+    files::write(&args.file, text).with_context(|| format!("{file}: cannot be written"))?;
+    say(&format!(
+        "{file} is written. Scale, travel, limits and homing of each joint are those of an example: set them to those of the\n\
+         machine, then: isocnc check {file}\n"
+    ));
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Asks for what no option gives; `drives`: how many are known. An empty answer is the usual one, in brackets.
+fn ask(
+    args: &mut InitArgs,
+    drives: Option<usize>,
+    input: &mut impl BufRead,
+    out: &mut impl Write,
+) -> anyhow::Result<()> {
+    let mut answer = |question: &str, usual: &str| -> anyhow::Result<String> {
+        write!(out, "{question} [{usual}]: ")?;
+        out.flush()?;
+        let mut line = String::new();
+        ensure!(
+            input.read_line(&mut line)? > 0,
+            "nothing more to read: nothing is written"
+        );
+        Ok(match line.trim() {
+            "" => usual.to_owned(),
+            text => text.to_owned(),
+        })
+    };
+    let ids = |text: &str| -> anyhow::Result<Vec<u8>> {
+        let words = text
+            .split([',', ' '])
+            .filter(|word| !word.is_empty() && *word != "none");
+        words
+            .map(|word| word.parse().with_context(|| format!("{word}: no node id")))
+            .collect()
+    };
+    if args.name.is_none() {
+        args.name = Some(answer("Name of the machine", &usual_name(args))?);
+    }
+    if args.scan.is_none() && args.interface.is_none() {
+        args.interface = Some(answer("Network interface of the bus", "eth1")?);
+    }
+    if args.axes.is_none() {
+        args.axes = Some(answer(
+            "Letters of the axes, one drive each",
+            &letters(drives.unwrap_or(3)),
+        )?);
+    }
+    if args.scan.is_none() && args.drives.is_empty() {
+        let count = args.axes.as_deref().map_or(3, str::len);
+        let usual: Vec<String> = (1..=count).map(|id| id.to_string()).collect();
+        args.drives = ids(&answer("Node ids of their drives", &usual.join(","))?)?;
+    }
+    if args.scan.is_none() && args.io.is_empty() {
+        args.io = ids(&answer("Node ids of inputs and outputs", "none")?)?;
+    }
+    Ok(())
+}
+
+fn usual_name(args: &InitArgs) -> String {
+    let stem = args.file.file_stem().and_then(|stem| stem.to_str());
+    stem.filter(|stem| !stem.is_empty()).unwrap_or("machine").to_owned()
+}
+
+/// One of which nothing but its id is known.
+fn plain(id: u8, is_drive: bool) -> Node {
+    Node {
+        id,
+        name: None,
+        is_drive,
+        keys: String::new(),
+    }
+}
+
+/// The text of the machine file. `found`: nodes of a scan, and of which bus.
+fn machine_file(args: &InitArgs, found: Option<(Protocol, Vec<Node>)>) -> anyhow::Result<String> {
+    let Some(interface) = args.scan.as_ref().or(args.interface.as_ref()) else {
+        bail!(Refusal::usage(
+            "which network interface? --interface IF names it, --scan IF asks it for its nodes"
+        ));
+    };
+    let with_nets = found.is_none();
+    let (bus, nodes) = found.unwrap_or_else(|| {
+        let usual = args.axes.as_deref().map_or(3, |axes| axes.chars().count()) as u8;
+        let ids = if args.drives.is_empty() {
+            (1..=usual).collect()
+        } else {
+            args.drives.clone()
+        };
+        let drives = ids.into_iter().map(|id| plain(id, true));
+        let nodes = drives.chain(args.io.iter().map(|id| plain(*id, false))).collect();
+        (Protocol::Powerlink, nodes)
+    });
+    let name = args.name.clone().unwrap_or_else(|| usual_name(args));
+    let proposal = Proposal {
+        by: "isocnc init",
+        name: &name,
+        bus,
+        interface,
+        cycle_us: args.cycle_us,
+        axes: args.axes.as_deref(),
+        with_nets,
+    };
+    proposal.machine_file(nodes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn args(options: &[&str]) -> InitArgs {
+        #[derive(clap::Parser)]
+        struct Only {
+            #[command(flatten)]
+            args: InitArgs,
+        }
+        let words = ["init", "dir/mill.toml"].iter().chain(options);
+        <Only as clap::Parser>::try_parse_from(words)
+            .map(|only| only.args)
+            .unwrap_or_else(|error| panic!("{error}"))
+    }
+
+    fn read(text: &str) -> config::Config {
+        config::parse(text, "mill.toml".as_ref()).unwrap_or_else(|errors| panic!("{errors}\n{text}"))
+    }
+
+    #[test]
+    fn options_alone_make_a_machine() {
+        let args = args(&[
+            "--interface",
+            "eth7",
+            "--axes",
+            "xza",
+            "--drives",
+            "5,4,3",
+            "--io",
+            "20,21",
+            "--cycle-us",
+            "500",
+        ]);
+        let config = read(&machine_file(&args, None).unwrap());
+        assert_eq!(
+            (&*config.name, &*config.bus.interface, config.cycle_us),
+            ("mill", "eth7", 500)
+        );
+        let ids: Vec<u8> = config.bus.nodes.iter().map(|node| node.id).collect();
+        assert_eq!(ids, [5, 4, 3, 20, 21]);
+        let joints: Vec<usize> = config.joints.iter().map(|joint| joint.node).collect();
+        assert_eq!(joints, [0, 1, 2]);
+        let axes: String = config.axes.iter().map(|map| map.axis.letter()).collect();
+        assert_eq!(axes, "XZA");
+        assert!(
+            config.nets.iter().any(|net| net.targets == ["io.20.out-00"]),
+            "{:?}",
+            config.nets
+        );
+        assert_eq!(
+            read(&machine_file(&self::args(&["--interface", "e"]), None).unwrap())
+                .joints
+                .len(),
+            3
+        );
+    }
+
+    #[test]
+    fn what_a_scan_finds_is_known_again() {
+        let drive = Node {
+            keys: "device_type = 0x00020192\nvendor_id = 0x2D\nproduct_code = 0x7\n".into(),
+            ..plain(9, true)
+        };
+        let found = (Protocol::Powerlink, vec![plain(2, false), drive]);
+        let config = read(&machine_file(&args(&["--scan", "eth1"]), Some(found)).unwrap());
+        assert_eq!((config.joints.len(), config.bus.nodes[0].id), (1, 9));
+        assert_eq!(config.bus.nodes[0].identity.vendor_id, Some(0x2D));
+        assert_eq!(
+            (config.bus.nodes[1].id, config.bus.nodes[1].identity.vendor_id),
+            (2, None)
+        );
+    }
+
+    #[test]
+    fn what_makes_no_machine_is_refused() {
+        let said = |options: &[&str], found| machine_file(&args(options), found).unwrap_err().to_string();
+        assert!(said(&[], None).contains("--interface"));
+        let two = said(&["--interface", "e", "--axes", "XY", "--drives", "1"], None);
+        assert!(two.starts_with("2 axes (XY) and 1 drives"), "{two}");
+        let still = Some((Protocol::Ethercat, vec![plain(1, false)]));
+        assert!(said(&["--scan", "e", "--axes", "X"], still).starts_with("1 axes (X) and 0 drives"));
+    }
+
+    #[test]
+    fn what_no_option_gives_is_asked_for_and_an_empty_line_is_the_usual() {
+        let mut args = args(&["--name", "router"]);
+        let mut said = Vec::new();
+        ask(&mut args, None, &mut "eth3\nxy\n\n10\n".as_bytes(), &mut said).unwrap();
+        let said = String::from_utf8(said).unwrap();
+        assert!(
+            !said.contains("Name") && said.contains("Node ids of their drives [1,2]: "),
+            "{said}"
+        );
+        let config = read(&machine_file(&args, None).unwrap());
+        assert_eq!((&*config.name, &*config.bus.interface), ("router", "eth3"));
+        assert_eq!((config.joints.len(), config.bus.nodes.len()), (2, 3));
+
+        let ended = ask(&mut self::args(&[]), None, &mut "mill\n".as_bytes(), &mut Vec::new()).unwrap_err();
+        assert!(ended.to_string().contains("nothing is written"), "{ended}");
+        let wrong = ask(
+            &mut self::args(&[]),
+            None,
+            &mut "m\ne\nX\nfour\n".as_bytes(),
+            &mut Vec::new(),
+        )
+        .unwrap_err();
+        assert!(format!("{wrong:#}").contains("four: no node id"), "{wrong:#}");
+    }
+}

@@ -1,0 +1,426 @@
+//! The screen: 24 rows of 80 columns, or more.
+//!
+//! In:  what is known. Out: a picture. Nothing is told by colour alone.
+
+use super::app::{App, SILENT_MS};
+use crate::control::forced_words;
+use crate::progress;
+use ratatui::Frame;
+use ratatui::layout::{Constraint, Layout, Rect};
+use ratatui::style::{Modifier, Style};
+use ratatui::text::Line;
+use ratatui::widgets::{Block, Borders, Paragraph};
+use serde_json::Value;
+
+/// Smallest screen that holds it.
+const SMALLEST: (u16, u16) = (60, 20);
+const KEYS: [&str; 3] = [
+    "Esc stop  Space hold  r resume  e ESTOP  E reset  a ack  t tool in  q quit",
+    "o/O on/off  H home  S start  m MDI  b single  +/- feed  c/C control/force",
+    "arrows PgUp PgDn [ ] jog  x step  < > speed",
+];
+const KEYS_OF_LINE: &str = "Enter runs the line, empty: leaves  Up/Down earlier lines  Esc STOPS and leaves";
+
+fn strong() -> Style {
+    Style::new().add_modifier(Modifier::BOLD)
+}
+
+fn alarm() -> Style {
+    Style::new().add_modifier(Modifier::BOLD | Modifier::REVERSED)
+}
+
+/// Draws everything; `program`: lines of the program around the current one, by their numbers.
+pub(super) fn draw(frame: &mut Frame<'_>, app: &App, program: &[(u32, String)], now_ms: u64) {
+    let area = frame.area();
+    if (area.width, area.height) < SMALLEST || area.height < SMALLEST.1 {
+        let told = format!("{} {}: make the window larger", app.text("machine"), app.text("state"));
+        frame.render_widget(Paragraph::new(told), area);
+        return;
+    }
+    let axes = app.at("axes").as_array().map_or(0, Vec::len).max(5) as u16;
+    let [head, now, program_area, told, keys] = Layout::vertical([
+        Constraint::Length(1),
+        Constraint::Length(axes + 2),
+        Constraint::Min(3),
+        Constraint::Length(6),
+        Constraint::Length(4),
+    ])
+    .areas(area);
+    frame.render_widget(Paragraph::new(heading(app, now_ms)).style(alarm()), head);
+    let [left, right] = Layout::horizontal([Constraint::Length(47), Constraint::Min(20)]).areas(now);
+    boxed(frame, "position", positions(app), left);
+    boxed(frame, "now", conditions(app), right);
+    let title = match app.at("program/name").as_str() {
+        Some(name) => format!("program {name}"),
+        None => "no program".into(),
+    };
+    boxed(
+        frame,
+        &title,
+        program_lines(app, program, program_area.height.saturating_sub(2)),
+        program_area,
+    );
+    boxed(
+        frame,
+        "messages",
+        messages(app, now_ms, told.height.saturating_sub(2)),
+        told,
+    );
+    frame.render_widget(Paragraph::new(bottom(app)), keys);
+}
+
+fn boxed(frame: &mut Frame<'_>, title: &str, lines: Vec<Line<'_>>, area: Rect) {
+    let block = Block::new().borders(Borders::TOP).title(format!(" {title} "));
+    frame.render_widget(Paragraph::new(lines).block(block), area);
+}
+
+fn heading(app: &App, now_ms: u64) -> String {
+    if let Some(lost) = &app.lost {
+        return format!(" NO CONTROL: {lost}");
+    }
+    let silent_ms = now_ms.saturating_sub(app.heard_ms);
+    if silent_ms > SILENT_MS {
+        return format!(" NOTHING HEARD FOR {} s: what is shown is old", silent_ms / 1000);
+    }
+    let control = match app.at("control/name").as_str() {
+        _ if app.has_control() => "you".to_owned(),
+        Some(name) if *app.at("control/taken") == Value::Bool(true) => name.to_owned(),
+        _ => "free".into(),
+    };
+    format!(
+        " {}  {}  {}  {}  control: {control}",
+        app.text("machine"),
+        app.text("power").to_uppercase(),
+        app.text("mode").to_uppercase(),
+        app.text("activity"),
+    )
+}
+
+fn positions(app: &App) -> Vec<Line<'static>> {
+    let mut lines = vec![Line::styled("axis      work   machine     to go  home limit", strong())];
+    let homed = app.at("homed").as_array().cloned().unwrap_or_default();
+    let has = |list: &Value, joint: &Value| list.as_array().is_some_and(|list| list.contains(joint));
+    for axis in app.at("axes").as_array().into_iter().flatten() {
+        let letter = axis["axis"].as_str().unwrap_or_default();
+        let place = "XYZABCUVW".find(letter).unwrap_or(0);
+        let value = |field: &str| app.at(&format!("{field}/{place}")).as_f64().unwrap_or(0.0);
+        let joints = axis["joints"].as_array().cloned().unwrap_or_default();
+        let (lower, upper) = (app.at("limit_switches/lower"), app.at("limit_switches/upper"));
+        let limit = match (
+            joints.iter().any(|joint| has(lower, joint)),
+            joints.iter().any(|joint| has(upper, joint)),
+        ) {
+            (false, false) => "",
+            (true, false) => "LOWER",
+            (false, true) => "UPPER",
+            (true, true) => "BOTH",
+        };
+        let is_homed = !joints.is_empty() && joints.iter().all(|joint| homed.contains(joint));
+        // Back to where the program is held.
+        let to_go = app.at(&format!("held_at_mm/{place}")).as_f64();
+        let line = format!(
+            "{letter}   {:>10.3}{:>10.3}{:>10}  {:<4} {limit}",
+            work(app, place),
+            value("position_mm"),
+            to_go.map_or_else(String::new, |to| format!("{:.3}", to - value("position_mm"))),
+            if is_homed { "yes" } else { "no" },
+        );
+        lines.push(Line::raw(line));
+    }
+    lines
+}
+
+/// Place of an axis in the work, mm or degrees.
+fn work(app: &App, axis: usize) -> f64 {
+    let field = |name: &str, axis: usize| app.at(&format!("{name}/{axis}")).as_f64().unwrap_or(0.0);
+    let shifted = |axis: usize| field("position_mm", axis) - field("work_offset_mm", axis);
+    let (sin, cos) = app.number("work_rotation_degrees").to_radians().sin_cos();
+    match axis {
+        0 => shifted(0) * cos + shifted(1) * sin,
+        1 => shifted(1) * cos - shifted(0) * sin,
+        _ => shifted(axis),
+    }
+}
+
+fn conditions(app: &App) -> Vec<Line<'static>> {
+    let percent = |what: &str| app.at(&format!("override/{what}_percent")).as_f64().unwrap_or(100.0);
+    let spindle = match app.at("spindle/speed_rpm").as_f64() {
+        Some(speed_rpm) => format!("{speed_rpm:.0} rpm"),
+        None => "none".into(),
+    };
+    let coolant = match (
+        app.at("coolant/flood") == &Value::Bool(true),
+        app.at("coolant/mist") == &Value::Bool(true),
+    ) {
+        (false, false) => "off",
+        (true, false) => "flood",
+        (false, true) => "mist",
+        (true, true) => "flood, mist",
+    };
+    let codes: Vec<&str> = app
+        .at("codes")
+        .as_array()
+        .into_iter()
+        .flatten()
+        .filter_map(Value::as_str)
+        .collect();
+    let rotation = match app.number("work_rotation_degrees") {
+        0.0 => String::new(),
+        degrees => format!("rotation {degrees} "),
+    };
+    let step = app.step_mm().map_or("while held".into(), |step| format!("{step} mm"));
+    let single = if *app.at("single_block") == Value::Bool(true) {
+        "  SINGLE BLOCK"
+    } else {
+        ""
+    };
+    vec![
+        Line::raw(format!("F {:.0} mm/min{single}", app.number("velocity_mm_s") * 60.0)),
+        Line::raw(format!(
+            "feed {:.0} % rapid {:.0} % sp {:.0} %",
+            percent("feed"),
+            percent("rapid"),
+            percent("spindle")
+        )),
+        Line::raw(format!("tool T{:.0}  spindle {spindle}", app.number("tool"))),
+        Line::raw(format!("coolant {coolant}")),
+        Line::raw(format!("jog {step}, {} mm/s", app.speed_mm_s())),
+        Line::raw(
+            format!("{rotation}{}", codes.join(" "))
+                .chars()
+                .take(120)
+                .collect::<String>(),
+        ),
+    ]
+}
+
+fn program_lines(app: &App, program: &[(u32, String)], rows: u16) -> Vec<Line<'static>> {
+    let (line, all) = (app.number("line"), app.at("program/lines").as_f64().unwrap_or(0.0));
+    let mut lines = vec![Line::raw(match app.at("program/result").as_str() {
+        _ if app.at("program").is_null() => "load one with: isocnc program load FILE".into(),
+        Some(result) => format!("{result}; {all:.0} lines"),
+        None if app.text("step") != "program" => format!("loaded, {all:.0} lines"),
+        None => format!("line {line:.0} of {all:.0}, {}", progress::words(|name| app.at(name))),
+    })];
+    let rows = usize::from(rows.saturating_sub(1));
+    let at = program
+        .iter()
+        .position(|(number, _)| f64::from(*number) == line)
+        .unwrap_or(0);
+    let first = at.saturating_sub(rows / 2);
+    for (number, text) in program.iter().skip(first).take(rows) {
+        let is_current = f64::from(*number) == line;
+        let mark = if is_current { '>' } else { ' ' };
+        let style = if is_current { strong() } else { Style::new() };
+        lines.push(Line::styled(format!("{mark}{number:>7}  {text}"), style));
+    }
+    lines
+}
+
+fn messages(app: &App, now_ms: u64, rows: u16) -> Vec<Line<'static>> {
+    let mut lines = Vec::new();
+    if app.lost.is_none() && now_ms.saturating_sub(app.heard_ms) <= SILENT_MS {
+        for (what, name) in [("ALARM", "alarm"), ("", "obstruction")] {
+            if !app.text(name).is_empty() {
+                let style = if what.is_empty() { strong() } else { alarm() };
+                lines.push(Line::styled(
+                    format!("{what} {}", app.text(name)).trim().to_owned(),
+                    style,
+                ));
+            }
+        }
+        let forced = forced_words(app.at("forced")).map(|forced| Line::styled(format!("FORCED: {forced}"), alarm()));
+        lines.extend(forced.take(2));
+        if let Some(text) = app.at("waiting/text").as_str() {
+            let release = app.at("waiting/release").as_str().unwrap_or_default();
+            lines.push(Line::styled(format!("WAITS: {text}; {release}"), strong()));
+        }
+    }
+    let entries = app.at("messages").as_array().cloned().unwrap_or_default();
+    let rest = usize::from(rows).saturating_sub(lines.len());
+    let shown = entries.iter().rev().take(rest).rev();
+    lines.extend(shown.map(|entry| Line::raw(entry["text"].as_str().unwrap_or_default().replace('\n', "; "))));
+    lines
+}
+
+fn bottom(app: &App) -> Vec<Line<'static>> {
+    let first = match (&app.typed, &app.said) {
+        (Some(typed), said) => {
+            let said = said
+                .as_deref()
+                .map_or_else(String::new, |said| format!("   {}", said.replace('\n', "; ")));
+            Line::styled(format!("MDI> {typed}_{said}"), strong())
+        }
+        (None, Some(said)) => Line::styled(said.replace('\n', "; "), alarm()),
+        (None, None) => match app.at("mdi/0").as_str() {
+            Some(line) => Line::raw(format!("MDI: {line}")),
+            None => Line::raw(""),
+        },
+    };
+    let mut lines = vec![first];
+    match app.typed {
+        Some(_) => lines.push(Line::raw(KEYS_OF_LINE)),
+        None => lines.extend(KEYS.map(Line::raw)),
+    }
+    lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::link::News;
+    use super::*;
+    use ratatui::Terminal;
+    use ratatui::backend::TestBackend;
+    use serde_json::json;
+
+    fn screen(app: &App, program: &[(u32, String)], now_ms: u64, (width, height): (u16, u16)) -> Vec<String> {
+        let mut terminal = Terminal::new(TestBackend::new(width, height)).unwrap();
+        terminal.draw(|frame| draw(frame, app, program, now_ms)).unwrap();
+        let buffer = terminal.backend().buffer().clone();
+        let row = |y| {
+            (0..width)
+                .map(|x| buffer[(x, y)].symbol())
+                .collect::<String>()
+                .trim_end()
+                .to_owned()
+        };
+        (0..height).map(row).collect()
+    }
+
+    fn running() -> App {
+        let mut app = App::new();
+        let state = json!({
+            "machine": "mill3", "power": "on", "mode": "auto", "activity": "running", "state": "running", "step": "program",
+            "axes": [
+                { "axis": "X", "joints": [0], "unit": "mm" }, { "axis": "Y", "joints": [1, 2], "unit": "mm" },
+                { "axis": "Z", "joints": [3], "unit": "mm" },
+            ],
+            "position_mm": [10.5, -2.25, 3.0, 0, 0, 0, 0, 0, 0], "work_offset_mm": [10.0, 0, -7.0, 0, 0, 0, 0, 0, 0],
+            "homed": [0, 1, 3], "limit_switches": { "lower": [], "upper": [3] },
+            "velocity_mm_s": 25.0, "override": { "feed_percent": 80.0, "rapid_percent": 100.0, "spindle_percent": 100.0 },
+            "tool": 5, "spindle": { "on": true, "speed_rpm": 1200.0 }, "coolant": { "flood": true, "mist": false },
+            "program": { "name": "/p/part.ngc", "lines": 90, "planned_time_s": 60.0, "result": null },
+            "line": 7, "elapsed_s": 12.0, "remaining_s": 3.2, "done_percent": 78.9, "remaining_note": null, "codes": ["G1", "G17", "G54"], "single_block": true,
+            "messages": [{ "text": "order: start" }], "mdi": [], "waiting": null, "alarm": null, "obstruction": null, "control": null,
+        });
+        app.hear(News::Is(state.as_object().cloned().unwrap()), 0);
+        app
+    }
+
+    fn told(app: &mut App, changed: Value) {
+        app.hear(News::Changed(changed.as_object().cloned().unwrap()), 0);
+    }
+
+    fn assert_shows(screen: &[String], wanted: &[&str]) {
+        for line in wanted {
+            assert!(
+                screen.iter().any(|row| row.contains(line)),
+                "{line:?} is not in\n{}",
+                screen.join("\n")
+            );
+        }
+    }
+
+    #[test]
+    fn work_coordinates_follow_the_rotation_of_their_system() {
+        let mut app = running();
+        told(&mut app, json!({ "work_rotation_degrees": 90.0 }));
+        let shown = screen(&app, &[], 0, (80, 24));
+        // X 0.5 and Y -2.25 of the machine from the origin, seen by a system that is turned by a quarter.
+        assert_shows(
+            &shown,
+            &["X       -2.250    10.500", "Y       -0.500    -2.250", "Z       10.000"],
+        );
+        assert_shows(&shown, &["rotation 90"]);
+    }
+
+    #[test]
+    fn a_program_that_runs_fits_into_24_rows_of_80_columns() {
+        let program: Vec<(u32, String)> = (1..=90).map(|line| (line, format!("G1 X{line}"))).collect();
+        let shown = screen(&running(), &program, 0, (80, 24));
+        assert_eq!(shown[0], " mill3  ON  AUTO  running  control: free");
+        assert_shows(
+            &shown,
+            &[
+                "axis      work   machine     to go  home limit",
+                "X        0.500    10.500            yes",
+                "Y       -2.250    -2.250            no",
+                "Z       10.000     3.000            yes  UPPER",
+                "F 1500 mm/min  SINGLE BLOCK",
+                "feed 80 % rapid 100 % sp 100 %",
+                "tool T5  spindle 1200 rpm",
+                "coolant flood",
+                "jog while held, 10 mm/s",
+                "G1 G17 G54",
+                " program /p/part.ngc ",
+                "line 7 of 90, 12 s, 3 s to go, 78 % done",
+                ">      7  G1 X7",
+                "order: start",
+            ],
+        );
+        for keys in KEYS {
+            assert!(keys.len() <= 80, "{keys}");
+            assert_shows(&shown, &[keys]);
+        }
+        assert!(KEYS_OF_LINE.len() <= 80);
+        // The larger, the more of the program.
+        let large = screen(&running(), &program, 0, (120, 50));
+        let lines = |screen: &[String]| screen.iter().filter(|row| row.contains("  G1 X")).count();
+        assert!(lines(&large) > lines(&shown) + 20, "{}", large.join("\n"));
+        assert_shows(
+            &screen(&running(), &program, 0, (40, 10)),
+            &["mill3 running: make the window larger"],
+        );
+    }
+
+    #[test]
+    fn alarms_waits_refusals_and_who_has_control_are_shown_in_words() {
+        let mut app = running();
+        told(
+            &mut app,
+            json!({ "alarm": "x-drive lost", "activity": "idle", "power": "alarm" }),
+        );
+        assert_shows(
+            &screen(&app, &[], 0, (80, 24)),
+            &["ALARM x-drive lost", " mill3  ALARM  AUTO  idle"],
+        );
+        told(
+            &mut app,
+            json!({ "activity": "away", "held_at_mm": [12.5, -2.25, 1.0, 0, 0, 0, 0, 0, 0] }),
+        );
+        let shown = screen(&app, &[], 0, (80, 24));
+        assert_shows(
+            &shown,
+            &[
+                "X        0.500    10.500     2.000  yes",
+                "Z       10.000     3.000    -2.000  yes",
+            ],
+        );
+        let waits = json!({ "for": "tool-change", "text": "put in tool 7", "release": "isocnc tool-changed" });
+        told(
+            &mut app,
+            json!({ "alarm": null, "waiting": waits, "control": { "name": "panel", "taken": true, "process": 1 } }),
+        );
+        let shown = screen(&app, &[], 0, (80, 24));
+        assert_shows(&shown, &["WAITS: put in tool 7; isocnc tool-changed", "control: panel"]);
+        app.hear(News::Refused("drives are off:\nisocnc on".into()), 0);
+        assert_shows(&screen(&app, &[], 0, (80, 24)), &["drives are off:; isocnc on"]);
+        app.typed = Some("G0 X".into());
+        assert_shows(&screen(&app, &[], 0, (80, 24)), &["MDI> G0 X_", KEYS_OF_LINE]);
+    }
+
+    /// What is old must not look as if it were so.
+    #[test]
+    fn a_control_that_is_not_there_or_says_nothing_is_told_of() {
+        let mut app = running();
+        assert_shows(
+            &screen(&app, &[], SILENT_MS + 1500, (80, 24)),
+            &[" NOTHING HEARD FOR 4 s: what is shown is old"],
+        );
+        app.hear(News::Lost("the control has closed the connection".into()), 0);
+        let shown = screen(&app, &[], 0, (80, 24));
+        assert_eq!(shown[0], " NO CONTROL: the control has closed the connection");
+        let new = screen(&App::new(), &[], 0, (80, 24));
+        assert_eq!(new[0], " NO CONTROL: connecting");
+    }
+}
