@@ -15,6 +15,7 @@ mod pages;
 mod rt_sources;
 
 mod alarms;
+mod commands;
 mod components;
 mod drive_profiles;
 mod faults;

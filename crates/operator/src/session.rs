@@ -359,11 +359,11 @@ fn run_on(
                 None => {
                     // What is missing has been told by `prepare_process`.
                     drop(enter_thread(Role::Cycle, process));
-                    thread::run(&mut control, grid, &mut spin, &watch, recorder, &stop)
+                    thread::run(&mut *control, grid, &mut spin, &watch, recorder, &stop)
                 }
                 Some(wire) => {
                     capabilities::give_up_or_warn(Work::Ordinary);
-                    run_paced(&mut control, grid, wire, recorder, &stop)
+                    run_paced(&mut *control, grid, wire, recorder, &stop)
                 }
             })?;
         for (rank, mut scanner) in scanners.into_iter().enumerate() {

@@ -874,7 +874,7 @@ impl Pins {
     }
 
     /// Shows the values of a cycle.
-    pub fn publish<B: CyclicBus>(&mut self, bus: &mut B, drives: &Drives, sample: &Sample, state: State) {
+    pub fn publish(&mut self, bus: &mut dyn CyclicBus, drives: &Drives, sample: &Sample, state: State) {
         for (pins, drive) in self.joints.iter_mut().zip(drives.iter()) {
             pins.motor_pos_cmd.set(drive.command_mm());
             pins.motor_pos_fb.set(drive.actual_mm());

@@ -62,8 +62,8 @@ pub fn grid(config: &Config) -> Grid {
 }
 
 /// Runs cycles until the network is down or `stop` says so. RT, for a bus on CLOCK_MONOTONIC.
-pub fn run<B: CyclicBus>(
-    control: &mut MotionController<B>,
+pub fn run(
+    control: &mut MotionController<dyn CyclicBus + '_>,
     grid: Grid,
     spin: &mut Spin,
     watch: &Watch,

@@ -86,8 +86,8 @@ impl Link for Paced {
 
 /// Runs cycles on paced time until the network is down or `stop` says so; `wire` is that of the bus. Not RT: a thread that is
 /// late holds time back instead.
-pub fn run_paced<B: CyclicBus>(
-    control: &mut MotionController<B>,
+pub fn run_paced(
+    control: &mut MotionController<dyn CyclicBus + '_>,
     grid: Grid,
     wire: &Paced,
     mut recorder: Recorder,

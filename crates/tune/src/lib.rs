@@ -72,7 +72,12 @@ mod tests {
     }
 
     /// The same with somebody who turns pins at M0.
-    pub(crate) fn rehearsed_with(config: &Config, joint: usize, text: &str, mut turn: impl FnMut(&Record, &Hal)) -> Record {
+    pub(crate) fn rehearsed_with(
+        config: &Config,
+        joint: usize,
+        text: &str,
+        mut turn: impl FnMut(&Record, &Hal),
+    ) -> Record {
         let cycle_s = f64::from(config.cycle_us) * 1e-6;
         rehearse(config, text.as_bytes(), NetConfig::clean(1), |run| {
             run.operator.shared().trace_joint(joint);

@@ -116,8 +116,9 @@ pub struct CycleParts {
 }
 
 /// Everything that the cycle thread owns.
-pub struct MotionController<B> {
-    bus: B,
+///
+/// What a cycle does is compiled once, for any bus.
+pub struct MotionController<B: ?Sized = dyn CyclicBus> {
     parts: CycleParts,
     outlets: RtEndpoints,
     joints: usize,
@@ -166,6 +167,7 @@ pub struct MotionController<B> {
     begin_ns: u64,
     #[cfg(any(test, feature = "testing"))]
     tampering: Tampering,
+    bus: B,
 }
 
 /// What a test does to the commands of a cycle, mm.
@@ -191,7 +193,6 @@ impl<B: CyclicBus> MotionController<B> {
     pub fn new(bus: B, parts: CycleParts, outlets: RtEndpoints) -> MotionController<B> {
         let (joints, optional_stop) = (parts.drives.iter().len(), parts.optional_stop);
         MotionController {
-            bus,
             parts,
             outlets,
             joints,
@@ -228,9 +229,108 @@ impl<B: CyclicBus> MotionController<B> {
             begin_ns: 0,
             #[cfg(any(test, feature = "testing"))]
             tampering: Tampering::default(),
+            bus,
         }
     }
 
+    /// The bus, for what is not cyclic between two cycles.
+    pub fn bus_mut(&mut self) -> &mut B {
+        &mut self.bus
+    }
+
+    /// The same, whichever bus it is on.
+    fn on_any_bus(&mut self) -> &mut MotionController<dyn CyclicBus + '_> {
+        self
+    }
+
+    /// Makes the cycle of the date `begin_ns` ready.
+    pub fn prepare(&mut self, begin_ns: u64) {
+        self.on_any_bus().prepare(begin_ns);
+    }
+
+    /// Serves what is not cyclic, until `until_ns`.
+    pub fn serve(&mut self, until_ns: u64) {
+        self.on_any_bus().serve(until_ns);
+    }
+
+    /// The cycle that was made ready.
+    pub fn cycle(&mut self, late_ns: u64, skipped: u64, deadline_ns: u64) -> CycleReport {
+        self.on_any_bus().cycle(late_ns, skipped, deadline_ns)
+    }
+
+    /// Whether the network is up, where nothing is awaited between the end of a cycle and the next one.
+    pub fn network_is_up(&mut self) -> bool {
+        self.on_any_bus().network_is_up()
+    }
+
+    /// The cycle thread was taken for hung: no frame may leave any more.
+    pub fn inhibit_soc(&mut self) {
+        self.on_any_bus().inhibit_soc();
+    }
+}
+
+impl<B: ?Sized> MotionController<B> {
+    /// Shows how the last cycle kept its time.
+    #[cfg_attr(feature = "rtsan", rtsan_standalone::nonblocking)]
+    pub fn show_timing(&mut self, timing: &Timing) {
+        self.parts.pins.show_timing(timing);
+        self.outlets.live.times.record(timing);
+    }
+
+    /// From now on pins are sampled at the end of each cycle, for those who ask for it.
+    pub fn set_scope(&mut self, scope: Sampler) {
+        self.scope = Some(scope);
+    }
+
+    /// Joints with step pulses, before the first cycle.
+    pub fn steps_mut(&mut self) -> &mut StepDrives {
+        &mut self.parts.steps
+    }
+
+    /// Programs in Structured Text, before the first cycle.
+    pub fn logic_mut(&mut self) -> &mut Ports {
+        &mut self.parts.pins.logic
+    }
+
+    /// What the machine is doing.
+    pub fn state(&self) -> State {
+        self.state
+    }
+
+    /// Notices that found their ring full.
+    pub fn notices_lost(&self) -> u64 {
+        self.notices_lost
+    }
+
+    /// From now on `tamper` changes the commands of every cycle, mm, before they are looked at: to prove that what is wrong with them does not
+    /// leave.
+    #[cfg(any(test, feature = "testing"))]
+    pub fn tamper_with_commands(&mut self, tamper: Box<Tamper>) {
+        self.tampering = Tampering(Some(tamper));
+    }
+
+    /// From now on the parts of each cycle are timed.
+    pub fn time_parts(&mut self) {
+        self.laps = Laps::timed();
+    }
+
+    /// What the parts of the cycles have taken since [`MotionController::time_parts`].
+    pub fn laps(&self) -> &Laps {
+        &self.laps
+    }
+
+    /// Trace records that found their ring full.
+    pub fn trace_lost(&self) -> u64 {
+        self.trace_lost
+    }
+
+    /// Greatest velocities, accelerations and jerks commanded to the joints by programs.
+    pub fn peaks(&self) -> Vec<Peaks> {
+        self.parts.monitor.peaks().map(|(_, peaks)| *peaks).collect()
+    }
+}
+
+impl MotionController<dyn CyclicBus + '_> {
     /// Makes the cycle of the date `begin_ns` ready, so that its first frame leaves at once when [`MotionController::cycle`] is called
     /// at that date. Called again before, it moves the cycle to a later date.
     #[cfg_attr(feature = "rtsan", rtsan_standalone::nonblocking)]
@@ -321,73 +421,9 @@ impl<B: CyclicBus> MotionController<B> {
         report
     }
 
-    /// Shows how the last cycle kept its time.
-    #[cfg_attr(feature = "rtsan", rtsan_standalone::nonblocking)]
-    pub fn show_timing(&mut self, timing: &Timing) {
-        self.parts.pins.show_timing(timing);
-        self.outlets.live.times.record(timing);
-    }
-
-    /// From now on pins are sampled at the end of each cycle, for those who ask for it.
-    pub fn set_scope(&mut self, scope: Sampler) {
-        self.scope = Some(scope);
-    }
-
-    /// Joints with step pulses, before the first cycle.
-    pub fn steps_mut(&mut self) -> &mut StepDrives {
-        &mut self.parts.steps
-    }
-
-    /// Programs in Structured Text, before the first cycle.
-    pub fn logic_mut(&mut self) -> &mut Ports {
-        &mut self.parts.pins.logic
-    }
-
-    /// The bus, for what is not cyclic between two cycles.
-    pub fn bus_mut(&mut self) -> &mut B {
-        &mut self.bus
-    }
-
-    /// What the machine is doing.
-    pub fn state(&self) -> State {
-        self.state
-    }
-
     /// Whether the network is up, where nothing is awaited between the end of a cycle and the next one.
     pub fn network_is_up(&self) -> bool {
         self.bus.state() == BusState::Operational
-    }
-
-    /// Notices that found their ring full.
-    pub fn notices_lost(&self) -> u64 {
-        self.notices_lost
-    }
-
-    /// From now on `tamper` changes the commands of every cycle, mm, before they are looked at: to prove that what is wrong with them does not
-    /// leave.
-    #[cfg(any(test, feature = "testing"))]
-    pub fn tamper_with_commands(&mut self, tamper: Box<Tamper>) {
-        self.tampering = Tampering(Some(tamper));
-    }
-
-    /// From now on the parts of each cycle are timed.
-    pub fn time_parts(&mut self) {
-        self.laps = Laps::timed();
-    }
-
-    /// What the parts of the cycles have taken since [`MotionController::time_parts`].
-    pub fn laps(&self) -> &Laps {
-        &self.laps
-    }
-
-    /// Trace records that found their ring full.
-    pub fn trace_lost(&self) -> u64 {
-        self.trace_lost
-    }
-
-    /// Greatest velocities, accelerations and jerks commanded to the joints by programs.
-    pub fn peaks(&self) -> Vec<Peaks> {
-        self.parts.monitor.peaks().map(|(_, peaks)| *peaks).collect()
     }
 
     /// The cycle thread was taken for hung: no frame may leave any more.

@@ -6,7 +6,7 @@
 use super::*;
 use host::wait::monotonic_ns;
 
-impl<B: CyclicBus> MotionController<B> {
+impl MotionController<dyn CyclicBus + '_> {
     pub(super) fn take_orders(&mut self) {
         // Before the orders in the ring: what follows a stop there was given behind it. Those that come now wait for the next
         // cycle: a stop that they follow is seen then, and must not come behind them.

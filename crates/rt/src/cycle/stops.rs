@@ -6,7 +6,7 @@
 use super::*;
 use crate::external::Told;
 
-impl<B: CyclicBus> MotionController<B> {
+impl MotionController<dyn CyclicBus + '_> {
     /// Looks for faults: lateness, the bus, the drives.
     pub(super) fn watch(&mut self, late_ns: u64, skipped: u64) {
         self.late_max_ns = self.late_max_ns.max(late_ns);
