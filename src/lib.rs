@@ -29,6 +29,9 @@ pub use ::sim;
 pub use ::terminal;
 pub use ::tune;
 
+#[doc = include_str!("../ARCHITECTURE.md")]
+pub mod architecture {}
+
 /// What components are made of, for those that are compiled in: [`main_with`].
 pub use ::components;
 

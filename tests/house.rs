@@ -1,4 +1,5 @@
-//! The house: what Cargo cannot say of it, and that ARCHITECTURE.md names what is there.
+//! The house: what Cargo cannot say of it, and that ARCHITECTURE.md names files and threads that are there; its items are links
+//! that `cargo doc` checks.
 
 use std::collections::BTreeSet;
 use std::fs::{read_dir, read_to_string};
@@ -78,80 +79,6 @@ fn files_that_the_architecture_names_are_there() {
     assert!(seen > 60, "only {seen} paths were found");
 }
 
-/// What a source declares: items; and by their place at the start of a line fields and variants.
-fn declared(text: &str) -> [BTreeSet<&str>; 2] {
-    let [mut names, mut members] = [const { BTreeSet::new() }; 2];
-    for line in text.lines() {
-        let mut before = "";
-        for word in line.split(|letter: char| !letter.is_alphanumeric() && letter != '_') {
-            if matches!(
-                before,
-                "fn" | "struct" | "enum" | "trait" | "type" | "mod" | "const" | "static"
-            ) {
-                names.insert(word);
-            }
-            before = word;
-        }
-        let member = line.trim_start();
-        let member = member.strip_prefix("pub ").unwrap_or(member);
-        let end = member
-            .find(|letter: char| !letter.is_alphanumeric() && letter != '_')
-            .unwrap_or(member.len());
-        if line.starts_with(' ') && [":", ",", "(", " {"].iter().any(|next| member[end..].starts_with(next)) {
-            members.insert(&member[..end]);
-        }
-    }
-    [names, members]
-}
-
-/// A source: its folders and its own name, its text, what it declares.
-struct Source<'t> {
-    parts: Vec<&'t str>,
-    text: &'t str,
-    names: BTreeSet<&'t str>,
-    members: BTreeSet<&'t str>,
-}
-
-impl Source<'_> {
-    /// Whether it is in a module of that name, or has the type of that name.
-    fn is_of(&self, owner: &str) -> bool {
-        let implements = |line: &str| {
-            let mut words = line.split(|letter: char| !letter.is_alphanumeric() && letter != '_');
-            line.starts_with("impl") && words.any(|word| word == owner)
-        };
-        self.parts.contains(&owner) || self.names.contains(owner) || self.text.lines().any(implements)
-    }
-
-    /// Whether it declares the name, hands it on or is called so.
-    fn has(&self, name: &str) -> bool {
-        let hands_on = |line: &str| {
-            let mut words = line.split(|letter: char| !letter.is_alphanumeric() && letter != '_');
-            line.starts_with("pub use") && words.any(|word| word == name)
-        };
-        self.names.contains(name)
-            || self.members.contains(name)
-            || self.parts.contains(&name)
-            || self.text.lines().any(hands_on)
-    }
-}
-
-/// Items of a text, as `owner::name`, that no source has: both must be in one.
-fn stale<'t>(text: &'t str, sources: &[Source<'_>]) -> (usize, Vec<&'t str>) {
-    let is_item = |word: &&str| {
-        word.contains("::")
-            && word
-                .chars()
-                .all(|letter| letter.is_alphanumeric() || "_:".contains(letter))
-    };
-    let items: Vec<&str> = quoted(text).filter(is_item).collect();
-    let is_stale = |item: &&str| {
-        let mut parts = item.rsplit("::");
-        let (name, owner) = (parts.next().unwrap_or_default(), parts.next().unwrap_or_default());
-        !sources.iter().any(|source| source.is_of(owner) && source.has(name))
-    };
-    (items.len(), items.iter().copied().filter(is_stale).collect())
-}
-
 #[test]
 fn all_that_is_printed_goes_one_way() {
     // Questions about an output print nothing.
@@ -200,44 +127,6 @@ fn all_that_is_printed_goes_one_way() {
         }
     }
     assert!(printed > 60, "{printed}");
-}
-
-#[test]
-fn items_that_the_architecture_names_are_there() {
-    let all: Vec<(String, String)> = sources(Path::new(ROOT))
-        .into_iter()
-        .map(|path| {
-            let below = path.strip_prefix(ROOT).expect("below the root").display().to_string();
-            (below, read(&path))
-        })
-        .collect();
-    let sources: Vec<Source<'_>> = all
-        .iter()
-        .map(|(path, text)| {
-            let [names, members] = declared(text);
-            Source {
-                parts: path.trim_end_matches(".rs").split('/').collect(),
-                text,
-                names,
-                members,
-            }
-        })
-        .collect();
-    let text = architecture();
-    let (count, missing) = stale(&text, &sources);
-    assert!(
-        missing.is_empty(),
-        "ARCHITECTURE.md names what is not there: {missing:?}"
-    );
-    assert!(count > 10, "only {count} items were found");
-    // Names that are somewhere, but not there, are found as well.
-    let wrong =
-        "`Control::watch` `rt::shared::Interpolator` `EstopCause::Nobody` `motion::rt::Monitor` `EstopCause::Chain`";
-    let (_, found) = stale(wrong, &sources);
-    assert_eq!(
-        found,
-        ["Control::watch", "rt::shared::Interpolator", "EstopCause::Nobody"]
-    );
 }
 
 /// Crates that may know a bus by its name; the machine file has keys that only EtherCAT has.

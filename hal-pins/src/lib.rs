@@ -35,6 +35,13 @@
 //! assert_eq!(Attached::attach(&machine)?.list()?.len(), 3);
 //! # Ok::<(), hal_pins::HalError>(())
 //! ```
+//!
+//! | to learn | file |
+//! |---|---|
+//! | the folder of one user in which pins and sockets are, and what is swept from it | `file.rs` |
+//! | what happens to a process whose mapped file is cut short | `guard.rs` |
+//! | how other processes write pins: the records and whom the control believes; its two sides | `external/exchange.rs`; `external/control.rs`, `external/claim.rs`; the same in C and Python in `clients/` |
+//! | the oscilloscope's ring, and why it is made so | `scope/mod.rs` |
 #![warn(clippy::missing_errors_doc)]
 
 mod attached;

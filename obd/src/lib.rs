@@ -24,6 +24,9 @@
 //! assert_eq!(objects.read(0x6064, 0)?, (-5_i32).to_le_bytes());
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
+//!
+//! Device files (XDD, XDC, EDS, DCF) become what a node is and contains in `device/`, ESI files of EtherCAT devices in
+//! `device/esi.rs`; both need the feature `device`.
 #![no_std]
 #![warn(clippy::missing_errors_doc)]
 

@@ -6,6 +6,19 @@
 //!
 //! [`methods::table`] is the table of what can be asked; [`openrpc`] the same for programs; [`control`] who may give orders, [`roles`]
 //! who may give which; [`server`] keeps clients apart and tells subscribers of changes; [`client`] is the asking end.
+//!
+//! | to learn | file |
+//! |---|---|
+//! | what can be asked, and in which thread each method runs (`Runs`) | `methods/table.rs` |
+//! | the same for programs, with all answers | `openrpc.rs` |
+//! | which client may give orders; which role may give which | `control.rs`; `roles.rs` |
+//! | connections; a stop or hold goes from here to the next cycle | `server/intake.rs` |
+//! | clients and their answers; clients of this process | `server/mod.rs`; `server/door.rs` |
+//! | what subscribers are sent, and when: the service thread looks every 10 ms, and is woken if an answer is ready or something has changed; an order wakes the operator's loop | `server/subscription.rs` |
+//! | programs that arrive in parts; ways of programs that leave in parts | `uploads.rs`; `paths.rs` (made by `program::tool_path`) |
+//! | oscilloscopes of clients | `scopes.rs` |
+//! | the network in words | `network_view/mod.rs` |
+//! | what takes long | `errands.rs` |
 
 // What is public here is so for the program and its tests, and says more than its name only where there is more to say.
 #![allow(missing_docs)]

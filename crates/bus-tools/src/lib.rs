@@ -2,6 +2,9 @@
 //!
 //! In:  a capture, an interface, or a running control.
 //! Out: tables and sentences, or JSON, on standard output. Exit code 0: all is well, 1: trouble found, 2: wrong usage.
+//!
+//! `scan` and `init` make a machine file of the nodes that answer (`proposal.rs`). What sends on an interface claims it first
+//! (`bus::sender`). `network/` prints what `api::network_view` says of a network.
 
 // What is public here is so for the program and its tests, and says more than its name only where there is more to say.
 #![allow(missing_docs)]

@@ -6,6 +6,21 @@
 //! A bus has two halves: [`CyclicBus`] for the cycle thread, [`service::BusService`] for everybody else. [`powerlink`] and
 //! [`ethercat`] implement both; another one does, too, and is added to the functions below, which are the only ones that know
 //! which kinds there are.
+//!
+//! Nothing above this crate knows which bus it is (`tests/house.rs` of the program). The cycle thread calls [`CyclicBus`]: make a
+//! cycle ready, exchange, serve, report states and events, publish. [`service::BusService`] answers everyone else: objects of nodes
+//! ([`service::Mailbox`]) and what the network is like, in words ([`service::Diagnose`]). The rings between the halves are the bus's
+//! own.
+//!
+//! | to learn | file |
+//! |---|---|
+//! | the cycle's half; its rings to the other half; the other half | `powerlink/mod.rs`, `ethercat/mod.rs`; `publisher.rs` beside each; `service.rs` or `service/mod.rs` beside it |
+//! | what a drive is configured with, regardless of the bus | `configuration.rs` |
+//! | what each node is told, and where its values are in its payloads | `plan.rs`, `layout.rs` |
+//! | the claim of an interface that everything takes that sends on it | `powerlink/sender.rs` |
+//! | the network file from which other managing nodes start | `powerlink/cdc/mod.rs` |
+//! | IP frames of other programs (a TAP device): they wait in a ring and leave in our own asynchronous slots; those of nodes come in slots to which the managing node invites them | `powerlink/tap.rs` |
+//! | what the time-out thread watches | `watch.rs` |
 
 // What is public here is so for the program and its tests, and says more than its name only where there is more to say.
 #![allow(missing_docs)]

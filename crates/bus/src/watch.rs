@@ -18,7 +18,7 @@ pub struct Watch {
     pub rests: AtomicBool,
     /// Clock of its processor time; 0: not known.
     cpu_clock: AtomicI32,
-    /// Outstanding waits, see [`open_wait`]; 0: none. Whoever sets one to 0 has decided it.
+    /// Outstanding waits, see `open_wait`; 0: none. Whoever sets one to 0 has decided it.
     pub poll: AtomicU64,
     pub async_slot: AtomicU64,
     // Written by the time-out thread.

@@ -7,6 +7,16 @@
 //!
 //! To add a key: a field in `types.rs`, a line in the reader of its section (`bus.rs`, `node.rs`, `joints.rs`, `spindle.rs` or here), a row in
 //! `tests.rs`.
+//!
+//! | to learn | file |
+//! |---|---|
+//! | the checked description; nothing after it checks again | `types.rs`, the bus and its nodes in `bus_types.rs` |
+//! | how each error is noted with its place | `document.rs`, `error.rs` |
+//! | what is known of a kind of drive (`drives/`): defaults and limits of nodes and joints, what is read back while the node boots, how its simulated one is built | `drive_profile.rs` |
+//! | in which units a drive counts: written and compared by `bus`, computed with by the simulated drive alone | `factor_group.rs` |
+//! | channels of I/O nodes by type, name and unit | `channels.rs` |
+//! | programs in Structured Text | `logics.rs` |
+//! | kinematics | `kinematics.rs`, their meaning in `motion::kinematics` |
 
 // What is public here is so for the program and its tests, and says more than its name only where there is more to say.
 #![allow(missing_docs)]

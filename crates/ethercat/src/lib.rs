@@ -19,6 +19,27 @@
 //! assert_eq!((datagram.command, datagram.ado(), datagram.data), (Command::Brd, 0x0130, &[0, 0][..]));
 //! # Ok::<(), ethercat::wire::WireError>(())
 //! ```
+//!
+//! # Where to read
+//!
+//! | to learn | file |
+//! |---|---|
+//! | frames and datagrams; what a command does; registers, AL states and their status codes | `wire/frame.rs`; `wire/command.rs`; `wire/register.rs` |
+//! | EEPROM images; mails; SDO and SDO information | `wire/sii.rs`; `wire/mailbox.rs`; `wire/coe/` |
+//! | a simulated device: its chip, its clock, its firmware, its SDO server | `sub/esc.rs`, `sub/clock.rs`, `sub/device.rs`, `sub/coe.rs` |
+//! | its objects and process data; drives, terminals, couplers ready made | `sub/objects.rs`, `sub/application.rs`; `sub/models.rs` |
+//! | the cables between devices: order, delays, breaks; the ESI file of the simulated devices | `sub/segment.rs`; `sub/esi.rs` |
+//! | the frames of a cycle, and what came back for each member | `main/cycle.rs` |
+//! | all devices from the count to OP, frames of services, recovery; one device, step by step | `main/network/`; `main/device/` |
+//! | mails and SDOs of the main device; process data compared, written, read again; orders while devices run | `main/mail.rs`; `main/mapping.rs`; `main/orders.rs` |
+//! | what the main device is to make of devices; what it reports, in words | `main/config.rs`; `main/event.rs` |
+//! | EEPROMs through registers; where a cable is broken or frames are spoilt | `main/eeprom.rs`; `main/survey.rs` |
+//! | what a cycle costs; how frames lie to SYNC0 | `main/budget.rs`; `main/punctuality.rs` |
+//! | how our cycle follows the clock of the bus; offsets and delays of devices from the reference clock | `main/phase.rs`; `main/clocks.rs`, `main/delay.rs` |
+//!
+//! A main device of others, ethercrab, brings the simulated devices to OP (`tests/ethercrab.rs`). Ours does so on virtual time, with
+//! every kind of trouble (`tests/network/`). On a network interface, `examples/simulate.rs` answers any main device and
+//! `examples/run.rs` is ours. Why ours is our own: `docs/decisions/ethercat.md`.
 #![no_std]
 #![warn(clippy::missing_errors_doc)]
 #![allow(special_module_name, reason = "`main` is the folder of the main device")]

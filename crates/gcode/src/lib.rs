@@ -22,6 +22,30 @@
 //! let errors = gcode::check(b"G1 X10\nM2\n", gcode::Settings::default());
 //! assert_eq!(errors[0].to_string(), "1:1: G1 needs a feed: F is not set");
 //! ```
+//!
+//! # Where to read
+//!
+//! Values that are not known without running the program are NaN in a check of the syntax (`syntax::Unknown`); nothing else is
+//! ever NaN.
+//!
+//! | to learn | file |
+//! |---|---|
+//! | how a line becomes words: octets, numbers, expressions computed while they are read | `text.rs`, `scan.rs`, `number.rs`, `expression/mod.rs` |
+//! | which codes there are, and their modal groups | `code.rs` |
+//! | what a line contains, regardless of the state; which letter belongs to which code | `block.rs`; `execute/usage.rs` |
+//! | the order in which a line is run | `execute/mod.rs`, the table of contents; one file per subject next to it |
+//! | everything that lasts from line to line; where work coordinates lie | `state/mod.rs` |
+//! | parameters; those that only show the state | `parameter/`; `state/predefined.rs` |
+//! | subroutines, loops, conditions | `o_word.rs` (the line), `flow.rs` (what is under way), `interpreter/control.rs` and `interpreter/subroutine.rs` (what happens) |
+//! | the run itself: one line after the other | `interpreter/mod.rs` |
+//! | what is active at a block, and what a line of MDI leaves active for the next one | `modes.rs` |
+//! | what it asks the machine: probe, inputs, tool | `machine.rs` |
+//! | all errors of a text at once; a start in the middle | `syntax.rs`, `check.rs`; `resume.rs` |
+//! | every message | `error/` |
+//! | the printed form of LinuxCNC's interpreter; plain G-code back | `print/mod.rs`; `flat/mod.rs`, the table of calls, one file per subject next to it |
+//!
+//! LinuxCNC's own stand-alone interpreter is the oracle: `tests/corpus/` has one folder per case, `tests/differential.rs` compares
+//! generated programs, and `tests/corpus/differences.toml` says where and why we differ from the packaged version.
 
 #![warn(clippy::missing_errors_doc)]
 #![cfg_attr(

@@ -6,6 +6,8 @@
 //!
 //! A round is a part of the cycles with the program running, then the floor on the same core with nothing of ours on it, so
 //! that both meet the same neighbours. All of it takes constant memory whatever the number of cycles.
+//!
+//! `run.rs` is the order of a measurement.
 
 // What is public here is so for the program and its tests, and says more than its name only where there is more to say.
 #![allow(missing_docs)]

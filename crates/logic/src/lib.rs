@@ -26,6 +26,22 @@
 //! let errors = logic::compile("PROGRAM p VAR x : INT; END_VAR x = 5; END_PROGRAM").unwrap_err();
 //! assert_eq!(errors[0].to_string(), "1:34: = compares: write := to assign");
 //! ```
+//!
+//! # Where to read
+//!
+//! | to learn | file |
+//! |---|---|
+//! | how text becomes declarations and statements | `token.rs`, `parse/mod.rs` |
+//! | what a value is, and what becomes what by itself; operators and conversions | `scalar.rs`; `arithmetic.rs` |
+//! | where a variable lies in memory | `compile/declare.rs`, `compile/place.rs` |
+//! | what is checked of expressions, calls, statements | `compile/expression.rs` and `compile/operator.rs`, `compile/function.rs` and `compile/call.rs`, `compile/statement.rs` |
+//! | how the longest way through a scan is counted | `compile/statement.rs` (branches and loops), `compile/emit.rs` |
+//! | instructions, and what runs them | `code.rs`, `runtime.rs` |
+//! | timers, counters, edges | `block.rs` |
+//! | every message | `diagnostic/kind.rs` |
+//!
+//! `tests/differential.rs` runs random programs against an evaluator of another kind. Why this is no crate of others:
+//! `docs/decisions/structured-text.md`.
 
 #![warn(clippy::missing_errors_doc)]
 

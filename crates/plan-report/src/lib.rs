@@ -6,6 +6,15 @@
 //! The program goes through the planner twice: once for the time that planning takes, once through the ring and the
 //! interpolation of the machine, without a clock (`run_down`). What is judged is judged cycle by cycle: memory does not grow with the
 //! program, but for the files of numbers that were asked for.
+//!
+//! | to learn | file |
+//! |---|---|
+//! | the run of the plan; it says how many cycles it has judged | `run_down.rs` |
+//! | the operator from a file | `script.rs` |
+//! | what takes the time; why a place is slow | `times.rs`; `slow_places.rs` |
+//! | the page for a browser; pictures | `page.rs`; `picture/mod.rs` |
+//! | which thread planned what; what threads and buffers bring | `timeline.rs`; `efficiency.rs` |
+//! | the spindle of a plan without a machine | `ideal_spindle.rs` |
 
 // What is public here is so for the program and its tests, and says more than its name only where there is more to say.
 #![allow(missing_docs)]

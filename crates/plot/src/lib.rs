@@ -3,6 +3,8 @@
 //!
 //! In:  samples of the recorder, pictures of others.
 //! Out: SVG and HTML that any browser shows; small, for points that cannot be told apart are left out.
+//!
+//! Everything is drawn on one kind of sheet (`sheet.rs`).
 
 // What is public here is so for the program and its tests, and says more than its name only where there is more to say.
 #![allow(missing_docs)]

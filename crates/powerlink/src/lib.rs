@@ -59,6 +59,32 @@
 //! }
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
+//!
+//! # Where to read
+//!
+//! | to learn | file |
+//! |---|---|
+//! | what is on the wire, octet by octet; who may send what to whom | `wire/`; `wire/addresses.rs` |
+//! | the NMT states of both ends, as tables | `nmt/` |
+//! | what a cycle is made of: SoC, chain, polls, PRes of the managing node, SoA, slot | `mn/cycle.rs` |
+//! | how one node boots, stage by stage; how it is configured | `mn/boot.rs`; `mn/configure.rs` |
+//! | who gets the asynchronous slot | `mn/async_scheduler.rs` |
+//! | when the network as a whole takes a step | `mn/network.rs` |
+//! | everything that lasts from call to call: the network; one node and its stage | `mn/state.rs`; `mn/node.rs`, `mn/stage.rs` |
+//! | why a node is not operational; the same in words | `mn/reason.rs`; `mn/diagnosis.rs` |
+//! | every object of the managing node; of a controlled node | `mn/objects/table.rs`; `cn/objects/mod.rs` |
+//! | the process image by which other managing nodes map the same network | `mn/image.rs` |
+//! | SDO: sequence layer, commands, segments, both ends | `sdo/` |
+//! | what carries frames: raw socket with a ring shared with the kernel, libpnet (`bus.link = "pnet"`), memory, a simulated network with faults | `link/` |
+//!
+//! Four properties always hold and are tested: one frame at a time on the wire; a lost node never takes the network down, unless
+//! the bits of [`mn::StartUp`] ask for it; late cycles are counted and skipped, never a reason to start again; any octets from
+//! the wire are counted by reason and do nothing else. `tests/network/` runs whole networks on virtual time through faults of
+//! all kinds, while an independent observer watches every frame.
+//!
+//! Nodes are already configured in PRE_OPERATIONAL_1, where asynchronous slots follow each other without waiting for a cycle.
+//! A node that is polled in each cycle, in one cycle of a multiplexed round, or not at all but by a chain after the managing
+//! node's own PRes differs only in `mn/cycle.rs` and `mn/chaining.rs`; process data reach the application in the same way.
 #![no_std]
 #![warn(clippy::missing_errors_doc)]
 

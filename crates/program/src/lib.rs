@@ -2,6 +2,30 @@
 //!
 //! In:  program text; what the machine remembers; the machine position from which it starts.
 //! Out: elements in the ring, as many as fit, until the program is planned; then what the program left to remember.
+//!
+//! Interpreter, smoothing and speeds are a pipeline: each in its own thread from `program.threads` on, with short queues of whole
+//! batches between them; a full queue holds up the stage before it, and a stage that waits solves windows of the plan. The speeds
+//! take call by call, regardless of the thread it comes from, so that one thread and many give the same bits. Compensation
+//! stays with the interpreter, as programs read where it has led the tool (#5420). `isocnc plan --timeline FILE.svg` draws
+//! which thread did what, and when.
+//!
+//! Memory does not grow with a program: a long text is in a temporary file as it was when it was read, and a planner that is
+//! ten seconds ahead of the machine waits (`motion::ring`).
+//!
+//! | to learn | file |
+//! |---|---|
+//! | the stages before speeds | `stages.rs` |
+//! | the look at a whole program before anything moves, within limits of lines, time and memory; a `Cancel` (signal, stop, client that has gone) ends it at once | `check.rs` |
+//! | what the check leaves behind for the time still to come, found by how far the interpolation has come (`Interpolator::way`) | `outline.rs` |
+//! | what is doubtful in a program | `doubts.rs` |
+//! | how much faster than motion a program is planned, for `plan` and for each check before a run | `real_time.rs` |
+//! | the text as it was when it was read; one that grows while it runs | `text.rs`; `growing.rs` |
+//! | what the interpreter is told of a machine; the probing cycles of `programs/probing/`, found if no folder has a file of that name | `settings.rs` |
+//! | touch-off and values set by hand, by the interpreter's own G10 | `change.rs` |
+//! | a start in the middle; dry run; exact stops of single block | `from_line.rs`; `dry_run.rs`; `exact_stops.rs` |
+//! | what a program waits for: a contact, an input, a user code | `waits.rs` |
+//! | M100 to M199; what programs log. Both only if a program runs | `user_code.rs`; `records.rs` |
+//! | the way of a program for a picture | `tool_path.rs` |
 
 // What is public here is so for the program and its tests, and says more than its name only where there is more to say.
 #![allow(missing_docs)]

@@ -2,6 +2,21 @@
 //!
 //! In:  a machine file, frames of a managing node, the time.
 //! Out: frames of the nodes, as [`SimMachine`]; the same on a wire ([`serve`]) or on virtual time ([`VirtualNet`]).
+//!
+//! | to learn | file |
+//! |---|---|
+//! | the seam between simulated devices and the bus that carries them | `carrier.rs`; `powerlink.rs`, `ethercat.rs` |
+//! | a servo drive; how its profile says that it is built; its motor and load | `drive.rs`; `built.rs`; `motor.rs` |
+//! | an I/O node; an amplifier with an analog input behind it | `io.rs`; `amplifier.rs` |
+//! | stepper motors at the pins of the step port | `stepper.rs` |
+//! | the spindle with its converter and encoder | `spindle.rs` |
+//! | touch probe and home switches, closed by where the loads are; limit switches and stops | `sensors.rs`; `track.rs` |
+//! | faults on order | `faults.rs` |
+//! | virtual time; the wire for a PC that keeps no cycle: virtual time that waits for whichever side is late | `virtual_net.rs`; `paced.rs` |
+//!
+//! Everything that has a state machine (managing node, controlled nodes, SDO, drives, the sequence) gets time and frames from
+//! outside. So a whole machine runs on virtual time in tests: same inputs, same bits. Only the simulated drive computes with the
+//! factor group of a drive (`cia402::device`); the control writes and compares it.
 
 // What is public here is so for the program and its tests, and says more than its name only where there is more to say.
 #![allow(missing_docs)]

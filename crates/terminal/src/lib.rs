@@ -1,4 +1,6 @@
 //! What all commands share: how they end, and how they print.
+//!
+//! In:  errors of any kind. Out: their text, or JSON in one shape for all commands ([`refusal`]).
 
 // What is public here is so for the program and its tests, and says more than its name only where there is more to say.
 #![allow(missing_docs)]

@@ -1,6 +1,9 @@
 //! `isocnc tune`: how well joints follow what they are told.
 //!
 //! In:  a machine. Out: measurements of it, with pictures.
+//!
+//! `experiment.rs` runs a program to measure one joint; `analysis/` judges it (model of its amplifier, margins, gains). The loop
+//! itself is `motion::rt::Pid`, its gains while it runs are pins (`rt::loop_pins`). Circles are judged by `operator::circularity`.
 
 // What is public here is so for the program and its tests, and says more than its name only where there is more to say.
 #![allow(missing_docs)]
