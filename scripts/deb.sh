@@ -9,11 +9,11 @@ scripts/release.sh
 made=target/deb
 rm -rf "$made" target/debian
 mkdir -p "$made"
-program=target/release/isocnc
+program=target/dist/isocnc
 "$program" man "$made/man1"
 for shell in bash zsh fish; do
     "$program" completions "$shell" >"$made/isocnc.$shell"
 done
 # A package puts the program elsewhere than a user does.
 sed 's#/usr/local/bin/isocnc#/usr/bin/isocnc#' configs/isocnc.service >"$made/isocnc.service"
-cargo deb --no-build --no-strip
+cargo deb --profile dist --no-build --no-strip

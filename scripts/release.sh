@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # The programs as others get them: scripts/release.sh [OPTIONS OF CARGO BUILD], such as `-p isocnc-cell`, for another one than isocnc.
 #
-# As `cargo build --release`, but without the paths of this PC: panics and logs name the places of sources, which are those of the PC that
-# built them otherwise. Fails where one of these paths is in a program all the same.
+# The profile `dist`: link-time optimisation, no symbols. Without the paths of this PC: panics and logs name the places of sources, which
+# would be those of the PC that built them. Fails where one of these paths is in a program all the same.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -19,7 +19,7 @@ flags=${flags// /$separator}
 for remap in "$root=/isocnc" "$target=/isocnc/target" "$cargo=/cargo" "$sysroot=/rust" "$sysroot/lib/rustlib/src/rust=/rustc/$commit"; do
     flags+="${flags:+$separator}--remap-path-prefix=$remap"
 done
-built=$(CARGO_ENCODED_RUSTFLAGS=$flags cargo build --release --message-format json-render-diagnostics "$@")
+built=$(CARGO_ENCODED_RUSTFLAGS=$flags cargo build --profile dist --message-format json-render-diagnostics "$@")
 programs=$(sed -n 's/.*"executable":"\([^"]*\)".*/\1/p' <<<"$built")
 [ -n "$programs" ] || { printf 'no program was built: %s\n' "$*" >&2; exit 1; }
 
