@@ -12,6 +12,7 @@ pub use ::analyser;
 pub use ::api;
 pub use ::bus;
 pub mod cli;
+mod services;
 pub use ::bus_tools;
 pub use ::config;
 pub use ::hal_tools;

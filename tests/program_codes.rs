@@ -442,7 +442,7 @@ fn a_random_changer_prepares_on_the_way_and_exchanges_pockets_as_the_machine_cha
         let journal: Vec<&str> = run.operator.journal().iter().map(|entry| entry.text.as_str()).collect();
         let told = |what: &str| journal.iter().filter(|text| text.contains(what)).count();
         assert_eq!(
-            told("given up while tool 3 was to be changed: look which tool"),
+            told("stopped during the change to tool 3: look which tool"),
             1,
             "{journal:#?}"
         );

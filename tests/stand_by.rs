@@ -244,7 +244,7 @@ fn a_pc_that_stands_still_while_drives_are_off_is_warned_of_and_nothing_has_to_b
                 .filter(|entry| entry.text.starts_with("warning: ") && entry.text.contains(what))
                 .count()
         };
-        let (overruns, lost) = (told(run, "cycles were left out"), told(run, "lost"));
+        let (overruns, lost) = (told(run, "cycles were skipped"), told(run, "lost"));
         assert!(
             (1..=3).contains(&overruns) && lost >= 1,
             "{:#?}",

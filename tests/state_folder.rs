@@ -207,7 +207,7 @@ fn a_kill_in_a_change_of_tool_is_told() {
         let entries = journal(control);
         let of_tool = |entry: &&Value| {
             let text = entry["text"].as_str().unwrap();
-            text.contains("ended while tool 7 was to be changed: look which tool is in the spindle")
+            text.contains("ended during the change to tool 7: look which tool is in the spindle")
         };
         entries.iter().filter(of_tool).count()
     };

@@ -195,7 +195,7 @@ fn a_day_at_the_machine() {
         .ask(&["program", "start", "--from-line", "4"])
         .expect_err("a question");
     for what in [
-        "goes: Z to the upper end",
+        "first moves: Z to the upper end",
         "X30.000 Y5.000",
         "G1",
         "isocnc program start --from-line 4 --yes",

@@ -107,11 +107,6 @@ impl<'a> CdcReader<'a> {
         Ok(reader)
     }
 
-    /// Writes that are still to come by the count of the file, which may lie.
-    pub const fn remaining(&self) -> u32 {
-        self.left
-    }
-
     fn cut(&mut self, need: usize, expected: &'static str) -> Result<&'a [u8], CdcError> {
         let rest = &self.octets[self.offset..];
         let truncated = CdcError::Truncated {

@@ -5,6 +5,7 @@
 //! .cdc its listing. Nothing is opened, sent or moved.
 
 use crate::cli::bench_servo;
+use crate::services;
 use anyhow::{Context, ensure};
 use bus::plan::NodePlan;
 use bus_tools::check::{budget_json, list_cdc, node_json, write_budget, write_cdc, write_node};
@@ -56,6 +57,7 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
             Refusal::new(format!("{file}: {rule}\n1 error in {file}"), json)
         }
     })?;
+    services::check(&config)?;
     check_start(&config)?;
     let budgets = budget::of_machine(&config).map_err(Refusal::from)?;
     let timing = Steadiness::measure(&config.rt).advice(&config);

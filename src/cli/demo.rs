@@ -1,6 +1,7 @@
 //! `isocnc demo`: the whole control on a private wire, with a simulated machine at the far end.
 
 use crate::cli::run::panel_address;
+use crate::services;
 use analyser::SocReport;
 use anyhow::{Context, ensure};
 use clap::{Args, ValueEnum};
@@ -12,7 +13,6 @@ use host::terminal::say;
 use jitter::plot::soc_period_svg;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
-use operator::panel::Panel;
 use operator::report::{FarEnd, SOC_PERIOD_DATA};
 use operator::session::{Program, Wire};
 use operator::single_run::{Job, run_and_report};
@@ -105,8 +105,8 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<ExitCode> {
     config.name = format!("{}-{}", config.name, std::process::id());
 
     // Before the namespace, in which nobody could reach it.
-    let panel = match args.panel {
-        None => None,
+    let services = match args.panel {
+        None => Vec::new(),
         Some(_) => {
             let of_file = config.panel.take();
             let mut wanted = of_file.unwrap_or_else(|| config::Panel::at(config::Panel::loopback(), None));
@@ -117,7 +117,7 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<ExitCode> {
                 wanted.programs = Some(std::path::absolute(folder)?);
             }
             config.panel = Some(wanted);
-            Panel::of(&config, args.panel, args.json)?
+            services::of(&config, args.panel, args.json, true)?
         }
     };
 
@@ -158,10 +158,10 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<ExitCode> {
         // In memory, time waits for whoever is late, so no load of this PC ends in an alarm.
         None => Wire::Paced,
     };
-    if panel.is_some() {
+    if args.panel.is_some() {
         // Ended with this.
         let _far_end = far_end;
-        return stand_by(&config, wire, args.json, signal, panel);
+        return stand_by(&config, wire, args.json, signal, services);
     }
     let job = Job {
         config: &config,
@@ -172,7 +172,7 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<ExitCode> {
         out: &args.out,
         json: args.json,
         signal,
-        panel: None,
+        services,
         far_end: far_end.map(|machine| Box::new(machine) as Box<dyn FarEnd>),
     };
     run_and_report(job, wire)

@@ -39,13 +39,13 @@ enum Command {
     /// Be the control of a machine: run a part program, or stand by for programs.
     #[command(after_help = "Example: isocnc run configs/mill3-powerlink.toml configs/sample-part.ngc")]
     Run(run::RunArgs),
-    /// Look at this PC: what stands in the way of real time, and how to change it.
+    /// Check this PC: what stands in the way of real time, and how to change it.
     #[command(after_help = "Example: isocnc doctor configs/mill3-powerlink.toml")]
     Doctor(doctor::DoctorArgs),
-    /// Show how a running control is.
+    /// Show what a running control does and waits for.
     #[command(after_help = "Example: isocnc status --json")]
     Status(control::StatusArgs),
-    /// Switch the drives of a control that stands by on; moves nothing.
+    /// Switch the drives on; nothing moves.
     #[command(after_help = "Example: isocnc on")]
     On(control::OrderArgs),
     /// Bring the machine to rest and switch drives off.
@@ -59,17 +59,17 @@ enum Command {
     Home(control::HomeArgs),
     /// Load, start or run a program on a control that stands by.
     Program(control::ProgramArgs),
-    /// Run a line of G-code in the modes that the one before has left.
+    /// Run a line of G-code in the modes that the last one left active.
     #[command(after_help = "Example: isocnc mdi G0")]
     Mdi(control::MdiArgs),
-    /// Let an axis read a value where it stands: work offset, or length of a tool.
+    /// Touch off: let an axis read a value where it stands, as a work offset or a tool length.
     #[command(after_help = "Example: isocnc touch-off X 0 --system G54")]
     TouchOff(tables::TouchOffArgs),
     /// Show or set work offsets.
     Offset(tables::OffsetArgs),
     /// Show or set tools.
     Tool(tables::ToolArgs),
-    /// Say that the tool is in the spindle that the program waits for.
+    /// Confirm that the tool the program waits for is in the spindle.
     #[command(after_help = "Example: isocnc tool-changed")]
     ToolChanged(control::ControlArgs),
     /// Move an axis or a joint by hand.
@@ -78,25 +78,25 @@ enum Command {
     /// Bring the program of a running control to rest on its path, and keep it.
     #[command(after_help = "Example: isocnc hold")]
     Hold(control::OrderArgs),
-    /// Go on after a hold, forward; in single block, with the next block.
+    /// Continue after a hold, forward; in single block, with the next block.
     #[command(after_help = "Example: isocnc resume")]
     Resume(control::OrderArgs),
-    /// Leave out what the program waits for: a dwell, an input (M66), M0, M1; no move.
+    /// Skip what the program waits for: a dwell, an input (M66), M0, M1; no move.
     #[command(after_help = "Example: isocnc skip")]
     Skip(control::ControlArgs),
-    /// Run the program that runs or is held back along its path.
+    /// Run the program backward along its path.
     #[command(after_help = "Example: isocnc reverse 50")]
     Reverse(control::ReverseArgs),
-    /// Let the program rest at the end of each block; `resume` runs the next one.
+    /// Stop the program at the end of each block; `resume` runs the next one.
     #[command(after_help = "Example: isocnc single-block on")]
     SingleBlock(control::SwitchArgs),
-    /// Tell whether the machine can move, and what is in the way.
+    /// Show whether the machine can move, and what prevents it.
     #[command(after_help = "Example: isocnc power")]
     Power(control::ControlArgs),
-    /// Let the program stop at M1 as at M0, or not.
+    /// Stop the program at M1 as at M0, or not.
     #[command(after_help = "Example: isocnc optional-stop on")]
     OptionalStop(control::SwitchArgs),
-    /// Leave out lines that begin with /, or run them; not while a program runs.
+    /// Skip lines that begin with /, or run them; not while a program runs.
     #[command(after_help = "Example: isocnc block-delete on")]
     BlockDelete(control::SwitchArgs),
     /// Bring the machine to rest, a program on its path, and give it up; drives stay on.
@@ -105,16 +105,16 @@ enum Command {
     /// Run feed, rapid moves or the spindle at another percentage of what is programmed.
     #[command(after_help = "Example: isocnc override feed 80")]
     Override(control::OverrideArgs),
-    /// Show the counter of parts of a running control, set it, or say how many are wanted.
+    /// Show or set the part counter of a running control and its target.
     #[command(after_help = "Example: isocnc parts target 50")]
     Parts(tables::PartsArgs),
-    /// Print what has happened at a running control, and before, where the machine file names a state folder.
+    /// Print the journal of a running control; with a state folder, that of earlier runs too.
     #[command(after_help = "Example: isocnc journal --since 100")]
     Journal(tables::JournalArgs),
-    /// Let something go wrong with a simulated drive of a running control, or mend it.
+    /// Simulate a fault of a simulated drive, or clear it.
     #[command(after_help = "Example: isocnc fault overcurrent --node 1")]
     Fault(control::FaultArgs),
-    /// Work with a running control on a whole screen of a terminal, by keys.
+    /// Operate a running control on the full screen of a terminal, by keys.
     #[command(after_help = "Example: isocnc top")]
     Top(top::TopArgs),
     /// Acknowledge the alarm of a running control.
@@ -122,7 +122,7 @@ enum Command {
     /// Check a machine file: all errors at once, located.
     #[command(after_help = "Example: isocnc check configs/mill3-powerlink.toml")]
     Check(check::CheckArgs),
-    /// Write a machine file to begin with: asks, or takes the nodes that answer on an interface.
+    /// Write a first machine file: asks, or takes the nodes that answer on an interface.
     #[command(after_help = "Example: isocnc init machine.toml --scan eth1")]
     Init(init::InitArgs),
     /// Print the canonical calls of a part program, one a line.
@@ -140,7 +140,7 @@ enum Command {
     /// Measure how exactly the cycle is kept while a program runs, beside what the PC can do at all.
     #[command(after_help = "Example: isocnc jitter --cycles 20000 --rounds 2")]
     Jitter(jitter::JitterArgs),
-    /// Measure what a cycle of so many axes takes on this PC, in parts, and how fast programs are planned.
+    /// Measure how long a cycle takes on this PC, by axes and parts, and how fast programs are planned.
     #[command(after_help = "Example: isocnc bench-servo --axes 2,3")]
     BenchServo(bench_servo::BenchServoArgs),
     /// Measure how well the joints of a machine follow what they are told.
@@ -152,7 +152,7 @@ enum Command {
     Hal(hal::HalArgs),
     /// Check or run Structured Text, the logic of a machine, without a machine.
     Logic(logic::LogicArgs),
-    /// Look at the network: who is on it, how it is, what went over the wire.
+    /// Inspect the network: who is on it, its state, what went over the wire.
     Bus(bus_tools::BusArgs),
     /// Print the completion script of a shell.
     #[command(after_help = "Example: isocnc completions bash")]

@@ -1,11 +1,11 @@
 //! `isocnc panel`: tokens of the operator panel in the browser.
 
+use crate::services::panel::scheme;
+use ::panel::{Role, TokenFile};
 use anyhow::{Context, ensure};
 use clap::{Args, Subcommand};
 use config::{Encryption, Panel};
 use host::terminal::say;
-use operator::panel::scheme;
-use panel::{Role, TokenFile};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use terminal::refusal::Refusal;

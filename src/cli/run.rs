@@ -1,9 +1,9 @@
 //! `isocnc run`: the control.
 
+use crate::services;
 use anyhow::Context;
 use clap::Args;
 use host::signals::StopSignal;
-use operator::panel::Panel;
 use operator::session::{Program, Wire};
 use operator::single_run::{Job, run_and_report};
 use operator::standby::stand_by;
@@ -39,9 +39,9 @@ pub fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
         kind if kind.has_interface() => Wire::Interface(config.bus.interface.clone()),
         _ => Wire::Memory,
     };
-    let panel = Panel::of(&config, args.panel, args.json)?;
+    let services = services::of(&config, args.panel, args.json, args.program.is_none())?;
     let Some(program) = &args.program else {
-        return stand_by(&config, wire, args.json, signal, panel);
+        return stand_by(&config, wire, args.json, signal, services);
     };
     let text = Text::read(program).with_context(|| program.display().to_string())?;
     let job = Job {
@@ -53,7 +53,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
         out: args.out.as_deref().unwrap_or(Path::new("isocnc-out")),
         json: args.json,
         signal,
-        panel,
+        services,
         far_end: None,
     };
     run_and_report(job, wire)

@@ -51,7 +51,7 @@ fn many_overruns_are_told_of_and_too_many_stop_the_machine_on_the_path() {
             assert_on_path(run);
             assert_ends_at_rest(&commands);
             let told = journal(run)
-                .matches("warning: 6 of the last 1000 cycles were left out")
+                .matches("warning: 6 of the last 1000 cycles were skipped")
                 .count();
             let alarms: Vec<String> = run.operator.alarms().iter().map(|alarm| alarm.cause.clone()).collect();
             (told, alarms, run.operator.late_cycles())
@@ -65,7 +65,7 @@ fn many_overruns_are_told_of_and_too_many_stop_the_machine_on_the_path() {
     let (told, alarms, late) = run_late(20, Outcome::Faulted);
     assert_eq!((told, late), (1, 21));
     assert!(
-        alarms[0].starts_with("21 of the last 1000 cycles were left out"),
+        alarms[0].starts_with("21 of the last 1000 cycles were skipped"),
         "{alarms:?}"
     );
 }

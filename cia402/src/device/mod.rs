@@ -276,11 +276,6 @@ impl Device {
         }
     }
 
-    /// Position in the units of the network, before it is cut to 32 bits.
-    pub fn user_position(&self, sensors: &Sensors) -> i64 {
-        self.shown(sensors.position)
-    }
-
     /// Position of the network for one of the motor.
     fn shown(&self, counts: i64) -> i64 {
         self.factors.units(counts) + self.offset

@@ -130,7 +130,7 @@ impl SocReport {
         }
         if self.clock_steps > 0 {
             remarks.push(format!(
-                "the clock was stepped {} times; the periods around that were left out",
+                "the clock was stepped {} times; the periods around that were skipped",
                 self.clock_steps
             ));
         }

@@ -281,7 +281,7 @@ pub(super) fn text(facts: &Facts<'_>, live: &RtStatus, pin: impl Fn(&str) -> Opt
     text.single(
         "cycles_skipped_total",
         "counter",
-        "Cycles left out as they came too late.",
+        "Cycles skipped because they came too late.",
         now.cycles_skipped as f64,
     );
     text.single(

@@ -305,7 +305,7 @@ impl Measured<'_> {
             quiet: quiet || self.number > 1,
             signal: signal.clone(),
             keep_rights: true,
-            panel: None,
+            services: Vec::new(),
         };
         let mut window = Window::new(self.cycles, analyser, signal.clone(), progress);
         let wire = Wire::Interface(far_end.interface().to_owned());

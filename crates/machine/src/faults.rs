@@ -220,9 +220,9 @@ pub enum Fault {
         /// How many in a row.
         cycles: u64,
     },
-    /// More of the last thousand cycles were left out than one should have (`rt.overruns_warn`).
+    /// More of the last thousand cycles were skipped than one should have (`rt.overruns_warn`).
     ManyOverruns { cycles: u64 },
-    /// More of the last thousand cycles were left out than is borne (`rt.overruns_stop`).
+    /// More of the last thousand cycles were skipped than is borne (`rt.overruns_stop`).
     TooManyOverruns { cycles: u64 },
     /// The time-out thread took the cycle thread for hung and forbade further cycles.
     CycleHung,
@@ -624,10 +624,10 @@ impl Fault {
             ),
             Fault::CyclesSkipped { cycles } => format!("{cycles} cycles left out"),
             Fault::ManyOverruns { cycles } => format!(
-                "{cycles} of the last {CYCLES} cycles were left out: `isocnc doctor` says what keeps this PC from real time"
+                "{cycles} of the last {CYCLES} cycles were skipped: `isocnc doctor` says what keeps this PC from real time"
             ),
             Fault::TooManyOverruns { cycles } => format!(
-                "{cycles} of the last {CYCLES} cycles were left out, more than rt.overruns_stop bears: `isocnc doctor` says what \
+                "{cycles} of the last {CYCLES} cycles were skipped, more than rt.overruns_stop tolerates: `isocnc doctor` says what \
                  keeps this PC from real time"
             ),
             Fault::CycleHung => silenced(true, false).into(),
@@ -671,12 +671,12 @@ impl Fault {
                 if error.goes_on {
                     "it goes on (on_error)"
                 } else {
-                    "the program stands, its outputs have their safe values; it begins anew behind an acknowledge"
+                    "the program stands, its outputs have their safe values; it restarts when you acknowledge"
                 }
             ),
             Fault::LogicLate { task, scans } => format!(
                 "{}: {scans} scans in a row were not over when the next one was due; the program stands, its outputs have their safe \
-                 values; it begins anew behind an acknowledge",
+                 values; it restarts when you acknowledge",
                 logic(task, None)
             ),
             Fault::LogicAlarm { task, text } => logic(task, Some(text)),

@@ -628,7 +628,7 @@ impl fmt::Display for Action {
             Action::ProgramStop => f.write_str("stop (M0)"),
             Action::OptionalStop => f.write_str("optional stop (M1)"),
             Action::ProgramEnd => f.write_str("end"),
-            Action::TextEnd => f.write_str("end of the text"),
+            Action::TextEnd => f.write_str("ended"),
             Action::Modes { number } => write!(f, "modes {number}"),
         }
     }

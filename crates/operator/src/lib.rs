@@ -16,18 +16,13 @@
 //! | how far set-points are from the programmed path, judged during the run | `path_judge.rs` |
 //! | circles judged by what drives report | `circularity.rs` |
 //! | a whole control on virtual time in one thread (`bench-servo`, tests) | `rehearsal.rs` |
-//! | the crates `panel` and `cell-link` as part of a session | `panel.rs`; `cell.rs` |
+//! | what the program serves beside the socket, such as the panel | `service.rs` |
 //! | what a service manager hears | `systemd.rs` |
 
 // What is public here is so for the program and its tests, and says more than its name only where there is more to say.
 #![allow(missing_docs)]
 
 mod bursts;
-#[cfg(feature = "cell")]
-mod cell;
-#[cfg(not(feature = "cell"))]
-#[path = "no_cell.rs"]
-mod cell;
 pub mod circularity;
 pub mod console;
 pub mod journal_keeper;
@@ -35,11 +30,6 @@ mod manual_mode;
 pub mod measurements;
 mod memory;
 pub mod operator_loop;
-#[cfg(feature = "panel")]
-pub mod panel;
-#[cfg(not(feature = "panel"))]
-#[path = "no_panel.rs"]
-pub mod panel;
 mod path_judge;
 pub mod program_reports;
 pub mod progress;
@@ -48,6 +38,7 @@ pub mod rehearsal;
 mod remembered;
 pub mod report;
 mod retain_keeper;
+pub mod service;
 pub mod session;
 pub mod single_run;
 pub mod standby;

@@ -3,13 +3,12 @@
 //! In:  a machine, what it is there for, a wire, somebody who looks after it.
 //! Out: everything that is known of it at the end.
 
-use crate::cell::Cell;
 use crate::console::{LOOK_AT_TOOL, Operator};
 use crate::journal_keeper;
 use crate::memory::{self, Memory};
 use crate::operator_loop::{LoopTask, OperatorLoop, Running};
-use crate::panel::Panel;
 use crate::retain_keeper;
+use crate::service::{Service, Until};
 use anyhow::{Context, anyhow};
 use api::methods::Methods;
 use api::network_view::NetworkView;
@@ -76,8 +75,8 @@ pub struct Session<'a> {
     pub signal: StopSignal,
     /// Keep the rights of this thread: another session follows in this process.
     pub keep_rights: bool,
-    /// The panel in the browser.
-    pub panel: Option<Panel>,
+    /// What it serves beside its socket.
+    pub services: Vec<Box<dyn Service>>,
 }
 
 /// A part program.
@@ -156,8 +155,6 @@ pub fn check_free(config: &Config, wire: &Wire) -> anyhow::Result<()> {
 /// The first of them.
 pub fn check_start(config: &Config) -> anyhow::Result<()> {
     let tables = Tables::read(config).map_err(Refusal::from)?;
-    Panel::check(config)?;
-    Cell::of(config)?;
     if !config.joints.is_empty() {
         // What stands before every program: startup code.
         let begin = Begin::at_home(config);
@@ -280,13 +277,8 @@ fn run_on(
         time_of_day,
         hal.path(),
     );
-    let cell = match session.task {
-        Task::StandBy => Cell::of(config)?,
-        Task::Once(..) | Task::Repeat(_) => None,
-    };
-    let programs = session.panel.as_ref().and_then(Panel::programs);
-    let programs = programs.or(cell.as_ref().map(Cell::programs)).map(Path::to_owned);
-    let methods = methods.with_programs(programs);
+    let programs = session.services.iter().find_map(|service| service.programs());
+    let methods = methods.with_programs(programs.map(Path::to_owned));
     let methods = methods.with_logic(desk.clone());
     let socket = control_socket(hal.path(), &config.name)?;
     let (door, intake, arrivals) = server::entrance(methods.wake());
@@ -323,8 +315,8 @@ fn run_on(
     }
     judge_tool(&lock(session.tables), &remembered, &mut operator);
     let mut memory = Memory::new(config, remembered);
-    if let Some(panel) = &session.panel {
-        operator.add_entry(panel.note.clone());
+    for note in session.services.iter().filter_map(|service| service.note()) {
+        operator.add_entry(note.to_owned());
     }
     let mut running = Running {
         operator: match session.task {
@@ -393,7 +385,7 @@ fn run_on(
                 .name("retain".into())
                 .spawn_scoped(scope, move || retain_keeper::run(folder, &config.name, &desk, stop))?;
         }
-        if socket.is_some() || session.panel.is_some() || cell.is_some() {
+        if socket.is_some() || !session.services.is_empty() {
             let (socket, stop) = (socket.as_ref(), &stop);
             let at_once = methods.at_once();
             std::thread::Builder::new()
@@ -413,20 +405,15 @@ fn run_on(
                     server::serve(&arrivals, &mut methods, stop);
                 })?;
         }
-        if let Some(cell) = cell {
-            let (door, stop) = (door.clone(), &stop);
+        let mut ends = Vec::new();
+        for service in &session.services {
+            let (end, closed) = UnixStream::pair()?;
+            ends.push(end);
+            let (door, until) = (door.clone(), Until { stop: &stop, closed });
             std::thread::Builder::new()
-                .name("cell".into())
+                .name(service.name().into())
                 .stack_size(STACK_SIZE)
-                .spawn_scoped(scope, move || cell.serve(&door, stop))?;
-        }
-        // Closed at its other end by the end of this session, however that comes about.
-        let (panel_stays, until) = UnixStream::pair()?;
-        if let Some(panel) = &session.panel {
-            std::thread::Builder::new()
-                .name("panel".into())
-                .stack_size(STACK_SIZE)
-                .spawn_scoped(scope, move || panel.serve(door, until))?;
+                .spawn_scoped(scope, move || service.serve(door, until))?;
         }
         // Everything is open and every thread of the cycle runs.
         if !session.keep_rights {
@@ -437,7 +424,7 @@ fn run_on(
         let operator_loop = OperatorLoop::new(scope, session, &stop, inbox, pin_reader(&hal), process.cpu, memory);
         let probed_time_s = operator_loop.run(&mut running, task, &lives);
         drop(ended);
-        drop(panel_stays);
+        drop(ends);
         running.operator.close_journal();
         if running.operator.needs_restart() {
             end_with_thread(&cycle, &running.operator);
@@ -508,7 +495,7 @@ fn judge_tool(tables: &Tables, remembered: &Remembered, operator: &mut Operator)
     let (in_table, last) = (tables.tool_in_spindle(), remembered.tool);
     if let Some(tool) = remembered.changing {
         operator.add_entry(format!(
-            "warning: the control ended while tool {tool} was to be changed: {LOOK_AT_TOOL}"
+            "warning: the control ended during the change to tool {tool}: {LOOK_AT_TOOL}"
         ));
     } else if last != 0 && in_table != last {
         operator.add_entry(format!(

@@ -5,7 +5,7 @@
 use super::progress::Progress;
 use super::report::{self, Facts, FarEnd};
 use crate::operator_loop::{LoopTask, Running};
-use crate::panel::Panel;
+use crate::service::Service;
 use crate::session;
 use crate::session::{Program, Session, Task, Wire};
 use anyhow::Context;
@@ -30,8 +30,8 @@ pub struct Job<'a> {
     pub json: bool,
     /// Asks for a stop.
     pub signal: StopSignal,
-    /// The panel in the browser.
-    pub panel: Option<Panel>,
+    /// What is served beside the socket.
+    pub services: Vec<Box<dyn Service>>,
     /// Who measures at the far end of the wire, if somebody does.
     pub far_end: Option<Box<dyn FarEnd + 'a>>,
 }
@@ -91,7 +91,7 @@ pub fn run_and_report(job: Job<'_>, wire: Wire) -> anyhow::Result<ExitCode> {
         quiet: job.json,
         signal: job.signal,
         keep_rights: false,
-        panel: job.panel,
+        services: job.services,
     };
     let mut progress = Progress::new(&overview, job.json);
     let ended = session::run(&session, wire, &mut progress)?;

@@ -59,7 +59,7 @@ pub fn preview(
     let down = place(&mut axes().filter(|axis| *axis == Axis::Z));
     let mut told = vec![
         format!(
-            "goes: Z to the upper end of its travel; {beside}; {down}, the last {CLEARANCE_MM} mm at {FEED_MM_PER_MINUTE} mm/min"
+            "first moves: Z to the upper end of its travel; {beside}; {down}, the last {CLEARANCE_MM} mm at {FEED_MM_PER_MINUTE} mm/min"
         ),
         format!("in force then: {}", modes.words().join(" ")),
     ];

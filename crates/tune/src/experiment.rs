@@ -253,7 +253,7 @@ pub(super) fn run(
         quiet,
         signal,
         keep_rights: false,
-        panel: None,
+        services: Vec::new(),
     };
     onlooker.begin(Progress::new(&overview, quiet));
     let mut task = Forward(onlooker);

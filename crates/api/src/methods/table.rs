@@ -756,7 +756,7 @@ pub const METHODS: &[Method] = &[
     Method {
         name: "block_delete",
         params: &[needed("on", Kind::Flag)],
-        does: "\"on\" (true or false): lines that begin with / are left out of programs and lines of MDI; refused while one runs, as \
+        does: "\"on\" (true or false): lines that begin with / are skipped in programs and lines of MDI; refused while one runs, as \
                it was checked with the lines that it has",
         runs: Runs::Order(|_, call| call.params.flag("on").map(Order::BlockDelete)),
         ..ORDER
@@ -819,7 +819,7 @@ pub const METHODS: &[Method] = &[
     },
     Method {
         name: "logic.list",
-        does: "programs in Structured Text: periods, scans, how many were left out as the one before was not over, what a scan takes",
+        does: "programs in Structured Text: periods, scans, how many were skipped because the one before was not over, what a scan takes",
         gives: Gives::LogicTasks,
         runs: Runs::Quick(|methods, _| Ok(methods.logic_tasks())),
         ..LOOK

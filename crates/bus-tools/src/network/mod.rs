@@ -475,7 +475,7 @@ fn report(view: &NetworkView, status: &Value, out: &mut impl Write) -> io::Resul
         writeln!(out, "machine file {}", view.file)?;
         writeln!(
             out,
-            "cycles begin up to {:.1} us late, {} were left out",
+            "cycles begin up to {:.1} us late, {} were skipped",
             status["late_max_us"].as_f64().unwrap_or(0.0),
             status["cycles_skipped"]
         )?;

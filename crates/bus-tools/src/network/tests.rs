@@ -208,7 +208,7 @@ fn a_report_fits_a_page() {
     assert!(text.lines().count() <= 75, "{} lines", text.lines().count());
     let too_long: Vec<&str> = text.lines().filter(|line| line.len() > 140).collect();
     assert!(too_long.is_empty(), "{too_long:?}");
-    assert!(text.contains("cycles begin up to 12.5 us late, 2 were left out\n"));
+    assert!(text.contains("cycles begin up to 12.5 us late, 2 were skipped\n"));
 }
 
 /// The demo machine on EtherCAT, all of it in OP.

@@ -215,11 +215,6 @@ impl SubDevice {
         self.error
     }
 
-    /// Why.
-    pub fn status_code(&self) -> AlStatusCode {
-        AlStatusCode(self.esc.u16(register::AL_STATUS_CODE))
-    }
-
     /// Its objects.
     pub fn objects(&self) -> &ObjectStore {
         &self.objects
@@ -238,11 +233,6 @@ impl SubDevice {
     /// Its application.
     pub fn application_mut(&mut self) -> &mut dyn Application {
         &mut *self.config.application
-    }
-
-    /// Its EEPROM, to be changed; what the chip has loaded stays.
-    pub fn eeprom_mut(&mut self) -> &mut Vec<u8> {
-        &mut self.esc.eeprom.image
     }
 
     /// Time of the bus as it has it, ns; without a clock none.

@@ -169,11 +169,6 @@ impl Arc {
         ]
     }
 
-    /// Whether the radius is the same all along.
-    pub fn is_round(&self) -> bool {
-        self.radius_change == 0.0
-    }
-
     /// Angle of the whole arc, radians.
     pub fn sweep_rad(&self) -> f64 {
         self.sweep

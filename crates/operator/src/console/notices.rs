@@ -123,7 +123,7 @@ impl Operator {
             Notice::ProgramEnded => {
                 self.program_ended = true;
                 if let Some(tool) = self.changing_tool.take() {
-                    let what = format!("warning: given up while tool {tool} was to be changed: {}", LOOK_AT_TOOL);
+                    let what = format!("warning: stopped during the change to tool {tool}: {}", LOOK_AT_TOOL);
                     self.note(time_s, what);
                 }
             }

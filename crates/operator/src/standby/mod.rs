@@ -21,8 +21,8 @@ pub(super) use self::check::Part;
 pub(super) use self::clients::{Clients, outcome_word};
 use crate::console::level;
 use crate::operator_loop::{LoopTask, Running};
-use crate::panel::Panel;
 use crate::progress::told;
+use crate::service::Service;
 use crate::session;
 use crate::session::{Session, Task, Wire};
 use config::Config;
@@ -45,7 +45,7 @@ pub fn stand_by(
     wire: Wire,
     as_json: bool,
     signal: StopSignal,
-    panel: Option<Panel>,
+    services: Vec<Box<dyn Service>>,
 ) -> anyhow::Result<ExitCode> {
     let tables = Mutex::new(Tables::read(config).map_err(Refusal::from)?);
     let session = Session {
@@ -55,7 +55,7 @@ pub fn stand_by(
         quiet: as_json,
         signal,
         keep_rights: false,
-        panel,
+        services,
     };
     if !as_json {
         say(&format!(

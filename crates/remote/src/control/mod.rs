@@ -329,7 +329,7 @@ pub fn fault(args: &FaultArgs) -> anyhow::Result<ExitCode> {
     }
     let answer = call(control, "sim.fault", params)?;
     let told = match (kind.as_str(), for_s) {
-        ("none", _) => "what had gone wrong is mended; see: isocnc status".to_owned(),
+        ("none", _) => "simulated fault cleared; see: isocnc status".to_owned(),
         (kind, Some(for_s)) => format!("{kind} for {for_s} s; see: isocnc status"),
         (kind, None) => format!("{kind}; see: isocnc status"),
     };
@@ -342,7 +342,7 @@ pub fn fault(args: &FaultArgs) -> anyhow::Result<ExitCode> {
 /// # Errors
 /// No control answers, or it refuses.
 pub fn tool_changed(args: &ControlArgs) -> anyhow::Result<ExitCode> {
-    order(args, "tool.changed", "goes on with this tool")
+    order(args, "tool.changed", "continues with this tool")
 }
 
 /// Switches drives on or off, or stops, and waits until that is done. Ctrl-C ends the waiting, and nothing else.

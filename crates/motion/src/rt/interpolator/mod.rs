@@ -285,11 +285,6 @@ impl Interpolator {
         self.follower.give_up();
     }
 
-    /// How the last move in step with the spindle went. RT.
-    pub fn sync_report(&self) -> SyncReport {
-        self.follower.report()
-    }
-
     /// How far a tap is behind its depth, for as long as the spindle takes to reverse there, mm; else 0. RT.
     pub fn over_run_mm(&self) -> f64 {
         match self.track.current() {

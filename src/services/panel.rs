@@ -7,7 +7,8 @@
 //! who has it. Asked for on the command line, the panel is what somebody waits for: there is no control then. In a machine file it is
 //! one of several ways to the machine: the control goes on without, and tries again until the address is free.
 
-use crate::measurements;
+use super::Asked;
+use ::panel::{Backup, Counts, Guest, Listener, Role, Settings, Tls, TlsError, TokenFile, Tokens};
 use anyhow::Context;
 use api::roles;
 use api::server::door::Door;
@@ -16,7 +17,8 @@ use host::capabilities;
 use host::capabilities::Work;
 use host::terminal::say;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
-use panel::{Backup, Counts, Guest, Listener, Role, Settings, Tls, TlsError, TokenFile, Tokens};
+use operator::measurements;
+use operator::service::{Service, Until};
 use std::io::{self, Write};
 use std::net::SocketAddr;
 use std::os::fd::AsFd;
@@ -28,24 +30,21 @@ use std::sync::{Arc, Mutex, PoisonError};
 const RETRY_MS: u16 = 5000;
 
 /// What a session serves.
-pub struct Panel {
+pub(crate) struct Panel {
     wanted: Wanted,
     listener: Mutex<Option<Listener>>,
     settings: Mutex<Option<Settings>>,
     counts: Arc<Counts>,
-    /// What the journal is to be told.
-    pub note: String,
+    /// What the journal says of it.
+    note: String,
 }
-
-/// What the command line says of the panel: nothing, that there is to be one, or where.
-pub type Asked = Option<Option<SocketAddr>>;
 
 impl Panel {
     /// The panel of a machine, if there is to be one, listening; `quiet`: standard output is for a program.
     ///
     /// # Errors
     /// It was asked for, and its address cannot be had.
-    pub fn of(config: &Config, asked: Asked, quiet: bool) -> anyhow::Result<Option<Panel>> {
+    pub(super) fn of(config: &Config, asked: Asked, quiet: bool) -> anyhow::Result<Option<Panel>> {
         let Some(wanted) = wanted(config, asked) else {
             return Ok(None);
         };
@@ -136,29 +135,13 @@ impl Panel {
     ///
     /// # Errors
     /// What is wrong with them.
-    pub fn check(config: &Config) -> anyhow::Result<()> {
+    pub(super) fn check(config: &Config) -> anyhow::Result<()> {
         match config.panel.as_ref().map(|panel| &panel.encryption) {
             Some(Encryption::Files { certificate, key }) => Tls::of_files(certificate, key)
                 .map(drop)
                 .context("the panel cannot encrypt what it sends"),
             // Its own certificate is made where there is none.
             Some(Encryption::None | Encryption::Own(_)) | None => Ok(()),
-        }
-    }
-
-    /// Folder of programs.
-    pub fn programs(&self) -> Option<&Path> {
-        self.wanted.programs.as_deref()
-    }
-
-    /// Serves until the other end of `until` is closed.
-    pub(super) fn serve(&self, door: Door, until: UnixStream) {
-        capabilities::give_up_or_warn(Work::Ordinary);
-        let Some(listener) = self.listener(&until) else { return };
-        let settings = take(&self.settings).unwrap_or_default();
-        let control = Arc::new(Way(door));
-        if let Err(cause) = panel::serve(listener, settings, control, Arc::clone(&self.counts), until) {
-            let _ = writeln!(files::printed::stderr(), "warning: the panel has ended: {cause}");
         }
     }
 
@@ -186,6 +169,32 @@ impl Panel {
     }
 }
 
+impl Service for Panel {
+    fn name(&self) -> &'static str {
+        "panel"
+    }
+
+    fn note(&self) -> Option<&str> {
+        Some(&self.note)
+    }
+
+    fn programs(&self) -> Option<&Path> {
+        self.wanted.programs.as_deref()
+    }
+
+    fn serve(&self, door: Door, until: Until<'_>) {
+        capabilities::give_up_or_warn(Work::Ordinary);
+        let Some(listener) = self.listener(&until.closed) else {
+            return;
+        };
+        let settings = take(&self.settings).unwrap_or_default();
+        let control = Arc::new(Way(door));
+        if let Err(cause) = ::panel::serve(listener, settings, control, Arc::clone(&self.counts), until.closed) {
+            let _ = writeln!(files::printed::stderr(), "warning: the panel has ended: {cause}");
+        }
+    }
+}
+
 fn take<T>(of: &Mutex<Option<T>>) -> Option<T> {
     of.lock().unwrap_or_else(PoisonError::into_inner).take()
 }
@@ -208,7 +217,7 @@ fn address(listener: &Listener, is_encrypted: bool) -> String {
 }
 
 /// How an address of the panel begins.
-pub fn scheme(is_encrypted: bool) -> &'static str {
+pub(crate) fn scheme(is_encrypted: bool) -> &'static str {
     if is_encrypted { "https" } else { "http" }
 }
 
@@ -242,7 +251,7 @@ fn port(key: &'static str, name: &str, address: Option<SocketAddr>, quiet: bool)
 /// The way into the service.
 struct Way(Door);
 
-impl panel::Control for Way {
+impl ::panel::Control for Way {
     fn connect(&self, guest: &Guest) -> io::Result<UnixStream> {
         let role = match guest.role {
             Role::Watch => roles::Role::Watch,

@@ -14,9 +14,9 @@ use cell_link::{Client, Refused, Settings};
 use config::{Cell as Wanted, Config, Panel, Remote};
 use host::capabilities;
 use host::capabilities::Work;
+use operator::service::{Service, Until};
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
 
 /// What a session keeps up.
 pub(super) struct Cell {
@@ -38,14 +38,18 @@ impl Cell {
         let settings = settings(wanted, state, config.panel.as_ref());
         Ok(Some(Cell { settings }))
     }
+}
 
-    /// Folder of programs.
-    pub(super) fn programs(&self) -> &Path {
-        &self.settings.programs
+impl Service for Cell {
+    fn name(&self) -> &'static str {
+        "cell"
     }
 
-    /// Keeps the link until `stop`.
-    pub(super) fn serve(&self, door: &Door, stop: &AtomicBool) {
+    fn programs(&self) -> Option<&Path> {
+        Some(&self.settings.programs)
+    }
+
+    fn serve(&self, door: Door, until: Until<'_>) {
         capabilities::give_up_or_warn(Work::Ordinary);
         let role = match self.settings.remote {
             LinkRemote::Off => Role::Watch,
@@ -57,7 +61,7 @@ impl Cell {
                 .map_err(|cause| Refused::Gone(cause.to_string()))?;
             Ok(Box::new(Client::new(stream, hears_changes)?))
         };
-        match cell_link::run(&self.settings, &connect, stop) {
+        match cell_link::run(&self.settings, &connect, until.stop) {
             // The control has ended, and with it its clients.
             Ok(()) | Err(cell_link::LinkError::Control(Refused::Gone(_))) => {}
             Err(cause) => {
