@@ -6,7 +6,7 @@ use crate::network_view::NetworkView;
 use machine::faults::Reaction;
 use machine::state::State;
 use rt::overrides::Overridden;
-use rt::shared::{Phase, RtStatus};
+use rt::shared::{Phase, RtStatus, Snapshot};
 use rt::times::Histogram;
 use std::fmt::Write;
 
@@ -56,6 +56,23 @@ impl Text {
     fn single(&mut self, name: &str, kind: &str, help: &str, value: f64) {
         self.family(name, kind, help);
         self.sample(name, &[], value);
+    }
+
+    /// A family with a sample for each row: the values of its labels, and its own.
+    fn rows<const N: usize>(
+        &mut self,
+        name: &str,
+        kind: &str,
+        help: &str,
+        labels: [&str; N],
+        rows: impl IntoIterator<Item = ([String; N], f64)>,
+    ) {
+        self.family(name, kind, help);
+        for (values, value) in rows {
+            let values = values.each_ref().map(String::as_str);
+            let labels: Vec<(&str, &str)> = labels.into_iter().zip(values).collect();
+            self.sample(name, &labels, value);
+        }
     }
 }
 
@@ -145,230 +162,227 @@ fn escaped(value: &str) -> String {
 pub(super) fn text(facts: &Facts<'_>, live: &RtStatus, pin: impl Fn(&str) -> Option<f64>) -> String {
     let now = live.snapshot();
     let mut text = Text(String::new());
-    text.family("build_info", "gauge", "Version of the control and name of the machine.");
-    let labels = [("version", env!("CARGO_PKG_VERSION")), ("machine", facts.machine)];
-    text.sample("build_info", &labels, 1.0);
-    text.family("state", "gauge", "1 at the state of the machine, 0 at all others.");
-    for state in State::ALL {
-        let name = format!("{state:?}").to_lowercase();
-        text.sample("state", &[("state", &name)], f64::from(state == now.state));
-    }
-    for (name, rotary, unit) in [
-        ("axis_position_metres", false, 1e-3),
-        ("axis_angle_radians", true, std::f64::consts::PI / 180.0),
-    ] {
-        let mut axes = facts
-            .axes
-            .iter()
-            .enumerate()
-            .zip(now.position.0)
-            .filter(|((_, (_, is_rotary)), _)| *is_rotary == rotary)
-            .peekable();
-        if axes.peek().is_some() {
-            text.family(name, "gauge", "Position of an axis, machine coordinates.");
-        }
-        for ((place, (letter, _)), position) in axes {
-            let letter = letter.to_string();
-            text.sample(name, &[("axis", &letter), ("kind", "commanded")], position * unit);
-            let joint = facts.joint_of.get(place).copied().flatten();
-            if let Some(actual) = joint.and_then(|joint| pin(&format!("joint.{joint}.motor-pos-fb"))) {
-                text.sample(name, &[("axis", &letter), ("kind", "actual")], actual * unit);
-            }
-        }
-    }
-    text.family("joint_following_error_metres", "gauge", "Following error of a joint.");
-    for joint in 0..facts.joints {
-        if let Some(error_mm) = pin(&format!("joint.{joint}.f-error")) {
-            text.sample(
-                "joint_following_error_metres",
-                &[("joint", &joint.to_string())],
-                error_mm * 1e-3,
-            );
-        }
-    }
-    text.family(
-        "joint_torque_ratio",
-        "gauge",
-        "Torque that a drive tells, of the rated one.",
-    );
-    for joint in 0..facts.joints {
-        if let Some(thousandths) = pin(&format!("cia402.{joint}.drv-actual-torque")) {
-            text.sample(
-                "joint_torque_ratio",
-                &[("joint", &joint.to_string())],
-                thousandths * 1e-3,
-            );
-        }
-    }
-    text.family("feed_metres_per_second", "gauge", "Speed along the path.");
-    text.sample(
-        "feed_metres_per_second",
-        &[("kind", "commanded")],
-        now.velocity_mm_s * 1e-3,
-    );
-    text.family("override_ratio", "gauge", "Share of what is programmed.");
-    for what in Overridden::ALL {
-        text.sample(
-            "override_ratio",
-            &[("what", what.name())],
-            live.overrides.percent(what) * 1e-2,
-        );
-    }
-    if let Some(rpm) = pin("spindle.0.speed-out") {
-        text.family("spindle_revolutions_per_second", "gauge", "Speed of a spindle.");
-        text.sample(
-            "spindle_revolutions_per_second",
-            &[("spindle", "0"), ("kind", "commanded")],
-            rpm / 60.0,
-        );
-        if let Some(turns_s) = pin("spindle.0.speed-in") {
-            text.sample(
-                "spindle_revolutions_per_second",
-                &[("spindle", "0"), ("kind", "actual")],
-                turns_s,
-            );
-        }
-    }
-    text.single(
-        "tool_number",
-        "gauge",
-        "Tool in the spindle, 0: none.",
-        f64::from(facts.tool),
-    );
-    text.family(
-        "parts_total",
-        "counter",
-        "Parts made, as the counter of the machine has them.",
-    );
-    text.sample("parts_total", &[("result", "completed")], facts.parts as f64);
-    text.family(
-        "program_seconds_total",
-        "counter",
-        "Time of programs, by what it was spent on.",
-    );
-    for phase in Phase::ALL {
-        let seconds = live.phase(phase) as f64 * facts.cycle_s;
-        text.sample("program_seconds_total", &[("phase", phase.name())], seconds);
-    }
-    text.family(
-        "alarms_total",
-        "counter",
-        "Alarms and warnings, by what the machine does.",
-    );
-    for reaction in Reaction::ALL {
-        let count = live.desk.alarms(reaction) as f64;
-        text.sample("alarms_total", &[("class", reaction.severity())], count);
-    }
-    text.single(
-        "alarm_active",
-        "gauge",
-        "1 while an alarm stands.",
-        f64::from(facts.is_alarm),
-    );
-    text.single(
-        "logic_forced",
-        "gauge",
-        "Variables of programs in Structured Text that somebody has forced.",
-        facts.forced as f64,
-    );
-    text.single(
-        "control_taken",
-        "gauge",
-        "1 while a client has control.",
-        f64::from(facts.controlled),
-    );
-    text.single("cycles_total", "counter", "Cycles since the start.", now.cycles as f64);
-    text.single(
-        "cycles_skipped_total",
-        "counter",
-        "Cycles skipped because they came too late.",
-        now.cycles_skipped as f64,
-    );
-    text.single(
-        "cycle_lateness_seconds_max",
-        "gauge",
-        "Worst lateness of a cycle since the start.",
-        now.late_max_ns as f64 * 1e-9,
-    );
-    let [period, times @ ..] = live.times.all();
-    text.histogram(
-        "cycle_period_seconds",
-        "Distance from one SoC to the next.",
-        period.1,
-        facts.cycle_s,
-    );
-    for (name, histogram) in times {
-        let help = match name {
-            "lateness" => "How long after its date a SoC was sent.",
-            "exchange" => "From a SoC to the end of the exchange.",
-            _ => "From the end of the exchange to that of the cycle.",
-        };
-        text.histogram(&format!("cycle_{name}_seconds"), help, histogram, 0.0);
-    }
-    text.single(
-        "queue_seconds",
-        "gauge",
-        "Motion that is planned ahead.",
-        now.remaining_s,
-    );
-    let second = [
-        ("rt.compute-mean-ns", "mean"),
-        ("rt.compute-p99-ns", "p99"),
-        ("rt.compute-max-ns", "max"),
-    ];
-    text.family(
-        "cycle_compute_recent_seconds",
-        "gauge",
-        "Time that a cycle computes, over the last second.",
-    );
-    for (name, kind) in second {
-        if let Some(ns) = pin(name) {
-            text.sample("cycle_compute_recent_seconds", &[("kind", kind)], ns * 1e-9);
-        }
-    }
-    text.family(
-        "bus_frames_lost_total",
-        "counter",
-        "Answers of a node that did not come.",
-    );
-    for node in &facts.network.nodes {
-        if let Some(live) = &node.live {
-            text.sample(
-                "bus_frames_lost_total",
-                &[("node", &node.id.to_string())],
-                live.lost as f64,
-            );
-        }
-    }
-    text.family(
-        "bus_node_operational",
-        "gauge",
-        "1 while process data of a node are valid.",
-    );
-    for node in &facts.network.nodes {
-        if let Some(live) = &node.live {
-            text.sample(
-                "bus_node_operational",
-                &[("node", &node.id.to_string())],
-                f64::from(live.operational),
-            );
-        }
-    }
-    text.family(
-        "bus_node_state",
-        "gauge",
-        "1 at the state that a node told last, 0 at all others.",
-    );
-    for node in &facts.network.nodes {
-        let Some(live) = &node.live else { continue };
-        for state in bus::node_states() {
-            let labels = [("node", node.id.to_string()), ("state", state.to_lowercase())];
-            let labels = labels.each_ref().map(|(label, value)| (*label, value.as_str()));
-            text.sample("bus_node_state", &labels, f64::from(live.nmt_state == state));
-        }
-    }
+    text.machine(facts, &now, &pin);
+    text.path(facts, &now, live, &pin);
+    text.work(facts, live);
+    text.cycle(facts, &now, live, &pin);
+    text.bus(facts);
     text.process();
     text.0
+}
+
+impl Text {
+    fn machine(&mut self, facts: &Facts<'_>, now: &Snapshot, pin: &dyn Fn(&str) -> Option<f64>) {
+        self.rows(
+            "build_info",
+            "gauge",
+            "Version of the control and name of the machine.",
+            ["version", "machine"],
+            [([env!("CARGO_PKG_VERSION").to_owned(), facts.machine.to_owned()], 1.0)],
+        );
+        let state = |state: State| ([format!("{state:?}").to_lowercase()], f64::from(state == now.state));
+        self.rows(
+            "state",
+            "gauge",
+            "1 at the state of the machine, 0 at all others.",
+            ["state"],
+            State::ALL.map(state),
+        );
+        for (name, rotary, unit) in [
+            ("axis_position_metres", false, 1e-3),
+            ("axis_angle_radians", true, std::f64::consts::PI / 180.0),
+        ] {
+            let mut rows = Vec::new();
+            for ((place, (letter, is_rotary)), commanded) in facts.axes.iter().enumerate().zip(now.position.0) {
+                if *is_rotary != rotary {
+                    continue;
+                }
+                let joint = facts.joint_of.get(place).copied().flatten();
+                let actual = joint.and_then(|joint| pin(&format!("joint.{joint}.motor-pos-fb")));
+                for (kind, position) in [("commanded", Some(commanded)), ("actual", actual)] {
+                    rows.extend(position.map(|position| ([letter.to_string(), kind.to_owned()], position * unit)));
+                }
+            }
+            if !rows.is_empty() {
+                let help = "Position of an axis, machine coordinates.";
+                self.rows(name, "gauge", help, ["axis", "kind"], rows);
+            }
+        }
+        let of_joints = |name: fn(usize) -> String| {
+            (0..facts.joints).filter_map(move |joint| Some(([joint.to_string()], pin(&name(joint))? * 1e-3)))
+        };
+        self.rows(
+            "joint_following_error_metres",
+            "gauge",
+            "Following error of a joint.",
+            ["joint"],
+            of_joints(|joint| format!("joint.{joint}.f-error")),
+        );
+        self.rows(
+            "joint_torque_ratio",
+            "gauge",
+            "Torque that a drive tells, of the rated one.",
+            ["joint"],
+            of_joints(|joint| format!("cia402.{joint}.drv-actual-torque")),
+        );
+    }
+
+    fn path(&mut self, facts: &Facts<'_>, now: &Snapshot, live: &RtStatus, pin: &dyn Fn(&str) -> Option<f64>) {
+        let commanded = || "commanded".to_owned();
+        self.rows(
+            "feed_metres_per_second",
+            "gauge",
+            "Speed along the path.",
+            ["kind"],
+            [([commanded()], now.velocity_mm_s * 1e-3)],
+        );
+        self.rows(
+            "override_ratio",
+            "gauge",
+            "Share of what is programmed.",
+            ["what"],
+            Overridden::ALL.map(|what| ([what.name().to_owned()], live.overrides.percent(what) * 1e-2)),
+        );
+        if let Some(rpm) = pin("spindle.0.speed-out") {
+            let speeds = [
+                (commanded(), Some(rpm / 60.0)),
+                ("actual".to_owned(), pin("spindle.0.speed-in")),
+            ];
+            self.rows(
+                "spindle_revolutions_per_second",
+                "gauge",
+                "Speed of a spindle.",
+                ["spindle", "kind"],
+                (speeds.into_iter()).filter_map(|(kind, turns_s)| Some((["0".to_owned(), kind], turns_s?))),
+            );
+        }
+        self.single(
+            "tool_number",
+            "gauge",
+            "Tool in the spindle, 0: none.",
+            f64::from(facts.tool),
+        );
+    }
+
+    fn work(&mut self, facts: &Facts<'_>, live: &RtStatus) {
+        self.rows(
+            "parts_total",
+            "counter",
+            "Parts made, as the counter of the machine has them.",
+            ["result"],
+            [(["completed".to_owned()], facts.parts as f64)],
+        );
+        let seconds = |phase: Phase| ([phase.name().to_owned()], live.phase(phase) as f64 * facts.cycle_s);
+        self.rows(
+            "program_seconds_total",
+            "counter",
+            "Time of programs, by what it was spent on.",
+            ["phase"],
+            Phase::ALL.map(seconds),
+        );
+        let alarms = |reaction: Reaction| ([reaction.severity().to_owned()], live.desk.alarms(reaction) as f64);
+        self.rows(
+            "alarms_total",
+            "counter",
+            "Alarms and warnings, by what the machine does.",
+            ["class"],
+            Reaction::ALL.map(alarms),
+        );
+        for (name, help, value) in [
+            ("alarm_active", "1 while an alarm stands.", f64::from(facts.is_alarm)),
+            (
+                "logic_forced",
+                "Variables of programs in Structured Text that somebody has forced.",
+                facts.forced as f64,
+            ),
+            (
+                "control_taken",
+                "1 while a client has control.",
+                f64::from(facts.controlled),
+            ),
+        ] {
+            self.single(name, "gauge", help, value);
+        }
+    }
+
+    fn cycle(&mut self, facts: &Facts<'_>, now: &Snapshot, live: &RtStatus, pin: &dyn Fn(&str) -> Option<f64>) {
+        self.single("cycles_total", "counter", "Cycles since the start.", now.cycles as f64);
+        self.single(
+            "cycles_skipped_total",
+            "counter",
+            "Cycles skipped because they came too late.",
+            now.cycles_skipped as f64,
+        );
+        self.single(
+            "cycle_lateness_seconds_max",
+            "gauge",
+            "Worst lateness of a cycle since the start.",
+            now.late_max_ns as f64 * 1e-9,
+        );
+        let [period, times @ ..] = live.times.all();
+        self.histogram(
+            "cycle_period_seconds",
+            "Distance from one SoC to the next.",
+            period.1,
+            facts.cycle_s,
+        );
+        for (name, histogram) in times {
+            let help = match name {
+                "lateness" => "How long after its date a SoC was sent.",
+                "exchange" => "From a SoC to the end of the exchange.",
+                _ => "From the end of the exchange to that of the cycle.",
+            };
+            self.histogram(&format!("cycle_{name}_seconds"), help, histogram, 0.0);
+        }
+        self.single(
+            "queue_seconds",
+            "gauge",
+            "Motion that is planned ahead.",
+            now.remaining_s,
+        );
+        let of_second = ["mean", "p99", "max"].into_iter().filter_map(|kind| {
+            let ns = pin(&format!("rt.compute-{kind}-ns"))?;
+            Some(([kind.to_owned()], ns * 1e-9))
+        });
+        self.rows(
+            "cycle_compute_recent_seconds",
+            "gauge",
+            "Time that a cycle computes, over the last second.",
+            ["kind"],
+            of_second,
+        );
+    }
+
+    fn bus(&mut self, facts: &Facts<'_>) {
+        let nodes = || (facts.network.nodes.iter()).filter_map(|node| Some((node.id.to_string(), node.live.as_ref()?)));
+        self.rows(
+            "bus_frames_lost_total",
+            "counter",
+            "Answers of a node that did not come.",
+            ["node"],
+            nodes().map(|(node, live)| ([node], live.lost as f64)),
+        );
+        self.rows(
+            "bus_node_operational",
+            "gauge",
+            "1 while process data of a node are valid.",
+            ["node"],
+            nodes().map(|(node, live)| ([node], f64::from(live.operational))),
+        );
+        let states = nodes().flat_map(|(node, live)| {
+            bus::node_states().map(move |state| {
+                let is_it = f64::from(live.nmt_state == state);
+                ([node.clone(), state.to_lowercase()], is_it)
+            })
+        });
+        self.rows(
+            "bus_node_state",
+            "gauge",
+            "1 at the state that a node told last, 0 at all others.",
+            ["node", "state"],
+            states,
+        );
+    }
 }
 
 #[cfg(test)]
