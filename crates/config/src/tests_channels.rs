@@ -95,7 +95,7 @@ fn objects_are_bits_or_numbers_by_channel_device_file_or_profile() {
     // By the data type of its device file: 2000h is none that CiA 401 knows.
     let text = changed(
         "id = 2\nprofile = \"io\"",
-        "id = 2\nprofile = \"io\"\ndevice_file = \"obd/tests/data/io.xdd\"",
+        "id = 2\nprofile = \"io\"\ndevice_file = \"../../obd/tests/data/io.xdd\"",
     );
     let config = parse(&text, Path::new("m.toml")).unwrap_or_else(|errors| panic!("{errors}"));
     let node = &config.bus.nodes[1];

@@ -5,8 +5,8 @@ use super::*;
 use obd::PdoAccess;
 
 /// A node with a device file; `cargo test` runs in the folder above `obd`.
-const SERVO: &str = "id = 1\nprofile = \"cia402\"\ndevice_file = \"obd/tests/data/servo.xdc\"";
-const IO: &str = "id = 2\nprofile = \"io\"\ndevice_file = \"obd/tests/data/io.xdd\"";
+const SERVO: &str = "id = 1\nprofile = \"cia402\"\ndevice_file = \"../../obd/tests/data/servo.xdc\"";
+const IO: &str = "id = 2\nprofile = \"io\"\ndevice_file = \"../../obd/tests/data/io.xdd\"";
 
 /// The small machine with these two nodes.
 fn machine(servo: &str, io: &str) -> String {
@@ -202,18 +202,18 @@ fn rules_of_the_network() {
 #[test]
 #[rustfmt::skip] // one case a line
 fn rules_of_a_device_file() {
-    let file = "obd/tests/data/servo.xdc";
+    let file = "../../obd/tests/data/servo.xdc";
     let cases: [(&str, &[&str]); 14] = [
-        ("vendor_id = 1", &["vendor_id = 1: must be what obd/tests/data/servo.xdc says: 0x0000FACE"]),
+        ("vendor_id = 1", &["vendor_id = 1: must be what ../../obd/tests/data/servo.xdc says: 0x0000FACE"]),
         ("vendor_id = 0xFACE", &[]),
-        ("outputs = [\"0x6040/16\", \"0x607A/32\", \"0x6071/16\"]", &["outputs[2] = \"0x6071/16\": does not fit obd/tests/data/servo.xdc: the device has no such object"]),
-        ("outputs = [\"0x6040/16\", \"0x607A/32\", \"0x60FE:3/32\"]", &["outputs[2] = \"0x60FE:3/32\": does not fit obd/tests/data/servo.xdc: the device has no such sub-index; it has 0, 1, 2"]),
-        ("outputs = [\"0x6040/16\", \"0x607A/32\", \"0x6041/16\"]", &["outputs[2] = \"0x6041/16\": does not fit obd/tests/data/servo.xdc: Statusword can only be mapped into what the device sends"]),
-        ("outputs = [\"0x6040/16\", \"0x607A/32\", \"0x2010:2/32\"]", &["outputs[2] = \"0x2010:2/32\": does not fit obd/tests/data/servo.xdc: Tuning.FeedForward has 16 bits"]),
-        ("outputs = [\"0x6040/16\", \"0x607A/32\", \"0x6065/32\"]", &["outputs[2] = \"0x6065/32\": does not fit obd/tests/data/servo.xdc: Following error window cannot be mapped"]),
-        ("pres_timeout_us = 36", &["pres_timeout_us = 36: must be at least 37: by obd/tests/data/servo.xdc the device may take 30000 ns, its PRes 6720 ns on the wire"]),
-        ("chained = true", &["chained = true: is not for this device: obd/tests/data/servo.xdc says DLLCNPResChaining=\"false\""]),
-        ("sdo = [{ object = \"0x2011\", value = 1 }]", &["sdo[0].object = \"0x2011\": does not stand in obd/tests/data/servo.xdc"]),
+        ("outputs = [\"0x6040/16\", \"0x607A/32\", \"0x6071/16\"]", &["outputs[2] = \"0x6071/16\": does not fit ../../obd/tests/data/servo.xdc: the device has no such object"]),
+        ("outputs = [\"0x6040/16\", \"0x607A/32\", \"0x60FE:3/32\"]", &["outputs[2] = \"0x60FE:3/32\": does not fit ../../obd/tests/data/servo.xdc: the device has no such sub-index; it has 0, 1, 2"]),
+        ("outputs = [\"0x6040/16\", \"0x607A/32\", \"0x6041/16\"]", &["outputs[2] = \"0x6041/16\": does not fit ../../obd/tests/data/servo.xdc: Statusword can only be mapped into what the device sends"]),
+        ("outputs = [\"0x6040/16\", \"0x607A/32\", \"0x2010:2/32\"]", &["outputs[2] = \"0x2010:2/32\": does not fit ../../obd/tests/data/servo.xdc: Tuning.FeedForward has 16 bits"]),
+        ("outputs = [\"0x6040/16\", \"0x607A/32\", \"0x6065/32\"]", &["outputs[2] = \"0x6065/32\": does not fit ../../obd/tests/data/servo.xdc: Following error window cannot be mapped"]),
+        ("pres_timeout_us = 36", &["pres_timeout_us = 36: must be at least 37: by ../../obd/tests/data/servo.xdc the device may take 30000 ns, its PRes 6720 ns on the wire"]),
+        ("chained = true", &["chained = true: is not for this device: ../../obd/tests/data/servo.xdc says DLLCNPResChaining=\"false\""]),
+        ("sdo = [{ object = \"0x2011\", value = 1 }]", &["sdo[0].object = \"0x2011\": does not stand in ../../obd/tests/data/servo.xdc"]),
         ("sdo = [{ object = \"0x6041\", value = 1 }]", &["sdo[0].object = \"0x6041\": cannot be written: Statusword is read only"]),
         ("sdo = [{ object = \"0x2010:1\", value = 1, bits = 32 }]", &["sdo[0].bits = 32: must be 16, the length that the device file gives it"]),
         ("sdo = [{ object = \"0x2010:1\", value = 1001 }]", &["sdo[0].value = 1001: must be an integer from 1 to 1000"]),
@@ -225,14 +225,14 @@ fn rules_of_a_device_file() {
     // An RPDO of this device takes at most 8 objects of at most 64 octets.
     let nine = "outputs = [\"0x6040/16\", \"0x607A/32\", \"0x60FE:1/32\", \"0x6060/8\", \"0x2010:2/16\"]";
     assert_eq!(of_servo(nine), [""; 0]);
-    let text = machine(SERVO, IO).replace(file, "obd/tests/data/none.xdc");
+    let text = machine(SERVO, IO).replace(file, "../../obd/tests/data/none.xdc");
     let text = text.replace("name = \"small\"", "name = \"small\"\ncycle_us = 300");
     assert_eq!(messages(&text), [
-        "m.toml:10:15: bus.node[0].device_file = \"obd/tests/data/none.xdc\": cannot be read: No such file or directory (os error 2)",
-        "m.toml:14:15: bus.node[1].device_file = \"obd/tests/data/io.xdd\": describes a device for cycles from 400 to 10000 us, machine.cycle_us is 300",
+        "m.toml:10:15: bus.node[0].device_file = \"../../obd/tests/data/none.xdc\": cannot be read: No such file or directory (os error 2)",
+        "m.toml:14:15: bus.node[1].device_file = \"../../obd/tests/data/io.xdd\": describes a device for cycles from 400 to 10000 us, machine.cycle_us is 300",
     ]);
-    let text = changed("id = 1\nprofile = \"cia402\"", "id = 1\nprofile = \"cia402\"\ndevice_file = \"obd/tests/data/io.xdd\"");
-    let unfit = |key: &str, object: &str| format!("m.toml:6:1: bus.node[0].{key}: is missing: of what the profile usually has, {object} does not fit obd/tests/data/io.xdd: the device has no such object");
+    let text = changed("id = 1\nprofile = \"cia402\"", "id = 1\nprofile = \"cia402\"\ndevice_file = \"../../obd/tests/data/io.xdd\"");
+    let unfit = |key: &str, object: &str| format!("m.toml:6:1: bus.node[0].{key}: is missing: of what the profile usually has, {object} does not fit ../../obd/tests/data/io.xdd: the device has no such object");
     let expected: Vec<String> = ["0x6040/16", "0x6060/8", "0x60FE:1/32", "0x607A/32"].map(|object| unfit("outputs", object)).into();
     assert_eq!(messages(&text)[..4], expected);
 }
@@ -251,7 +251,7 @@ fn reactions_of_a_drive_are_those_that_its_device_file_offers() {
     let expected = [
         (
             "halt = 1",
-            "halt = 1: the drive has no 0x605D: it does not stand in obd/tests/data/servo.xdc",
+            "halt = 1: the drive has no 0x605D: it does not stand in ../../obd/tests/data/servo.xdc",
         ),
         (
             "fault = 40000",

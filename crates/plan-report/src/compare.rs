@@ -142,7 +142,7 @@ mod tests {
     use motion::plan::PlannerKind;
 
     fn demo() -> std::path::PathBuf {
-        Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/mill3-demo.toml")
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/mill3-demo.toml")
     }
 
     #[test]

@@ -5,7 +5,7 @@ const MACHINE: &str = include_str!("../../../../configs/mill3-demo.toml");
 
 #[test]
 fn nodes_are_found_in_the_machine_file() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/mill3-demo.toml");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/mill3-demo.toml");
     let config = config::read(&path).unwrap();
     let view = NetworkView::from_config(&config);
     let lines: Vec<&str> = MACHINE.lines().collect();

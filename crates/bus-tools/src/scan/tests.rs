@@ -151,7 +151,7 @@ const IO: &str = include_str!("../../../../configs/io-only.toml");
 fn a_scan_writes_a_machine_file_of_what_answers() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("cabinet.toml");
-    std::fs::copy("obd/tests/data/io.xdd", folder.path().join("io.xdd")).unwrap();
+    std::fs::copy("../../obd/tests/data/io.xdd", folder.path().join("io.xdd")).unwrap();
     let args = ScanArgs {
         write: Some(path.clone()),
         ..args()
@@ -237,7 +237,7 @@ fn a_scan_adds_what_a_file_does_not_have_and_names_what_is_otherwise() {
 #[test]
 fn a_device_file_that_fits_is_named() {
     let folder = tempfile::tempdir().unwrap();
-    std::fs::copy("obd/tests/data/io.xdd", folder.path().join("io.xdd")).unwrap();
+    std::fs::copy("../../obd/tests/data/io.xdd", folder.path().join("io.xdd")).unwrap();
     std::fs::write(folder.path().join("broken.xdd"), "<nothing").unwrap();
     let devices = propose::devices(folder.path(), &folder.path().join("m.toml")).unwrap();
     assert_eq!(devices.len(), 1);

@@ -67,7 +67,7 @@ mod tests {
 
     #[test]
     fn what_is_written_is_whole_runs_and_is_found() {
-        let parts = std::fs::read_dir("scripts/isolcpus").unwrap().count();
+        let parts = std::fs::read_dir("../../scripts/isolcpus").unwrap().count();
         assert_eq!(parts + 1, FILES.len(), "every part is written");
         let folder = tempfile::tempdir().unwrap();
         let script = write(&folder.path().join("scripts")).unwrap();

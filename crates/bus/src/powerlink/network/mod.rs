@@ -334,7 +334,7 @@ mod tests {
     #[test]
     fn the_device_file_is_written_before_what_the_machine_file_says() {
         let config = machine(
-            "device_file = \"obd/tests/data/servo.xdc\"\nmultiplex = 2\npdo_version = 0x10\nsdo = [{ object = \"0x2010:1\", value = 7 }]",
+            "device_file = \"../../obd/tests/data/servo.xdc\"\nmultiplex = 2\npdo_version = 0x10\nsdo = [{ object = \"0x2010:1\", value = 7 }]",
             "",
         );
         let plan = &plan(&config)[0];
