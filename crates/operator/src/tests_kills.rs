@@ -24,7 +24,7 @@ const KILLS: u64 = 200;
 /// Its value is the folder of the process that is to be killed.
 const FOLDER: &str = "ISOCNC_TEST_KEEP_IN";
 /// How that process is called among the tests.
-const PROCESS: &str = "operator::tests_kills::the_process_that_is_killed";
+const PROCESS: &str = "tests_kills::the_process_that_is_killed";
 
 fn machine(folder: &Path) -> Config {
     let text = include_str!("../../../configs/mill3-demo.toml");
