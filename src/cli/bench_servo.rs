@@ -6,7 +6,6 @@
 //! axes. What the simulated wire takes is left out, as a real one works beside the processor.
 
 use anyhow::{Context, anyhow, bail, ensure};
-use bus_tools::check::exchange_ns;
 use clap::Args;
 use config::{self, AxisMap, Config, HomingBy, Joint, SimJoint};
 use host::histogram::{Jitter, Summary};
@@ -478,7 +477,7 @@ pub(super) fn servo(config: &Config, cycles: u64) -> anyhow::Result<Servo> {
                     ("position loop", config.joints.len() as f64 * loop_us()),
                 ],
                 cycle: all.summary(),
-                wire_us: exchange_ns(config, &bus::plan(config)) as f64 / 1e3,
+                wire_us: bus::worst_exchange_ns(config) as f64 / 1e3,
             })
         },
     )

@@ -8,8 +8,8 @@ use crate::cli::bench_servo;
 use crate::services;
 use anyhow::{Context, ensure};
 use bus::plan::NodePlan;
-use bus_tools::check::{budget_json, list_cdc, node_json, write_budget, write_cdc, write_node};
-use config::{BusKind, Config, HomingBy, Joint, Place, SUBSTEPS, rate_max_hz};
+use bus_tools::check::{list_cdc, node_json, write_cdc, write_node};
+use config::{BusKind, Config, HomingBy, Joint, Place, Protocol, SUBSTEPS, rate_max_hz};
 use hal_pins::{Hal, file_len};
 use host::steadiness::Steadiness;
 use operator::session::check_start;
@@ -80,7 +80,7 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
     })?;
     if let Some(path) = &args.cdc {
         ensure!(
-            !config.bus.kind.is_ethercat(),
+            config.bus.kind.protocol() != Protocol::Ethercat,
             "a concise DCF is POWERLINK's: bus.kind is \"{}\"",
             config.bus.kind.name()
         );
@@ -161,7 +161,7 @@ impl fmt::Display for Summary<'_> {
         let mib = file_len(room) as f64 / f64::from(1 << 20);
         writeln!(f, "pins      room for {room}: {mib:.1} MiB of memory that is locked")?;
         if config.bus.kind != BusKind::None {
-            write_budget(f, config, plans)?;
+            bus_tools::budget::write(f, config, plans)?;
             writeln!(f, "nodes")?;
         }
         for (node, plan) in config.bus.nodes.iter().zip(plans) {
@@ -329,7 +329,7 @@ fn to_json(config: &Config, plans: &[NodePlan]) -> Json {
         "cycle_us": config.cycle_us,
         "async_slot_timeout_us": config.bus.async_slot_timeout_us,
         "pins": { "room": capacity(config), "memory_octets": file_len(capacity(config)) },
-        "budget": budget_json(config, plans),
+        "budget": bus_tools::budget::json(config, plans),
         "nodes": nodes.collect::<Vec<_>>(),
         "joints": joints.collect::<Vec<_>>(),
         "axes": axes.collect::<Vec<_>>(),

@@ -5,7 +5,7 @@ use anyhow::{Context, anyhow, ensure};
 use bus::Tap;
 use bus::sender::SoleSender;
 use clap::Args;
-use config::{KeepAwake, Require, Rt};
+use config::{KeepAwake, Protocol, Require, Rt};
 use host::capabilities::{self, Work};
 use host::setup;
 use host::setup::{Role, STACK_SIZE, enter_thread};
@@ -59,7 +59,7 @@ pub fn simulate(args: &SimulateArgs) -> anyhow::Result<ExitCode> {
     }
     let config = bus::read_with_cycle(&args.machine, args.cycle_us).map_err(Refusal::from)?;
     ensure!(
-        args.tap.is_none() || !config.bus.kind.is_ethercat(),
+        args.tap.is_none() || config.bus.kind.protocol() != Protocol::Ethercat,
         "--tap: the simulated devices of EtherCAT have no Ethernet over EtherCAT (EoE)"
     );
     let signal = StopSignal::install().context("signals")?;

@@ -1,4 +1,4 @@
-//! The network in words: how a cycle is spent, and of each node what it is expected to be, what is mapped and what is written.
+//! The network in words: of each node what it is expected to be, what is mapped and what is written.
 //!
 //! In:  the checked machine description, the plans of its nodes.
 //! Out: text for a terminal, and the same as JSON.
@@ -8,10 +8,10 @@ use bus::ethercat::setup::{StartSource, start_values};
 use bus::layout::Layout;
 use bus::plan::{LeftOut, LeftOutReason, NodePlan};
 use bus::powerlink::cdc;
-use bus::powerlink::managing_node::{latencies, mn_config, node_configs};
+use bus::powerlink::managing_node::{mn_config, node_configs};
 use config::{Channel, ChannelKind, Config, EthercatNode, Exchange, Mapped, Node, Profile, SyncClock};
 use ethercat::main::config::StartValue;
-use powerlink::mn::{Budget, BudgetLine, MnConfig, NodeConfig, Part};
+use powerlink::mn::{MnConfig, NodeConfig};
 use serde_json::{Value as Json, json};
 use std::fmt;
 use std::path::Path;
@@ -76,107 +76,6 @@ fn exchange(node: &Node) -> String {
         Exchange::Multiplexed(cycle) => format!(", in cycle {cycle} of a round"),
         Exchange::Chained => ", chained".to_owned(),
         Exchange::AsyncOnly => ", asynchronous only".to_owned(),
-    }
-}
-
-/// What the exchange of a cycle takes at the worst, ns.
-pub fn exchange_ns(config: &Config, plans: &[NodePlan]) -> u64 {
-    if config.bus.kind.is_ethercat() {
-        return bus::worst_exchange_ns(config);
-    }
-    with_mn_config(config, plans, |mn| {
-        Budget::new(mn, &latencies(&config.bus)).worst().total_ns()
-    })
-}
-
-/// The budget of the cycle as a table.
-pub fn write_budget(f: &mut fmt::Formatter<'_>, config: &Config, plans: &[NodePlan]) -> fmt::Result {
-    if config.bus.kind.is_ethercat() {
-        return write_frames(f, config);
-    }
-    let latencies_ns = latencies(&config.bus);
-    with_mn_config(config, plans, |mn| {
-        let budget = Budget::new(mn, &latencies_ns);
-        let us = |ns: u64| ns as f64 / 1000.0;
-        let of_round = match budget.longest_cycle() {
-            0 => String::new(),
-            cycle => format!(", cycle {cycle} of a round of {}", mn.multiplex_cycles),
-        };
-        writeln!(
-            f,
-            "{:<10}{:<46}{:>11}{:>9}",
-            "cycle",
-            format!("{} us{of_round}", config.cycle_us),
-            "expected us",
-            "worst us"
-        )?;
-        let takes_part = |line: &BudgetLine| match line.part {
-            Part::Poll { multiplex_cycle, .. } => multiplex_cycle == 0 || multiplex_cycle == budget.longest_cycle(),
-            Part::Soc | Part::SocToPreq | Part::PresMn { .. } => true,
-            Part::Chained { .. } | Part::Chain | Part::Soa | Part::AsyncSlot { .. } => true,
-        };
-        for line in budget.lines().filter(takes_part) {
-            let part = part(&line, config, &latencies_ns);
-            writeln!(
-                f,
-                "          {part:<48}{:>9.1}{:>9.1}",
-                us(line.expected_ns()),
-                us(line.worst_ns)
-            )?;
-        }
-        let (expected_ns, worst_ns) = (budget.expected_ns(), budget.worst().total_ns());
-        let left = |ns: u64| us(u64::from(mn.cycle_ns)) - us(ns);
-        writeln!(
-            f,
-            "          {:<48}{:>9.1}{:>9.1}",
-            "sum",
-            us(expected_ns),
-            us(worst_ns)
-        )?;
-        writeln!(
-            f,
-            "          {:<48}{:>9.1}{:>9.1}",
-            "left for computing",
-            left(expected_ns),
-            left(worst_ns)
-        )
-    })
-}
-
-/// What the frames of a cycle of EtherCAT cost: half of the cycle is theirs.
-fn write_frames(f: &mut fmt::Formatter<'_>, config: &Config) -> fmt::Result {
-    let us = |ns: u64| ns as f64 / 1000.0;
-    writeln!(f, "{:<10}{:<57}{:>9}", "cycle", format!("{} us", config.cycle_us), "us")?;
-    for line in bus::budget(config) {
-        writeln!(f, "          {:<57}{:>9.1}", line.part, line.worst_us)?;
-    }
-    let sum_ns = bus::worst_exchange_ns(config);
-    let left_ns = (u64::from(config.cycle_us) * 1000).saturating_sub(sum_ns);
-    writeln!(f, "          {:<57}{:>9.1}", "sum", us(sum_ns))?;
-    writeln!(f, "          {:<57}{:>9.1}", "left for computing", us(left_ns))
-}
-
-/// What a line of the budget is for.
-fn part(line: &BudgetLine, config: &Config, latencies_ns: &[Option<u32>]) -> String {
-    let name = |node: usize| config.bus.nodes.get(node).map_or("", |node| node.name.as_str());
-    match line.part {
-        Part::Soc => "SoC".to_owned(),
-        Part::SocToPreq => "pause before the first PReq".to_owned(),
-        Part::Poll {
-            node,
-            preq_octets,
-            pres_octets,
-            ..
-        } => {
-            let unknown = latencies_ns.get(node).copied().flatten().is_none();
-            let by_timeout = if unknown { ", latency unknown" } else { "" };
-            format!("{:<12} {preq_octets} + {pres_octets} octets{by_timeout}", name(node))
-        }
-        Part::PresMn { octets } => format!("PRes of the managing node, {octets} octets"),
-        Part::Chained { node, octets } => format!("{:<12} chained, {octets} octets", name(node)),
-        Part::Chain => "wait for the chain".to_owned(),
-        Part::Soa => "SoA".to_owned(),
-        Part::AsyncSlot { octets } => format!("asynchronous slot, ASnd of up to {octets} octets"),
     }
 }
 
@@ -404,44 +303,6 @@ fn described(channel: &Channel) -> String {
         _ if channel.unit.is_empty() => channel.name.clone(),
         _ => format!("{} ({})", channel.name, channel.unit),
     }
-}
-
-/// The budget as JSON, times in ns.
-pub fn budget_json(config: &Config, plans: &[NodePlan]) -> Json {
-    if config.bus.kind.is_ethercat() {
-        let ns = |us: f64| (us * 1e3).round() as u64;
-        let sum_ns = bus::worst_exchange_ns(config);
-        let lines = bus::budget(config).into_iter().map(|line| {
-            let (wire_ns, worst_ns) = (ns(line.wire_us), ns(line.worst_us));
-            json!({ "part": line.part, "wire_ns": wire_ns, "expected_ns": worst_ns, "worst_ns": worst_ns })
-        });
-        return json!({
-            "parts": lines.collect::<Vec<_>>(),
-            "longest_cycle_of_round": 0,
-            "expected_ns": sum_ns,
-            "worst_ns": sum_ns,
-            "left_ns": (u64::from(config.cycle_us) * 1000).saturating_sub(sum_ns),
-        });
-    }
-    let latencies_ns = latencies(&config.bus);
-    with_mn_config(config, plans, |mn| {
-        let budget = Budget::new(mn, &latencies_ns);
-        let lines = budget.lines().map(|line| {
-            json!({
-                "part": part(&line, config, &latencies_ns),
-                "wire_ns": line.wire_ns,
-                "expected_ns": line.expected_ns(),
-                "worst_ns": line.worst_ns,
-            })
-        });
-        json!({
-            "parts": lines.collect::<Vec<_>>(),
-            "longest_cycle_of_round": budget.longest_cycle(),
-            "expected_ns": budget.expected_ns(),
-            "worst_ns": budget.worst().total_ns(),
-            "left_ns": u64::from(mn.cycle_ns).saturating_sub(budget.worst().total_ns()),
-        })
-    })
 }
 
 /// One node as JSON.

@@ -9,6 +9,7 @@
 // What is public here is so for the program and its tests, and says more than its name only where there is more to say.
 #![allow(missing_docs)]
 
+pub mod budget;
 pub mod check;
 mod ethercat;
 pub mod init;

@@ -4,8 +4,8 @@
 //! Out: the payloads that came from the nodes ([`InputImage`]), what the cycle took ([`CycleReport`]).
 //!
 //! A bus has two halves: [`CyclicBus`] for the cycle thread, [`service::BusService`] for everybody else. [`powerlink`] and
-//! [`ethercat`] implement both; another one does, too, and is added to the functions below, which are the only ones that know
-//! which kinds there are.
+//! [`ethercat`] implement both; another one does, too, and is added to [`config::Protocol`]: the compiler then names each registry
+//! that lacks it (`protocol.rs` here).
 //!
 //! Nothing above this crate knows which bus it is (`tests/house.rs` of the program). The cycle thread calls [`CyclicBus`]: make a
 //! cycle ready, exchange, serve, report states and events, publish. [`service::BusService`] answers everyone else: objects of nodes
@@ -30,6 +30,7 @@ pub mod ethercat;
 pub mod layout;
 pub mod plan;
 pub mod powerlink;
+mod protocol;
 pub mod service;
 pub mod watch;
 
@@ -37,11 +38,14 @@ pub use self::ethercat::{Names, Remark};
 pub use self::powerlink::frames;
 pub use self::powerlink::sender;
 pub use self::powerlink::tap::Tap;
+use ::powerlink::link::Link;
+use anyhow::anyhow;
 pub use config::NodeIndex;
 use config::{self, Config, ConfigErrors, Identity};
 use machine::faults::{ForeignMaster, LinkFailure};
 use obd::AbortCode;
 use plan::NodePlan;
+use protocol::{Run, master};
 use service::{BudgetView, BusService};
 use std::ops::Range;
 use std::path::Path;
@@ -70,18 +74,12 @@ pub fn read_with_cycle(path: &Path, cycle_us: Option<u32>) -> Result<Config, Con
 /// # Errors
 /// What does not fit, at its place in the file.
 pub fn check(config: &Config) -> Result<(), ConfigErrors> {
-    match config.bus.kind.is_ethercat() {
-        true => ethercat::setup::check(config),
-        false => powerlink::managing_node::check(config).map_err(|rule| config::bus_error(config, "node", rule)),
-    }
+    master(config).check(config)
 }
 
 /// What each node is told before it may take part, in the order of the machine file.
 pub fn plan(config: &Config) -> Vec<NodePlan> {
-    match config.bus.kind.is_ethercat() {
-        true => ethercat::setup::plan(config),
-        false => powerlink::network::plan(config),
-    }
+    master(config).plan(config)
 }
 
 /// States that a node can tell, in the words of its bus: those of POWERLINK, then those of EtherCAT.
@@ -91,18 +89,12 @@ pub fn node_states() -> impl Iterator<Item = String> {
 
 /// How the cycle is spent, part by part. Latencies are those that the time-outs allow.
 pub fn budget(config: &Config) -> Vec<BudgetView> {
-    match config.bus.kind.is_ethercat() {
-        true => ethercat::setup::budget(config),
-        false => powerlink::managing_node::budget(config),
-    }
+    master(config).budget(config)
 }
 
 /// The longest that the exchange of a cycle can take, ns.
 pub fn worst_exchange_ns(config: &Config) -> u64 {
-    match config.bus.kind.is_ethercat() {
-        true => ethercat::setup::worst_exchange_ns(config),
-        false => powerlink::managing_node::worst_exchange_ns(config),
-    }
+    master(config).worst_exchange_ns(config)
 }
 
 /// A bus that is open.
@@ -126,10 +118,35 @@ pub fn with_interface<T>(
     warn: &mut dyn FnMut(&str),
     run: impl FnOnce(Open<'_>) -> anyhow::Result<T>,
 ) -> anyhow::Result<T> {
-    match config.bus.kind.is_ethercat() {
-        true => ethercat::open::with_interface(config, interface, watch, warn, run),
-        false => powerlink::open::with_interface(config, interface, watch, threads, warn, run),
-    }
+    opened(run, |run| {
+        master(config).with_interface(config, interface, watch, threads, warn, run)
+    })
+}
+
+/// As [`with_interface`], on any link, which has the address `mac`.
+///
+/// # Errors
+/// A network that cannot be, or what the call gives.
+pub fn with_link<T>(
+    config: &Config,
+    link: impl Link + Send,
+    mac: [u8; 6],
+    watch: Arc<Watch>,
+    run: impl FnOnce(Open<'_>) -> anyhow::Result<T>,
+) -> anyhow::Result<T> {
+    opened(run, |run| {
+        master(config).with_link(config, Box::new(link), mac, watch, run)
+    })
+}
+
+/// What a call gives that is made while a bus is open, or why it is not open.
+fn opened<T>(
+    call: impl FnOnce(Open<'_>) -> anyhow::Result<T>,
+    open: impl FnOnce(Run<'_>) -> anyhow::Result<()>,
+) -> anyhow::Result<T> {
+    let mut given = None;
+    open(Box::new(|bus| given = Some(call(bus))))?;
+    given.unwrap_or_else(|| Err(anyhow!("the bus was not opened")))
 }
 
 /// RT: the calls that the cycle thread is there to make, send and receive; hidden from the RealtimeSanitizer, which would take

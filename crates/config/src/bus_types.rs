@@ -73,17 +73,12 @@ impl BusKind {
         }
     }
 
-    /// Whether its frames are those of EtherCAT.
-    pub const fn is_ethercat(self) -> bool {
-        matches!(self, BusKind::Ethercat | BusKind::EthercatMemory)
-    }
-
     /// The protocol of its frames.
-    pub const fn protocol(self) -> &'static str {
+    pub const fn protocol(self) -> Protocol {
         match self {
-            BusKind::Powerlink | BusKind::Memory => "powerlink",
-            BusKind::Ethercat | BusKind::EthercatMemory => "ethercat",
-            BusKind::None => "none",
+            BusKind::Powerlink | BusKind::Memory => Protocol::Powerlink,
+            BusKind::Ethercat | BusKind::EthercatMemory => Protocol::Ethercat,
+            BusKind::None => Protocol::None,
         }
     }
 
@@ -91,6 +86,71 @@ impl BusKind {
     pub const fn has_interface(self) -> bool {
         matches!(self, BusKind::Powerlink | BusKind::Ethercat)
     }
+}
+
+/// The protocol of a bus. What it needs is in one registry for each layer, which the compiler wants whole: its keys here
+/// (`keys.rs`), checking and opening it in `bus::protocol`, its nodes in `sim::protocol`, its budget in `bus-tools`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Protocol {
+    /// Ethernet POWERLINK.
+    Powerlink,
+    /// EtherCAT.
+    Ethercat,
+    /// No bus. Without nodes, POWERLINK's half of each registry serves it.
+    None,
+}
+
+impl Protocol {
+    /// Its name in reports and on the control socket.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Protocol::Powerlink => "powerlink",
+            Protocol::Ethercat => "ethercat",
+            Protocol::None => "none",
+        }
+    }
+
+    /// The protocol of a name.
+    pub fn named(name: &str) -> Option<Protocol> {
+        [Protocol::Powerlink, Protocol::Ethercat, Protocol::None]
+            .into_iter()
+            .find(|protocol| protocol.name() == name)
+    }
+
+    /// Its words for what every bus has.
+    pub const fn words(self) -> ProtocolWords {
+        match self {
+            Protocol::Powerlink | Protocol::None => ProtocolWords {
+                frame: "SoC",
+                cycle_start: "SoC",
+                nodes: "drives",
+            },
+            Protocol::Ethercat => ProtocolWords {
+                frame: "frame",
+                cycle_start: "the first frame of each cycle",
+                nodes: "devices",
+            },
+        }
+    }
+
+    /// Whether the id of a node is its position along the cable, which nobody sets.
+    pub const fn ids_are_positions(self) -> bool {
+        match self {
+            Protocol::Ethercat => true,
+            Protocol::Powerlink | Protocol::None => false,
+        }
+    }
+}
+
+/// Words of a protocol.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ProtocolWords {
+    /// The frame that begins a cycle, in a column.
+    pub frame: &'static str,
+    /// The same in a sentence.
+    pub cycle_start: &'static str,
+    /// What is simulated at the far end.
+    pub nodes: &'static str,
 }
 
 /// Whose clock leads.

@@ -3,9 +3,17 @@
 //! In:  tables of the machine file, the ESI file that a node names. Out: clocks, aliases, PDOs and modules that fit that file, and what it
 //! has a device told at its start.
 
+use super::device::IsOurs;
 use super::document::{Item, Section};
+use super::drive_profile::DriveProfile;
 use super::error::nearest;
-use super::types::{BusClock, EthercatNode, Identity, Mapped, Pdo, StartCommand, SyncClock};
+use super::keys::{BusKeys, Foreign, Keys, NodeFacts, NodeKeys};
+use super::node::Network;
+use super::powerlink::PendingCross;
+use super::types::{
+    BusClock, BusKind, BusLink, DeviceDescription, EthercatNode, Exchange, Identity, Mapped, Pdo, Profile,
+    StartCommand, SyncClock,
+};
 use cia402::profile::axis_of;
 use obd::device::{
     DeviceErrors, EsiChoice, EsiDevice, EsiFile, EsiModule, EsiPdo, EsiSlot, EsiUsage, parse_esi, parse_esi_with,
@@ -13,7 +21,7 @@ use obd::device::{
 use std::path::Path;
 
 /// Keys of `[bus]` that are POWERLINK's, and why EtherCAT has none.
-pub(super) const BUS_OF_POWERLINK: [(&str, &str); 9] = [
+const BUS_OF_POWERLINK: [Foreign; 9] = [
     ("link", "frames of EtherCAT go through a packet socket, always"),
     (
         "async_slot_timeout_us",
@@ -30,13 +38,8 @@ pub(super) const BUS_OF_POWERLINK: [(&str, &str); 9] = [
     ("tap", "IP over EtherCAT (EoE) is not served"),
     ("startup", "0x1F80 is an object of a POWERLINK managing node"),
 ];
-/// Keys of `[bus]` that are EtherCAT's.
-pub(super) const BUS_OF_ETHERCAT: [(&str, &str); 2] = [
-    ("clock", "is for EtherCAT: on POWERLINK the clock of this PC leads"),
-    ("lost_max", "is for EtherCAT: use pres_lost_max"),
-];
 /// Keys of a node that are POWERLINK's, and why EtherCAT has none.
-pub(super) const NODE_OF_POWERLINK: [(&str, &str); 8] = [
+const NODE_OF_POWERLINK: [Foreign; 8] = [
     ("pres_timeout_us", "EtherCAT asks all devices by the same frames"),
     ("multiplex", "EtherCAT exchanges all devices in each cycle"),
     (
@@ -52,23 +55,6 @@ pub(super) const NODE_OF_POWERLINK: [(&str, &str); 8] = [
     ),
     ("cross", "devices of EtherCAT do not hear each other"),
 ];
-/// Keys of a node that are EtherCAT's.
-pub(super) const NODE_OF_ETHERCAT: [(&str, &str); 7] = [
-    ("alias", "is for EtherCAT: on POWERLINK the id is the address"),
-    ("dc", "is for EtherCAT: nodes of POWERLINK follow the SoC"),
-    ("shift_us", "is for EtherCAT: nodes of POWERLINK follow the SoC"),
-    ("sync1_us", "is for EtherCAT: nodes of POWERLINK follow the SoC"),
-    (
-        "pdo_step",
-        "is for EtherCAT: a node of POWERLINK has one mapping object in each direction",
-    ),
-    (
-        "watchdog_ms",
-        "is for EtherCAT: nodes of POWERLINK count SoCs, bus.soc_lost_max",
-    ),
-    ("modules", "is for EtherCAT: modules stand in an ESI file"),
-];
-
 /// From the PDO of one axis to that of the next, as drives usually have it, and most.
 const PDO_STEP: i64 = 0x10;
 const PDO_STEP_MAX: i64 = 0x40;
@@ -78,23 +64,80 @@ const OF_AXES: u16 = 0x6000;
 const SYNC0: u16 = 0x0300;
 const SYNC0_AND_1: u16 = 0x0700;
 
-/// Keys of `[bus]`.
-pub(super) struct BusKeys {
-    pub(super) clock: BusClock,
-    pub(super) lost_max: u32,
-}
+/// Of a POWERLINK node's keys, what they mean here.
+const PRES_TIMEOUT_US: u32 = 150;
 
-pub(super) fn bus(section: &mut Section<'_, '_>) -> Option<BusKeys> {
-    let clock = section.word(
-        "clock",
-        &[("bus", BusClock::Bus), ("own", BusClock::Own)],
-        BusClock::Bus,
-    );
-    let lost_max = section.integer("lost_max", 0..=1000, 3);
-    Some(BusKeys {
-        clock: clock?,
-        lost_max: lost_max? as u32,
-    })
+/// EtherCAT's part of the machine file.
+pub(super) struct Ethercat;
+
+impl Keys for Ethercat {
+    fn foreign_of_bus(&self) -> &'static [Foreign] {
+        &BUS_OF_POWERLINK
+    }
+
+    fn foreign_of_node(&self) -> &'static [Foreign] {
+        &NODE_OF_POWERLINK
+    }
+
+    fn bus(&self, section: &mut Section<'_, '_>, _kind: Option<BusKind>, _cycle_us: Option<u32>) -> Option<BusKeys> {
+        let clock = section.word(
+            "clock",
+            &[("bus", BusClock::Bus), ("own", BusClock::Own)],
+            BusClock::Bus,
+        );
+        let lost_max = section.integer("lost_max", 0..=1000, 3);
+        Some(BusKeys {
+            link: BusLink::Raw,
+            async_slot_timeout_us: 150,
+            lost_max: lost_max? as u32,
+            soc_lost_max: 3,
+            multiplex_cycles: 0,
+            async_mtu: 1500,
+            prescaler: 2,
+            tap: None,
+            clock: clock?,
+        })
+    }
+
+    fn startup(&self, _section: &mut Section<'_, '_>) -> Option<Option<u32>> {
+        Some(None)
+    }
+
+    fn device_file(
+        &self,
+        section: &mut Section<'_, '_>,
+        network: &Network<'_>,
+        _drive: Option<&DriveProfile>,
+    ) -> (Option<Option<DeviceDescription>>, Option<Option<Esi>>) {
+        (Some(None), esi(section, network.folder))
+    }
+
+    fn exchange(
+        &self,
+        _section: &mut Section<'_, '_>,
+        _network: &Network<'_>,
+        _profile: Option<Profile>,
+        _device: Option<&DeviceDescription>,
+    ) -> Option<Exchange> {
+        Some(Exchange::Polled)
+    }
+
+    fn node(&self, section: &mut Section<'_, '_>, network: &Network<'_>, facts: &NodeFacts<'_>) -> Option<NodeKeys> {
+        Some(NodeKeys {
+            pres_timeout_us: PRES_TIMEOUT_US,
+            software: None,
+            pdo_version: 0,
+            ethercat: Some(node(section, network, facts)?),
+        })
+    }
+
+    fn written_by_master(&self) -> IsOurs {
+        set_by_main_device
+    }
+
+    fn cross<'d, 'l>(&self, _section: &mut Section<'d, 'l>) -> Option<Vec<PendingCross<'d, 'l>>> {
+        Some(Vec::new())
+    }
 }
 
 /// An ESI file and the device of it that a node is.
@@ -241,7 +284,7 @@ pub(super) fn have_padding(objects: &[Mapped]) -> bool {
 }
 
 /// Reads the ESI file of a node; `Some(None)`: there is none.
-pub(super) fn esi(section: &mut Section<'_, '_>, folder: &Path) -> Option<Option<Esi>> {
+fn esi(section: &mut Section<'_, '_>, folder: &Path) -> Option<Option<Esi>> {
     let chosen = modules(section);
     let Some(item) = section.optional("device_file") else {
         if section.has("modules") {
@@ -492,51 +535,37 @@ fn start(esi: &Esi) -> Vec<StartCommand> {
         .collect()
 }
 
-/// Around a node.
-pub(super) struct Around<'a> {
-    pub(super) cycle_us: Option<u32>,
-    /// Whose clock leads, where it is known.
-    pub(super) clock: Option<BusClock>,
-    pub(super) is_drive: bool,
-    pub(super) esi: Option<&'a Esi>,
-}
-
 /// Keys of a node beside those that both buses have.
-pub(super) fn node(
-    section: &mut Section<'_, '_>,
-    around: &Around<'_>,
-    outputs: Option<&[Mapped]>,
-    inputs: Option<&[Mapped]>,
-) -> Option<EthercatNode> {
+fn node(section: &mut Section<'_, '_>, network: &Network<'_>, facts: &NodeFacts<'_>) -> Option<EthercatNode> {
     let alias = section.optional_integer("alias", 1..=i64::from(u16::MAX));
-    let clock = clock(section, around);
+    let clock = clock(section, network, facts);
     let watchdog_ms = section.optional_integer("watchdog_ms", 0..=6_553);
     let step = section.integer("pdo_step", 0..=PDO_STEP_MAX, PDO_STEP)?;
-    let step = if around.is_drive { step as u16 } else { 0 };
-    let (outputs, inputs) = (outputs?, inputs?);
+    let step = if facts.is_drive { step as u16 } else { 0 };
+    let (outputs, inputs) = (facts.outputs?, facts.inputs?);
     let fit =
-        [(true, outputs), (false, inputs)].map(|(to_device, objects)| fits(section, around.esi, to_device, objects));
-    let outputs = pdos(section, around.esi, true, step, outputs).filter(|_| fit[0]);
-    let inputs = pdos(section, around.esi, false, step, inputs).filter(|_| fit[1]);
+        [(true, outputs), (false, inputs)].map(|(to_device, objects)| fits(section, facts.esi, to_device, objects));
+    let outputs = pdos(section, facts.esi, true, step, outputs).filter(|_| fit[0]);
+    let inputs = pdos(section, facts.esi, false, step, inputs).filter(|_| fit[1]);
     Some(EthercatNode {
         alias: alias?.map(|alias| alias as u16),
         clock: clock?,
         watchdog_ms: watchdog_ms?.map(|ms| ms as u16),
         outputs: outputs?,
         inputs: inputs?,
-        start: around.esi.map_or(Vec::new(), start),
-        modules: around.esi.map_or(Vec::new(), |esi| esi.device.modules.clone()),
+        start: facts.esi.map_or(Vec::new(), start),
+        modules: facts.esi.map_or(Vec::new(), |esi| esi.device.modules.clone()),
     })
 }
 
 /// `dc`, `shift_us` and `sync1_us`. Left out: drives follow SYNC0 in the middle between two dates, others the frames.
-fn clock(section: &mut Section<'_, '_>, around: &Around<'_>) -> Option<Option<SyncClock>> {
-    let cycle_us = i64::from(around.cycle_us.unwrap_or(1000));
-    let is_bus = around.clock.unwrap_or(BusClock::Bus) == BusClock::Bus;
-    let mode = around
+fn clock(section: &mut Section<'_, '_>, network: &Network<'_>, facts: &NodeFacts<'_>) -> Option<Option<SyncClock>> {
+    let cycle_us = i64::from(network.cycle_us.unwrap_or(1000));
+    let is_bus = network.clock.unwrap_or(BusClock::Bus) == BusClock::Bus;
+    let mode = facts
         .esi
         .and_then(|esi| esi.device.op_modes.iter().find(|mode| mode.activate != 0));
-    let usual = is_bus && (mode.is_some() || around.esi.is_none() && around.is_drive);
+    let usual = is_bus && (mode.is_some() || facts.esi.is_none() && facts.is_drive);
     let dc = match section.optional("dc") {
         None => Some(usual),
         Some(item) => item.flag(&section.key("dc")),

@@ -14,7 +14,7 @@ use super::ratios::{good_medians, judge, medians, merged, per_10000};
 use super::report::{ControlFigures, Ended, JitterReport, Medians, Merged, Round, Settings};
 use super::window::Window;
 use anyhow::bail;
-use config::{Config, Rt};
+use config::{Config, ProtocolWords, Rt};
 use host::signals::StopSignal;
 use machine::sequence::Outcome;
 use machine::tables::Tables;
@@ -75,18 +75,13 @@ impl FarEnd<'_> {
         }
     }
 
-    fn words(&self, is_ethercat: bool) -> String {
+    fn words(&self, protocol: ProtocolWords) -> String {
         match self {
-            FarEnd::Private { .. } if is_ethercat => {
-                "simulated devices in a process of their own; the first frame of each cycle stamped by the kernel where it \
-                                       arrives, read by an analyser in a third process"
-                    .into()
-            }
-            FarEnd::Private { .. } => {
-                "simulated drives in a process of their own; SoC stamped by the kernel where it arrives, \
-                                       read by an analyser in a third process"
-                    .into()
-            }
+            FarEnd::Private { .. } => format!(
+                "simulated {} in a process of their own; {} stamped by the kernel where it arrives, read by an analyser in a third \
+                 process",
+                protocol.nodes, protocol.cycle_start
+            ),
             FarEnd::Network { .. } => {
                 "nodes on the network; the SoC period is that of the control's own clock: measure at the \
                                        far end with 'isocnc jitter --listen' on another PC"
@@ -158,8 +153,8 @@ fn empty_report(wanted: &Wanted<'_>, rounds: u32) -> JitterReport {
             machine: config.name.clone(),
             program: wanted.program.name.into(),
             interface: wanted.far_end.interface().into(),
-            protocol: config.bus.kind.protocol().into(),
-            far_end: wanted.far_end.words(config.bus.kind.is_ethercat()),
+            protocol: config.bus.kind.protocol().name().into(),
+            far_end: wanted.far_end.words(config.bus.kind.protocol().words()),
             cycles: wanted.cycles,
             rounds,
             cycle_us: config.cycle_us,

@@ -34,7 +34,7 @@ impl Modules {
         Modules {
             modules: config.bus.nodes.iter().map(module).collect(),
             missing: Vec::new(),
-            by_position: config.bus.kind.is_ethercat(),
+            by_position: config.bus.kind.protocol().ids_are_positions(),
         }
     }
 

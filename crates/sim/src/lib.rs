@@ -5,7 +5,7 @@
 //!
 //! | to learn | file |
 //! |---|---|
-//! | the seam between simulated devices and the bus that carries them | `carrier.rs`; `powerlink.rs`, `ethercat.rs` |
+//! | the seam between simulated devices and the bus that carries them; the protocols | `carrier.rs`; `protocol.rs`, `powerlink.rs`, `ethercat.rs` |
 //! | a servo drive; how its profile says that it is built; its motor and load | `drive.rs`; `built.rs`; `motor.rs` |
 //! | an I/O node; an amplifier with an analog input behind it | `io.rs`; `amplifier.rs` |
 //! | stepper motors at the pins of the step port | `stepper.rs` |
@@ -33,6 +33,7 @@ mod motor;
 pub mod near_end;
 pub mod paced;
 mod powerlink;
+mod protocol;
 mod run;
 mod sensors;
 mod spindle;

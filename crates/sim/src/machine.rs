@@ -9,10 +9,9 @@
 use super::SimError;
 use super::carrier::{Carrier, Device};
 use super::drive::Drive;
-use super::ethercat::Ethercat;
 use super::faults::{self, Scripted};
 use super::io::Io;
-use super::powerlink::Powerlink;
+use super::protocol::simulated;
 use super::sensors::Sensors;
 use cia402::State;
 use config::{Config, JOINTS_MAX, Joint};
@@ -60,16 +59,12 @@ pub struct SimMachine {
 impl SimMachine {
     /// All nodes switched on at time 0 of their clock, on the bus of the machine file.
     pub fn new(config: &Config) -> Result<SimMachine, SimError> {
-        let carrier: Box<dyn Carrier> = match config.bus.kind.is_ethercat() {
-            true => Box::new(Ethercat::new(config)?),
-            false => Box::new(Powerlink::new(config)?),
-        };
         let place = |joint: &Joint| {
             let place = joint.analog.map_or(joint.node, |analog| analog.node);
             (place, joint.drive_axis)
         };
         Ok(SimMachine {
-            carrier,
+            carrier: simulated(config).nodes(config)?,
             ids: config.bus.nodes.iter().map(|node| node.id).collect(),
             joints: config.joints.iter().map(place).collect(),
             sensors: Sensors::new(config),

@@ -3,9 +3,10 @@
 //! In:  a machine file. Out: both halves of its bus, for the time of a call; the far end of a wire for `simulate`.
 
 use super::paced::Paced;
+use super::protocol::simulated;
 use super::{NetConfig, SimMachine, VirtualNet, serve};
+use ::powerlink::link::memory;
 use ::powerlink::link::raw::{RawConfig, RawLink};
-use ::powerlink::link::{Link, memory};
 use ::powerlink::mn::MnConfig;
 use ::powerlink::wire::NetTime;
 use anyhow::anyhow;
@@ -14,7 +15,7 @@ use bus::powerlink::managing_node::{mn_config, node_configs};
 use bus::powerlink::open::ANSWER_SPIN_NS;
 use bus::powerlink::{self, Powerlink};
 use bus::watch::Watch;
-use bus::{self, CyclicBus, Open};
+use bus::{CyclicBus, Open};
 use config::Config;
 use host::setup::{Process, Role, STACK_SIZE, enter_thread};
 use host::signals::StopOnDrop;
@@ -46,7 +47,7 @@ pub fn with_memory<T>(
                 serve(&mut far, &mut machine, &stop, &mut |_| {}, &mut |_, _| {})
             })?;
         let ended = StopOnDrop(&stop);
-        let done = with_link(config, near, watch, run);
+        let done = bus::with_link(config, near, MEMORY_MAC, watch, run);
         drop(ended);
         // Our end of its link is gone by now: an error it gives is that.
         let _ = machine_thread.join();
@@ -65,20 +66,7 @@ pub fn with_paced<T>(
 ) -> anyhow::Result<T> {
     let machine = SimMachine::new(config).map_err(|error| anyhow!("{error}"))?;
     let wire = Paced::new(machine);
-    with_link(config, wire.clone(), watch, |open| run(open, wire))
-}
-
-/// The control's end of the bus of a machine file, on a link.
-fn with_link<L: Link + Send, T>(
-    config: &Config,
-    link: L,
-    watch: Arc<Watch>,
-    run: impl FnOnce(Open<'_>) -> anyhow::Result<T>,
-) -> anyhow::Result<T> {
-    match config.bus.kind.is_ethercat() {
-        true => ethercat::open::with_link(config, link, MEMORY_MAC, watch, run),
-        false => powerlink::open::with_link(config, link, MEMORY_MAC, watch, None, run),
-    }
+    bus::with_link(config, wire.clone(), MEMORY_MAC, watch, |open| run(open, wire))
 }
 
 /// Nodes for which there is room on virtual time; where there are more, for all that a bus can have.
@@ -140,24 +128,46 @@ pub fn with_virtual<T>(
     run: impl FnOnce(VirtualBus<'_>) -> anyhow::Result<T>,
 ) -> anyhow::Result<T> {
     let machine = SimMachine::new(config).map_err(|error| anyhow!("{error}"))?;
-    let plans = bus::plan(config);
     let link = VirtualNet::new(machine, net);
-    let watch = Arc::new(Watch::default());
-    if config.bus.kind.is_ethercat() {
-        let tables = setup::tables(config, &plans);
-        let devices = setup::devices(config, &plans, &tables);
-        let network = setup::network(config, &devices);
-        return run(match devices.len() {
-            0..=VIRTUAL_NODES => virtual_ethercat::<VIRTUAL_NODES, VIRTUAL_FRAMES>(config, &network, link, watch)?,
-            _ => virtual_ethercat::<{ setup::DEVICES_MAX }, { setup::FRAMES_MAX }>(config, &network, link, watch)?,
-        });
-    }
+    let mut given = None;
+    let run = Box::new(|bus: VirtualBus<'_>| given = Some(run(bus)));
+    simulated(config).with_virtual(config, link, Arc::new(Watch::default()), run)?;
+    given.unwrap_or_else(|| Err(anyhow!("the bus was not opened")))
+}
+
+/// The managing node of a machine on virtual time.
+pub(super) fn with_virtual_powerlink(
+    config: &Config,
+    link: VirtualNet,
+    watch: Arc<Watch>,
+    run: Box<dyn FnOnce(VirtualBus<'_>) + '_>,
+) -> anyhow::Result<()> {
+    let plans = bus::plan(config);
     let nodes = node_configs(&config.bus, &plans);
     let network = mn_config(config, &nodes, MEMORY_MAC);
     run(match nodes.len() {
         0..=VIRTUAL_NODES => virtual_powerlink::<VIRTUAL_NODES>(network, link, watch)?,
         _ => virtual_powerlink::<{ powerlink::NODES_MAX }>(network, link, watch)?,
-    })
+    });
+    Ok(())
+}
+
+/// The main device of a machine on virtual time.
+pub(super) fn with_virtual_ethercat(
+    config: &Config,
+    link: VirtualNet,
+    watch: Arc<Watch>,
+    run: Box<dyn FnOnce(VirtualBus<'_>) + '_>,
+) -> anyhow::Result<()> {
+    let plans = bus::plan(config);
+    let tables = setup::tables(config, &plans);
+    let devices = setup::devices(config, &plans, &tables);
+    let network = setup::network(config, &devices);
+    run(match devices.len() {
+        0..=VIRTUAL_NODES => virtual_ethercat::<VIRTUAL_NODES, VIRTUAL_FRAMES>(config, &network, link, watch)?,
+        _ => virtual_ethercat::<{ setup::DEVICES_MAX }, { setup::FRAMES_MAX }>(config, &network, link, watch)?,
+    });
+    Ok(())
 }
 
 /// On the heap, so that it is not in the frame of the caller, whatever there is room for.
@@ -193,7 +203,7 @@ pub fn far_end(config: &Config, interface: &str) -> anyhow::Result<RawLink> {
     let config = RawConfig {
         spin_ns: 0,
         promiscuous: true,
-        every_ether_type: config.bus.kind.is_ethercat(),
+        every_ether_type: simulated(config).takes_every_frame(),
         ..RawConfig::default()
     };
     Ok(RawLink::open(interface, config)?)

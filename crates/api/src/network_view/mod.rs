@@ -93,7 +93,7 @@ impl NetworkView {
                 kind if kind.has_interface() => config.bus.interface.clone(),
                 kind => kind.name().into(),
             },
-            protocol: config.bus.kind.protocol().into(),
+            protocol: config.bus.kind.protocol().name().into(),
             cycle_us: config.cycle_us,
             async_slot_timeout_us: config.bus.async_slot_timeout_us,
             pres_lost_max: config.bus.pres_lost_max,

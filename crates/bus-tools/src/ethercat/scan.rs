@@ -394,7 +394,7 @@ fn write(path: &Path, mut modules: Vec<Module>, args: &ScanArgs) -> anyhow::Resu
     if std::fs::symlink_metadata(path).is_ok() {
         let config = config::read(path).map_err(Refusal::from)?;
         ensure!(
-            config.bus.kind.is_ethercat(),
+            config.bus.kind.protocol() == config::Protocol::Ethercat,
             "{file} is of another bus (bus.kind = \"{}\"): nothing was written",
             config.bus.kind.name()
         );

@@ -9,8 +9,9 @@ use anyhow::{Context, bail};
 use api::client::{Client, ClientError};
 use api::network_view::{MappedView, NetworkView, NodeView};
 use bus::service::BudgetView;
+use bus::service::NodeLive;
 use clap::Args;
-use config::{self, BusKind};
+use config::{self, Protocol};
 use host::terminal::table;
 use machine::faults::silenced;
 use serde_json::{Value, json};
@@ -102,6 +103,8 @@ struct Terms {
     /// Beside the counts of the cycle: what did not answer, and frames of no use.
     unanswered: &'static str,
     unusable: &'static str,
+    /// What came of a node and was of no use: too late, or with a wrong working counter.
+    refused: fn(&NodeLive) -> u64,
     /// Columns of the table of states.
     columns: [&'static str; 10],
 }
@@ -112,6 +115,7 @@ const POWERLINK: Terms = Terms {
     has_skipped: true,
     unanswered: "silent in the asynchronous slot",
     unusable: "unusable frame",
+    refused: |live| live.late,
     columns: [
         ">id",
         "name",
@@ -132,6 +136,7 @@ const ETHERCAT: Terms = Terms {
     has_skipped: false,
     unanswered: "mailbox frames lost",
     unusable: "late frame",
+    refused: |live| live.refused,
     columns: [
         ">node",
         "name",
@@ -147,9 +152,9 @@ const ETHERCAT: Terms = Terms {
 };
 
 fn terms(view: &NetworkView) -> &'static Terms {
-    match view.protocol.as_str() {
-        "ethercat" => &ETHERCAT,
-        _ => &POWERLINK,
+    match Protocol::named(&view.protocol) {
+        Some(Protocol::Ethercat) => &ETHERCAT,
+        Some(Protocol::Powerlink | Protocol::None) | None => &POWERLINK,
     }
 }
 
@@ -167,7 +172,7 @@ fn is_silenced(status: &Value) -> bool {
 fn troubles(view: &NetworkView, status: &Value) -> Vec<String> {
     if is_silenced(status) {
         // What is known of the nodes is from before.
-        return vec![silenced(view.protocol != BusKind::None.name(), false).to_owned()];
+        return vec![silenced(view.protocol != Protocol::None.name(), false).to_owned()];
     }
     let Some(live) = &view.live else {
         return Vec::new();
@@ -340,11 +345,7 @@ fn state_table(view: &NetworkView, out: &mut impl Write) -> io::Result<()> {
                 live.polls.to_string(),
                 live.lost.to_string(),
                 live.lost_in_row_max.to_string(),
-                match view.protocol.as_str() {
-                    "ethercat" => live.refused,
-                    _ => live.late,
-                }
-                .to_string(),
+                (terms(view).refused)(live).to_string(),
                 format!("{:.1} us", live.response_max_us),
                 live.boots.to_string(),
                 live.faults.to_string(),

@@ -5,9 +5,12 @@
 use super::setup::{DEVICES_MAX, FRAMES_MAX, devices, network, tables};
 use super::{Ethercat, setup};
 use crate::Open;
+use crate::plan::NodePlan;
+use crate::protocol::{Master, Run};
+use crate::service::BudgetView;
 use crate::watch::Watch;
 use anyhow::anyhow;
-use config::{BusClock, Config};
+use config::{BusClock, Config, ConfigErrors};
 use ethercat::main::config::Config as Network;
 use powerlink::link::Link;
 use powerlink::link::raw::{RawConfig, RawLink, Reception};
@@ -26,14 +29,58 @@ pub fn raw_config() -> RawConfig {
     }
 }
 
+/// EtherCAT for a whole machine.
+pub(crate) struct MainDevice;
+
+impl Master for MainDevice {
+    fn check(&self, config: &Config) -> Result<(), ConfigErrors> {
+        setup::check(config)
+    }
+
+    fn plan(&self, config: &Config) -> Vec<NodePlan> {
+        setup::plan(config)
+    }
+
+    fn budget(&self, config: &Config) -> Vec<BudgetView> {
+        setup::budget(config)
+    }
+
+    fn worst_exchange_ns(&self, config: &Config) -> u64 {
+        setup::worst_exchange_ns(config)
+    }
+
+    fn with_interface(
+        &self,
+        config: &Config,
+        interface: &str,
+        watch: Arc<Watch>,
+        _threads: fn(),
+        warn: &mut dyn FnMut(&str),
+        run: Run<'_>,
+    ) -> anyhow::Result<()> {
+        with_interface(config, interface, watch, warn, run)
+    }
+
+    fn with_link(
+        &self,
+        config: &Config,
+        link: Box<dyn Link + Send + '_>,
+        mac: [u8; 6],
+        watch: Arc<Watch>,
+        run: Run<'_>,
+    ) -> anyhow::Result<()> {
+        with_link(config, link, mac, watch, run)
+    }
+}
+
 /// As [`crate::with_interface`].
-pub(crate) fn with_interface<T>(
+fn with_interface(
     config: &Config,
     interface: &str,
     watch: Arc<Watch>,
     warn: &mut dyn FnMut(&str),
-    run: impl FnOnce(Open<'_>) -> anyhow::Result<T>,
-) -> anyhow::Result<T> {
+    run: Run<'_>,
+) -> anyhow::Result<()> {
     let link = RawLink::open(interface, raw_config())?;
     if let reception @ Reception::Calls { .. } = link.reception() {
         warn(&format!("{interface}: {reception}"));
@@ -42,17 +89,14 @@ pub(crate) fn with_interface<T>(
     with_link(config, link, mac, watch, run)
 }
 
-/// Opens the bus of a machine on a link for the time of a call.
-///
-/// # Errors
-/// A network that cannot be, or what the call gives.
-pub fn with_link<L: Link + Send, T>(
+/// As [`crate::with_link`].
+fn with_link<L: Link + Send>(
     config: &Config,
     link: L,
     mac: [u8; 6],
     watch: Arc<Watch>,
-    run: impl FnOnce(Open<'_>) -> anyhow::Result<T>,
-) -> anyhow::Result<T> {
+    run: Run<'_>,
+) -> anyhow::Result<()> {
     let plans = setup::plan(config);
     let tables = tables(config, &plans);
     let devices = devices(config, &plans, &tables);
@@ -62,7 +106,8 @@ pub fn with_link<L: Link + Send, T>(
         0..=12 => open::<L, 16, 2>(config, &network, link, mac, watch)?,
         13..=56 => open::<L, 64, 4>(config, &network, link, mac, watch)?,
         _ => open::<L, DEVICES_MAX, FRAMES_MAX>(config, &network, link, mac, watch)?,
-    })
+    });
+    Ok(())
 }
 
 /// On the heap, so that moving it does not fill the stack of the caller.

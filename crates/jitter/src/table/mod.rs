@@ -7,6 +7,7 @@ use super::goals::{GOALS, Goal, TUNED_CYCLES, TUNED_RANGE_US, TUNED_STD_US};
 use super::ratios::{Ratios, period};
 use super::report::{JitterReport, Medians, Round};
 use super::words::{elided, ended, far_end_listened, grouped, pc, ratio, short_time, total, us, wrapped};
+use config::{Protocol, ProtocolWords};
 use host::histogram::Summary;
 use rt::phase::PhaseFigures;
 use std::fmt::Write;
@@ -26,8 +27,10 @@ const MICROMETRES_PER_US: f64 = 0.5;
 /// The whole report as text, without a line end after its last line.
 pub fn table(report: &JitterReport) -> String {
     let mut text = Text {
-        is_ethercat: report.settings.protocol == "ethercat",
-        ..Text::default()
+        words: Protocol::named(&report.settings.protocol)
+            .unwrap_or(Protocol::Powerlink)
+            .words(),
+        lines: String::new(),
     };
     head(&mut text, report);
     if report.rounds.is_empty() {
@@ -440,11 +443,9 @@ fn count(n: u64) -> String {
 }
 
 /// Lines under each other.
-#[derive(Default)]
 struct Text {
     lines: String,
-    /// The bus is EtherCAT, which has no SoC.
-    is_ethercat: bool,
+    words: ProtocolWords,
 }
 
 impl Text {
@@ -455,10 +456,7 @@ impl Text {
 
     /// In the words of the bus.
     fn worded(&self, text: &str) -> String {
-        match self.is_ethercat {
-            true => text.replace("SoC", "frame"),
-            false => text.to_owned(),
-        }
+        text.replace("SoC", self.words.frame)
     }
 
     fn row<const N: usize>(&mut self, name: &str, cells: [impl AsRef<str>; N]) {

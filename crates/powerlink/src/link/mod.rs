@@ -77,3 +77,18 @@ pub trait Link {
     /// [`LinkError`]: the interface is down, or what the system refuses; a time-out is none.
     fn receive(&mut self, buffer: &mut [u8], deadline_ns: u64) -> Result<Option<Received>, LinkError>;
 }
+
+#[cfg(feature = "std")]
+impl<L: Link + ?Sized> Link for std::boxed::Box<L> {
+    fn now_ns(&mut self) -> u64 {
+        (**self).now_ns()
+    }
+
+    fn send(&mut self, frame: &[u8]) -> Result<(), LinkError> {
+        (**self).send(frame)
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], deadline_ns: u64) -> Result<Option<Received>, LinkError> {
+        (**self).receive(buffer, deadline_ns)
+    }
+}
