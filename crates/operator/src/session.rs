@@ -13,11 +13,12 @@ use anyhow::{Context, anyhow};
 use api::methods::Methods;
 use api::network_view::NetworkView;
 use api::orders::order_channel;
-use api::server::{self, Serve};
+use api::server::door::Door;
+use api::server::{self, Arrivals, Intake, Serve};
 use api::socket::{BindError, Socket, path_beside};
 use bus::sender::SoleSender;
 use bus::watch::Watch;
-use bus::{self, NodeStatistics, Open};
+use bus::{self, CyclicBus, NodeStatistics, Open};
 use config::{Config, KeepAwake};
 use gcode::PinReader;
 use hal_pins::scope::Sampler;
@@ -41,10 +42,12 @@ use motion::rt::Peaks;
 use program::text::Reader;
 use program::{Begin, Overview, check};
 use rt::assemble::assemble;
+use rt::cycle::MotionController;
 use rt::cycle_stats;
 use rt::cycle_stats::CycleFigures;
-use rt::logic::{self, Scanner};
+use rt::logic::{self, Desk, Scanner};
 use rt::pins::capacity;
+use rt::shared::OperatorEndpoints;
 use rt::thread;
 use rt::timeout::{self, Limits, TimeoutThread};
 use sim::near_end;
@@ -52,9 +55,10 @@ use sim::paced::{Paced, run_paced};
 use sim::stepper;
 use std::io::Write;
 use std::os::unix::net::UnixStream;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, mpsc};
+use std::thread::Scope;
 use terminal::refusal::Refusal;
 
 /// Exit code of a control that cannot go on by itself and has to be restarted.
@@ -77,6 +81,24 @@ pub struct Session<'a> {
     pub keep_rights: bool,
     /// What it serves beside its socket.
     pub services: Vec<Box<dyn Service>>,
+}
+
+impl<'a> Session<'a> {
+    /// The folder of the machine's state; `None`: nothing is remembered.
+    fn state_folder(&self) -> Option<&'a PathBuf> {
+        match self.task {
+            Task::Once(..) | Task::StandBy => self.config.state_directory.as_ref(),
+            Task::Repeat(_) => None,
+        }
+    }
+
+    /// The folder of programs that a service receives.
+    fn programs(&self) -> Option<PathBuf> {
+        self.services
+            .iter()
+            .find_map(|service| service.programs())
+            .map(Path::to_owned)
+    }
 }
 
 /// A part program.
@@ -266,20 +288,13 @@ fn run_on(
         Some(_) => None,
     };
     let desk = control.logic_mut().desk();
-    let mut network = NetworkView::from_config(config);
-    if in_memory {
-        network.interface = "a wire in memory".into();
-    }
     let (client, inbox) = order_channel();
-    let methods = Methods::new(network, endpoints.live.clone(), open.service, client, monotonic_ns).of_machine(
-        config,
-        pin_values(&hal),
-        time_of_day,
-        hal.path(),
-    );
-    let programs = session.services.iter().find_map(|service| service.programs());
-    let methods = methods.with_programs(programs.map(Path::to_owned));
-    let methods = methods.with_logic(desk.clone());
+    let view = network_view(config, in_memory);
+    let methods = Methods::new(view, endpoints.live.clone(), open.service, client, monotonic_ns);
+    let methods = methods
+        .of_machine(config, pin_values(&hal), time_of_day, hal.path())
+        .with_programs(session.programs())
+        .with_logic(desk.clone());
     let socket = control_socket(hal.path(), &config.name)?;
     let (door, intake, arrivals) = server::entrance(methods.wake());
     match Sampler::new(&hal, grid.period_ns) {
@@ -290,40 +305,18 @@ fn run_on(
 
     let (recorder, windows) = cycle_stats::recorder(grid.period_ns);
     let (reports, watch_reports) = rtrb::RingBuffer::new(timeout::REPORTS);
-    let mut operator = Operator::new(config, endpoints, monotonic_ns());
-    operator.set_time_of_day(time_of_day);
-    let journal = match &config.state_directory {
-        Some(folder) => Some(open_journal(folder, &mut operator)?),
-        None => None,
-    };
-    let remembered = match (&config.state_directory, session.task) {
-        (Some(folder), Task::Once(..) | Task::StandBy) => recall(folder, &config.name, &mut operator),
-        (Some(_), Task::Repeat(_)) | (None, _) => Remembered::default(),
-    };
-    if let Some(folder) = &config.state_directory {
-        retain_keeper::recall(folder, &config.name, control.logic_mut(), &mut operator);
-    }
+    let Remembering {
+        operator,
+        journal,
+        mut memory,
+    } = remember(session, endpoints, &mut control)?;
     // On paced time the cycle runs them itself.
-    let mut scanners = match paced {
+    let scanners = match paced {
         None => control.logic_mut().take_scanners(),
         Some(_) => Vec::new(),
     };
-    scanners.sort_by_key(Scanner::period_ns);
-    lock(session.tables).set_tool_in_spindle(remembered.tool);
-    for warning in lock(session.tables).warnings() {
-        operator.add_entry(format!("warning: {warning}"));
-    }
-    judge_tool(&lock(session.tables), &remembered, &mut operator);
-    let mut memory = Memory::new(config, remembered);
-    for note in session.services.iter().filter_map(|service| service.note()) {
-        operator.add_entry(note.to_owned());
-    }
     let mut running = Running {
-        operator: match session.task {
-            Task::Once(..) => operator,
-            Task::Repeat(_) => operator.repeating(),
-            Task::StandBy => operator.standing_by(),
-        },
+        operator,
         reports: watch_reports,
         watch: Arc::clone(&watch),
         watched: paced.is_none(),
@@ -358,63 +351,13 @@ fn run_on(
                     run_paced(&mut *control, grid, wire, recorder, &stop)
                 }
             })?;
-        for (rank, mut scanner) in scanners.into_iter().enumerate() {
-            let (stop, process) = (&stop, Arc::clone(process));
-            std::thread::Builder::new()
-                .name(format!("rt-logic {}", scanner.number()))
-                .stack_size(STACK_SIZE)
-                .spawn_scoped(scope, move || {
-                    drop(enter_thread(Role::Logic(rank as u8), &process));
-                    logic::run(&mut scanner, stop);
-                })?;
-        }
-        if let Some((journal, entries, kept)) = journal {
-            std::thread::Builder::new()
-                .name("journal".into())
-                .spawn_scoped(scope, move || journal_keeper::keep(journal, &entries, &kept))?;
-        }
-        if let (Some(folder), Task::Once(..) | Task::StandBy) = (&config.state_directory, session.task) {
-            let writer = memory.kept_on_disk(folder);
-            std::thread::Builder::new()
-                .name("state".into())
-                .spawn_scoped(scope, move || memory::write(folder, &writer))?;
-        }
-        if let Some(folder) = config.state_directory.as_ref().filter(|_| !config.logics.is_empty()) {
-            let (desk, stop) = (Arc::clone(&desk), &stop);
-            std::thread::Builder::new()
-                .name("retain".into())
-                .spawn_scoped(scope, move || retain_keeper::run(folder, &config.name, &desk, stop))?;
-        }
+        let threads = Threads { scope, stop: &stop };
+        threads.scan_logic(scanners, process)?;
+        threads.keep_on_disk(session, journal, &mut memory, &desk)?;
         if socket.is_some() || !session.services.is_empty() {
-            let (socket, stop) = (socket.as_ref(), &stop);
-            let at_once = methods.at_once();
-            std::thread::Builder::new()
-                .name("socket".into())
-                // It parses a line at the most, and all of it is locked.
-                .stack_size(STACK_SIZE / 4)
-                .spawn_scoped(scope, move || {
-                    capabilities::give_up_or_warn(Work::Ordinary);
-                    intake.run(socket, &at_once, stop);
-                })?;
-            std::thread::Builder::new()
-                .name("service".into())
-                .stack_size(STACK_SIZE)
-                .spawn_scoped(scope, move || {
-                    let (mut methods, arrivals) = (methods, arrivals);
-                    capabilities::give_up_or_warn(Work::Ordinary);
-                    server::serve(&arrivals, &mut methods, stop);
-                })?;
+            threads.serve_socket(socket.as_ref(), intake, methods, arrivals)?;
         }
-        let mut ends = Vec::new();
-        for service in &session.services {
-            let (end, closed) = UnixStream::pair()?;
-            ends.push(end);
-            let (door, until) = (door.clone(), Until { stop: &stop, closed });
-            std::thread::Builder::new()
-                .name(service.name().into())
-                .stack_size(STACK_SIZE)
-                .spawn_scoped(scope, move || service.serve(door, until))?;
-        }
+        let ends = threads.serve(&session.services, &door)?;
         // Everything is open and every thread of the cycle runs.
         if !session.keep_rights {
             capabilities::give_up_or_warn(Work::Closing);
@@ -457,6 +400,162 @@ fn run_on(
             ..calibration
         },
     })
+}
+
+/// What clients see of the network.
+fn network_view(config: &Config, in_memory: bool) -> NetworkView {
+    let mut view = NetworkView::from_config(config);
+    if in_memory {
+        view.interface = "a wire in memory".into();
+    }
+    view
+}
+
+/// A journal on the disk, and what comes for it.
+type OpenJournal = (Journal, mpsc::Receiver<Entry>, Arc<journal_keeper::Kept>);
+
+/// Who looks after the machine, with all that is left of the last time.
+struct Remembering<'a> {
+    operator: Operator,
+    journal: Option<OpenJournal>,
+    memory: Memory<'a>,
+}
+
+/// Takes up what the last control of this machine has left: journal, state, retained values of the logic.
+fn remember<'a, B: CyclicBus>(
+    session: &Session<'a>,
+    endpoints: OperatorEndpoints,
+    control: &mut MotionController<B>,
+) -> anyhow::Result<Remembering<'a>> {
+    let config = session.config;
+    let mut operator = Operator::new(config, endpoints, monotonic_ns());
+    operator.set_time_of_day(time_of_day);
+    let journal = match &config.state_directory {
+        Some(folder) => Some(open_journal(folder, &mut operator)?),
+        None => None,
+    };
+    let remembered = match session.state_folder() {
+        Some(folder) => recall(folder, &config.name, &mut operator),
+        None => Remembered::default(),
+    };
+    if let Some(folder) = &config.state_directory {
+        retain_keeper::recall(folder, &config.name, control.logic_mut(), &mut operator);
+    }
+    lock(session.tables).set_tool_in_spindle(remembered.tool);
+    for warning in lock(session.tables).warnings() {
+        operator.add_entry(format!("warning: {warning}"));
+    }
+    judge_tool(&lock(session.tables), &remembered, &mut operator);
+    let memory = Memory::new(config, remembered);
+    for note in session.services.iter().filter_map(|service| service.note()) {
+        operator.add_entry(note.to_owned());
+    }
+    Ok(Remembering {
+        operator: match session.task {
+            Task::Once(..) => operator,
+            Task::Repeat(_) => operator.repeating(),
+            Task::StandBy => operator.standing_by(),
+        },
+        journal,
+        memory,
+    })
+}
+
+/// Threads beside those of the cycle; they end once `stop` says so, or what feeds them is gone.
+struct Threads<'scope, 'env> {
+    scope: &'scope Scope<'scope, 'env>,
+    stop: &'scope AtomicBool,
+}
+
+impl<'scope> Threads<'scope, '_> {
+    /// Starts one, with a stack of so many octets or that of the system.
+    fn named(
+        &self,
+        name: impl Into<String>,
+        stack: Option<usize>,
+        work: impl FnOnce() + Send + 'scope,
+    ) -> std::io::Result<()> {
+        let builder = std::thread::Builder::new().name(name.into());
+        let builder = match stack {
+            Some(octets) => builder.stack_size(octets),
+            None => builder,
+        };
+        builder.spawn_scoped(self.scope, work).map(drop)
+    }
+
+    /// Scans the logic, the fastest program with the highest priority.
+    fn scan_logic(&self, mut scanners: Vec<Scanner>, process: &Arc<setup::Process>) -> std::io::Result<()> {
+        scanners.sort_by_key(Scanner::period_ns);
+        for (rank, mut scanner) in scanners.into_iter().enumerate() {
+            let (stop, process) = (self.stop, Arc::clone(process));
+            self.named(format!("rt-logic {}", scanner.number()), Some(STACK_SIZE), move || {
+                drop(enter_thread(Role::Logic(rank as u8), &process));
+                logic::run(&mut scanner, stop);
+            })?;
+        }
+        Ok(())
+    }
+
+    /// Keeps on the disk what the next control is to know.
+    fn keep_on_disk(
+        &self,
+        session: &Session<'scope>,
+        journal: Option<OpenJournal>,
+        memory: &mut Memory<'_>,
+        desk: &Arc<Desk>,
+    ) -> std::io::Result<()> {
+        let config = session.config;
+        if let Some((journal, entries, kept)) = journal {
+            self.named("journal", None, move || journal_keeper::keep(journal, &entries, &kept))?;
+        }
+        if let Some(folder) = session.state_folder() {
+            let writer = memory.kept_on_disk(folder);
+            self.named("state", None, move || memory::write(folder, &writer))?;
+        }
+        if let Some(folder) = config.state_directory.as_ref().filter(|_| !config.logics.is_empty()) {
+            let (desk, stop) = (Arc::clone(desk), self.stop);
+            self.named("retain", None, move || {
+                retain_keeper::run(folder, &config.name, &desk, stop)
+            })?;
+        }
+        Ok(())
+    }
+
+    /// Answers clients.
+    fn serve_socket(
+        &self,
+        socket: Option<&'scope Socket>,
+        intake: Intake,
+        mut methods: Methods,
+        arrivals: Arrivals,
+    ) -> std::io::Result<()> {
+        let (stop, at_once) = (self.stop, methods.at_once());
+        // It parses a line at the most, and all of it is locked.
+        self.named("socket", Some(STACK_SIZE / 4), move || {
+            capabilities::give_up_or_warn(Work::Ordinary);
+            intake.run(socket, &at_once, stop);
+        })?;
+        self.named("service", Some(STACK_SIZE), move || {
+            capabilities::give_up_or_warn(Work::Ordinary);
+            server::serve(&arrivals, &mut methods, stop);
+        })
+    }
+
+    /// Serves what the session serves beside its socket, until what is given back is dropped.
+    fn serve(&self, services: &'scope [Box<dyn Service>], door: &Door) -> std::io::Result<Vec<UnixStream>> {
+        let mut ends = Vec::new();
+        for service in services {
+            let (end, closed) = UnixStream::pair()?;
+            ends.push(end);
+            let until = Until {
+                stop: self.stop,
+                closed,
+            };
+            let door = door.clone();
+            self.named(service.name(), Some(STACK_SIZE), move || service.serve(door, until))?;
+        }
+        Ok(ends)
+    }
 }
 
 /// Pins as programs read them.
@@ -506,10 +605,7 @@ fn judge_tool(tables: &Tables, remembered: &Remembered, operator: &mut Operator)
 }
 
 /// Opens the journal of the state folder, and lets the operator go on with it.
-fn open_journal(
-    folder: &Path,
-    operator: &mut Operator,
-) -> anyhow::Result<(Journal, mpsc::Receiver<Entry>, Arc<journal_keeper::Kept>)> {
+fn open_journal(folder: &Path, operator: &mut Operator) -> anyhow::Result<OpenJournal> {
     let opened = Journal::open(folder).with_context(|| format!("state_directory {}", folder.display()))?;
     let (keeper, entries) = mpsc::channel();
     let kept = Arc::new(journal_keeper::Kept::default());
