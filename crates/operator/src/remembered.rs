@@ -79,8 +79,8 @@ pub(super) fn journal(operator: &Operator, since: u64) -> Value {
     json!({
         "entries": told,
         "more": told.len() < rest.len(),
-        "last": operator.last_entry(),
-        "on_disk": operator.last_entry_on_disk(),
+        "last": operator.log().last(),
+        "on_disk": operator.log().last_on_disk(),
     })
 }
 

@@ -429,7 +429,7 @@ fn remember<'a, B: CyclicBus>(
 ) -> anyhow::Result<Remembering<'a>> {
     let config = session.config;
     let mut operator = Operator::new(config, endpoints, monotonic_ns());
-    operator.set_time_of_day(time_of_day);
+    operator.log_mut().set_time_of_day(time_of_day);
     let journal = match &config.state_directory {
         Some(folder) => Some(open_journal(folder, &mut operator)?),
         None => None,
@@ -609,7 +609,9 @@ fn open_journal(folder: &Path, operator: &mut Operator) -> anyhow::Result<OpenJo
     let opened = Journal::open(folder).with_context(|| format!("state_directory {}", folder.display()))?;
     let (keeper, entries) = mpsc::channel();
     let kept = Arc::new(journal_keeper::Kept::default());
-    operator.keep_journal(opened.entries, opened.last, keeper, Arc::clone(&kept));
+    operator
+        .log_mut()
+        .keep(opened.entries, opened.last, keeper, Arc::clone(&kept));
     if let Some(warning) = opened.warning {
         operator.add_entry(format!("warning: {warning}"));
     }

@@ -84,18 +84,18 @@ impl<'scope, 'env> Keeper<'scope, 'env> {
         Mark {
             tables: self.handed_in,
             memory: self.memory.mark(),
-            journal: operator.last_entry(),
+            journal: operator.log().last(),
         }
     }
 
     /// Whether that has been written, or cannot be.
     pub(super) fn is_settled(&self, mark: &Mark, operator: &Operator) -> bool {
-        self.treated >= mark.tables && self.memory.is_settled(mark.memory) && operator.is_journal_kept(mark.journal)
+        self.treated >= mark.tables && self.memory.is_settled(mark.memory) && operator.log().is_kept(mark.journal)
     }
 
     /// Why what was handed in last is not on the disk.
     pub(super) fn failure(&self, operator: &Operator) -> Option<&str> {
-        let journal = operator.journal_fails().then_some("the journal cannot be written");
+        let journal = operator.log().fails().then_some("the journal cannot be written");
         self.failed.as_deref().or(self.memory.failure()).or(journal)
     }
 

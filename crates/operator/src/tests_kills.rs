@@ -61,7 +61,9 @@ fn the_process_that_is_killed() {
     let opened = Journal::open(folder).unwrap();
     let kept = Arc::new(journal_keeper::Kept::default());
     let (sender, entries) = mpsc::channel();
-    operator.keep_journal(opened.entries, opened.last, sender, Arc::clone(&kept));
+    operator
+        .log_mut()
+        .keep(opened.entries, opened.last, sender, Arc::clone(&kept));
     let state = state_file::open(folder, &config.name);
     assert_eq!((opened.warning, state.warning), (None, None));
     let first = state.remembered.parts.count + 1;

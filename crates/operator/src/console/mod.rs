@@ -5,15 +5,18 @@
 //!
 //! Polled every few milliseconds by an ordinary thread, or by a test on virtual time.
 
+mod log;
+mod names;
 mod notices;
 
-use super::journal_keeper::Kept;
+pub use log::Log;
+
 use super::recorder::Recorder;
-use crate::bursts::Bursts;
-use bus::{self, BusEvent, BusState};
-use config::{BusKind, Config, Identity};
-use machine::faults::{Fault, PROGRAM_CODE, Reaction, UNWATCHED_CODE, silenced};
-use machine::journal::{Acknowledged, AlarmRecord, Entry, Kind, ProgramRecord, acknowledge};
+use bus::{BusEvent, BusState};
+use config::{Config, Identity};
+use log::More;
+use machine::faults::{Fault, PROGRAM_CODE, Reaction, UNWATCHED_CODE};
+use machine::journal::{AlarmRecord, Entry, Kind, ProgramRecord};
 use machine::modules::Modules;
 use machine::sequence::{Job, Outcome, Sequence, Step};
 use machine::state::State;
@@ -21,6 +24,7 @@ use motion::canon::Position;
 use motion::element::Action;
 use motion::rt::Interpolator;
 use motion::rt::jog::{Obstacle, Obstruction};
+use names::Names;
 use rt::overrides::Overridden;
 use rt::shared::{AtOnce, Command, Notice, OperatorEndpoints, RtStatus, Snapshot, TimedNotice};
 use rt::timeout;
@@ -32,9 +36,6 @@ use tracing::Level;
 /// What to do where nobody knows which tool is in the spindle.
 pub const LOOK_AT_TOOL: &str =
     "look which tool is in the spindle, and which are in the pockets; isocnc mdi \"M61 Q5\" says that it is tool 5";
-
-/// Entries of the journal that are kept; older ones go.
-const JOURNAL_MAX: usize = 20_000;
 
 /// Stalls of the cycle thread are told of no more often, ns.
 const STALLS_TOLD_NS: u64 = 1_000_000_000;
@@ -48,15 +49,6 @@ pub fn level(entry: &Entry) -> Level {
         Kind::Alarm => Level::ERROR,
         Kind::Warning => Level::WARN,
         Kind::Note => Level::INFO,
-    }
-}
-
-/// Alarms and warnings begin with this word.
-fn kind(text: &str) -> Kind {
-    match text.split([':', ',']).next() {
-        Some("alarm") => Kind::Alarm,
-        Some("warning") => Kind::Warning,
-        _ => Kind::Note,
     }
 }
 
@@ -84,14 +76,6 @@ pub struct Alarm {
     pub cause: String,
 }
 
-/// What an entry of the journal has beside its text.
-#[derive(Debug, Default)]
-struct More {
-    alarm: Option<AlarmRecord>,
-    program: Option<ProgramRecord>,
-    acknowledges: Option<(Vec<u64>, Acknowledged)>,
-}
-
 /// A program, as it began.
 #[derive(Clone, Debug)]
 struct ProgramBegun {
@@ -102,6 +86,66 @@ struct ProgramBegun {
     warnings: Vec<Warning>,
 }
 
+/// Alarms, the first cause first.
+#[derive(Default)]
+struct Alarms {
+    list: Vec<Alarm>,
+    /// How many of them somebody has acknowledged, or begun another program after.
+    over: usize,
+    /// Number of the entry of the first cause, and those of all that waits to be acknowledged.
+    first_cause: u64,
+    unacknowledged: Vec<u64>,
+}
+
+impl Alarms {
+    /// First cause since the last acknowledge.
+    fn first(&self) -> Option<&Alarm> {
+        self.list.get(self.over)
+    }
+}
+
+/// What the cycle thread lost.
+#[derive(Default)]
+struct Lateness {
+    /// Cycles that began late enough to be noticed, or were skipped.
+    cycles: u64,
+    /// Stalls since the last one that was told of, and when that was.
+    stalls: u64,
+    told_ns: u64,
+}
+
+impl Lateness {
+    /// One more stall; how many there were by now where it is time to tell of them.
+    fn add_stall(&mut self, at_ns: u64) -> Option<u64> {
+        self.stalls += 1;
+        if at_ns - self.told_ns < STALLS_TOLD_NS {
+            return None;
+        }
+        self.told_ns = at_ns;
+        Some(std::mem::take(&mut self.stalls))
+    }
+}
+
+/// What notices have said and nobody has looked at yet.
+#[derive(Default)]
+struct Signals {
+    program_ended: bool,
+    /// Somebody has pressed the stop pin.
+    stop_pressed: bool,
+    /// The last order could not begin.
+    not_begun: bool,
+}
+
+/// Changes of tools.
+#[derive(Default)]
+struct ToolChanges {
+    /// The tool whose change has begun and is not done.
+    under_way: Option<u32>,
+    /// Those that were done since somebody asked.
+    done: Vec<u32>,
+}
+
+/// The operator's side of the cycle thread.
 pub struct Operator {
     endpoints: OperatorEndpoints,
     sequence: Sequence,
@@ -111,57 +155,26 @@ pub struct Operator {
     /// Whether trace records are kept.
     records: bool,
     programs: u64,
-    program_ended: bool,
-    stop_pressed: bool,
-    bursts: Bursts,
-    not_begun: bool,
+    signals: Signals,
     cycle_s: f64,
-    node_names: Vec<String>,
-    /// For what only the bus of this machine tells.
-    bus_names: bus::Names,
+    names: Names,
     modules: Modules,
-    joint_names: Vec<String>,
-    /// Drives of the joints on the bus.
-    joint_drives: Vec<Option<String>>,
-    external_names: Vec<String>,
-    /// There is a bus; else nothing is said of a network.
-    has_network: bool,
-    /// What it says where the cycle thread hung.
-    silenced: &'static str,
-    nodes_up: usize,
     operational_s: Option<f64>,
-    journal: Vec<Entry>,
-    journal_read: usize,
-    /// Number of the last entry.
-    seq: u64,
-    /// Time of day, s since 1970; `None`: there is none, as in virtual time.
-    time_of_day: Option<fn() -> f64>,
-    /// Who writes the journal to the disk, and how far that is.
-    keeper: Option<(mpsc::Sender<Entry>, Arc<Kept>)>,
-    alarms: Vec<Alarm>,
-    /// Alarms that somebody has acknowledged, or begun another program after.
-    alarms_over: usize,
-    /// Number of the entry of the first cause, and those of all that waits to be acknowledged.
-    first_cause: u64,
-    unacknowledged: Vec<u64>,
+    log: Log,
+    alarms: Alarms,
+    warnings: Vec<Warning>,
     /// The program under way, but no line of MDI.
     program: Option<ProgramBegun>,
     /// State of the machine as the notices tell it.
     state: State,
-    warnings: Vec<Warning>,
-    late_cycles: u64,
-    /// Stalls of the cycle thread since the last one that was told of, and when that was.
-    stalls: u64,
-    stall_told_ns: u64,
+    lateness: Lateness,
     /// The control cannot go on and has to be restarted.
     needs_restart: bool,
     /// Overrides at the last look, and those of the journal, percent.
     overrides: [[f64; 2]; 3],
     /// What ended the last jog.
     obstruction: Option<String>,
-    /// The tool that is being changed, and those that have been since somebody asked.
-    changing_tool: Option<u32>,
-    changed_tools: Vec<u32>,
+    tool_changes: ToolChanges,
     /// Texts of the messages of the program (MSG, DEBUG) in their order, and how many have been shown.
     messages: Option<(mpsc::Receiver<Option<String>>, u32)>,
     /// What the report is made of.
@@ -180,46 +193,21 @@ impl Operator {
             homing: config.homing_order(),
             records: true,
             orders_given: 0,
-            program_ended: false,
-            stop_pressed: false,
-            bursts: Bursts::default(),
-            not_begun: false,
+            signals: Signals::default(),
             cycle_s: f64::from(config.cycle_us) * 1e-6,
             modules: Modules::new(config),
-            node_names: config
-                .bus
-                .nodes
-                .iter()
-                .map(|node| format!("{} (node {})", node.name, node.id))
-                .collect(),
-            bus_names: bus::Names::new(config),
-            joint_names: joint_names(config),
-            joint_drives: config.joints.iter().map(|joint| config.drive_name(joint)).collect(),
-            external_names: config.external.iter().map(|of| of.name.clone()).collect(),
-            has_network: config.bus.kind != BusKind::None,
-            silenced: silenced(config.bus.kind != BusKind::None, config.steps.is_some()),
-            nodes_up: 0,
+            names: Names::new(config),
             operational_s: None,
-            journal: Vec::new(),
-            journal_read: 0,
-            seq: 0,
-            time_of_day: None,
-            keeper: None,
-            alarms: Vec::new(),
-            alarms_over: 0,
-            first_cause: 0,
-            unacknowledged: Vec::new(),
+            log: Log::default(),
+            alarms: Alarms::default(),
+            warnings: Vec::new(),
             program: None,
             state: State::Booting,
-            warnings: Vec::new(),
-            late_cycles: 0,
-            stalls: 0,
-            stall_told_ns: 0,
+            lateness: Lateness::default(),
             needs_restart: false,
             overrides: [[100.0; 2]; 3],
             obstruction: None,
-            changing_tool: None,
-            changed_tools: Vec::new(),
+            tool_changes: ToolChanges::default(),
             messages: None,
             recorder: Recorder::default(),
             programs: 0,
@@ -282,36 +270,21 @@ impl Operator {
 
     /// Somebody knows of all alarms up to now, and has said so by this order.
     fn take_for_acknowledged(&mut self, by: &str) {
-        self.alarms_over = self.alarms.len();
-        let seqs = std::mem::take(&mut self.unacknowledged);
-        if seqs.is_empty() {
-            return;
+        self.alarms.over = self.alarms.list.len();
+        let seqs = std::mem::take(&mut self.alarms.unacknowledged);
+        if !seqs.is_empty() {
+            let time_s = self.now_s();
+            self.log.acknowledge(time_s, seqs, by);
         }
-        let how = Acknowledged {
-            unix_s: self.unix_s(),
-            by: by.to_owned(),
-        };
-        acknowledge(&mut self.journal, &seqs, &how);
-        let told = self.journal.iter().filter(|entry| seqs.contains(&entry.seq));
-        let codes: Vec<&str> = told
-            .filter_map(|entry| Some(entry.alarm.as_ref()?.code.as_str()))
-            .collect();
-        let text = format!("acknowledged by {by}: {}", codes.join(", "));
-        let more = More {
-            acknowledges: Some((seqs, how)),
-            ..More::default()
-        };
-        let time_s = self.now_s();
-        self.note_more(time_s, text, more);
     }
 
     /// A program begins, and records of it.
     pub fn begin_program(&mut self, name: &str) {
-        let unix_s = self.unix_s();
+        let unix_s = self.log.unix_s();
         self.program = Some(ProgramBegun {
             name: name.to_owned(),
             unix_s,
-            alarms: self.alarms.len(),
+            alarms: self.alarms.list.len(),
             warnings: self.warnings.clone(),
         });
         self.recorder = Recorder::default();
@@ -329,7 +302,7 @@ impl Operator {
             ..More::default()
         };
         let time_s = self.now_s();
-        self.note_more(time_s, format!("program {name}: begun"), more);
+        self.log.write(time_s, format!("program {name}: begun"), more);
     }
 
     /// When the program under way began, s since 1970.
@@ -355,13 +328,14 @@ impl Operator {
             ..More::default()
         };
         let time_s = self.now_s();
-        self.note_more(time_s, format!("program {name}: {result}, {took_s:.1} s"), more);
+        self.log
+            .write(time_s, format!("program {name}: {result}, {took_s:.1} s"), more);
     }
 
     /// Alarms since the program under way began; all, where none is.
     pub fn alarms_of_program(&self) -> &[Alarm] {
         let before = self.program.as_ref().map_or(0, |program| program.alarms);
-        &self.alarms[before..]
+        &self.alarms.list[before..]
     }
 
     /// Warnings that came while the program under way ran.
@@ -382,19 +356,15 @@ impl Operator {
         self.live().cycles as f64 * self.cycle_s
     }
 
-    fn unix_s(&self) -> f64 {
-        self.time_of_day.map_or(0.0, |now| now())
-    }
-
     /// What is known of an alarm, which is the next entry; `first`: it is the first cause.
     fn alarm_record(&mut self, code: &str, reaction: Reaction, first: bool) -> AlarmRecord {
-        let seq = self.seq + 1;
+        let seq = self.log.last() + 1;
         self.endpoints.live.desk.count_alarm(reaction);
         if first {
-            self.first_cause = seq;
+            self.alarms.first_cause = seq;
         }
         if reaction >= Reaction::ControlledStop {
-            self.unacknowledged.push(seq);
+            self.alarms.unacknowledged.push(seq);
         }
         let stands = self.alarm().is_some();
         let line = self.live().line;
@@ -402,7 +372,7 @@ impl Operator {
             code: code.to_owned(),
             severity: reaction.severity().to_owned(),
             reaction: reaction.name().to_owned(),
-            first_cause: if first || !stands { seq } else { self.first_cause },
+            first_cause: if first || !stands { seq } else { self.alarms.first_cause },
             joint: None,
             node: None,
             program: self.program.as_ref().map(|program| program.name.clone()),
@@ -417,8 +387,8 @@ impl Operator {
             alarm: Some(alarm),
             ..More::default()
         };
-        self.note_more(time_s, format!("alarm: {cause}"), more);
-        self.alarms.push(Alarm { time_s, cause });
+        self.log.write(time_s, format!("alarm: {cause}"), more);
+        self.alarms.list.push(Alarm { time_s, cause });
     }
 
     /// Takes in what came, gives the next order. `now_ns`: any monotonic clock.
@@ -439,10 +409,11 @@ impl Operator {
             self.add_entry(format!("warning: {what}"));
         }
         self.note_overrides();
-        self.note_bursts(self.now_s());
+        let now_s = self.now_s();
+        self.log.note_bursts(now_s, now_s);
         let live = self.live();
         // The state counts only once it is that of the last order; a thread that hangs takes none.
-        if std::mem::take(&mut self.not_begun) && self.sequence.not_begun(now_ns) {
+        if std::mem::take(&mut self.signals.not_begun) && self.sequence.not_begun(now_ns) {
             self.add_entry("warning: not begun, for the machine was not ready for it: isocnc status".into());
         }
         let step = match live.orders_taken < self.orders_given && live.state != State::Silenced {
@@ -450,7 +421,7 @@ impl Operator {
             true if self.endpoints.commands.is_full() => None,
             // Nobody keeps the machine from an end by orders of his own.
             true => self.sequence.order_end(),
-            false => self.sequence.poll(now_ns, live.state, self.program_ended),
+            false => self.sequence.poll(now_ns, live.state, self.signals.program_ended),
         };
         let command = match step? {
             Step::Program => return Some(live.position),
@@ -468,7 +439,7 @@ impl Operator {
     /// Hands the program to the cycle thread, or (`mdi`) a line that was typed.
     pub fn start(&mut self, program: Box<Interpolator>, mdi: bool) {
         self.records &= !mdi;
-        self.program_ended = false;
+        self.signals.program_ended = false;
         self.programs += u64::from(!mdi);
         self.give(Command::Start { program, mdi });
     }
@@ -480,12 +451,12 @@ impl Operator {
 
     /// The tool whose change has begun and is not done.
     pub fn changing_tool(&self) -> Option<u32> {
-        self.changing_tool
+        self.tool_changes.under_way
     }
 
     /// Changes that were done since the last call, in their order.
     pub(super) fn take_changed_tools(&mut self) -> Vec<u32> {
-        std::mem::take(&mut self.changed_tools)
+        std::mem::take(&mut self.tool_changes.done)
     }
 
     /// The text of a message; `None`: it has been shown before, on the way forward, or is none for the journal.
@@ -530,28 +501,24 @@ impl Operator {
                 overdue_ns,
                 ran_ns,
             } => {
-                self.stalls += 1;
-                if report.at_ns - self.stall_told_ns < STALLS_TOLD_NS {
-                    return;
-                }
-                let more = match std::mem::take(&mut self.stalls) {
-                    1 => String::new(),
-                    stalls => format!(", {stalls} times"),
+                let more = match self.lateness.add_stall(report.at_ns) {
+                    None => return,
+                    Some(1) => String::new(),
+                    Some(stalls) => format!(", {stalls} times"),
                 };
-                self.stall_told_ns = report.at_ns;
                 let text = format!(
                     "warning: the cycle thread did not get its core for {:.1} ms{more}, and computed {:.1} ms of them: {}",
                     overdue_ns as f64 * 1e-6,
                     ran_ns as f64 * 1e-6,
                     evidence()
                 );
-                self.note(cycle as f64 * self.cycle_s, text);
+                self.log.note(cycle as f64 * self.cycle_s, text);
             }
             timeout::Event::CycleHung { cycle, overdue_ns } => {
                 let hung_ms = overdue_ns as f64 * 1e-6;
                 self.enter_silenced(
                     cycle,
-                    format!("{}. It hung for {hung_ms:.1} ms: {}", self.silenced, evidence()),
+                    format!("{}. It hung for {hung_ms:.1} ms: {}", self.names.silenced, evidence()),
                 );
             }
         }
@@ -595,7 +562,7 @@ impl Operator {
     /// Something that the operator ought to know and that stops nothing.
     pub fn add_entry(&mut self, text: String) {
         let time_s = self.now_s();
-        self.note(time_s, text);
+        self.log.note(time_s, text);
     }
 
     /// Gives an order that does not belong to the sequence.
@@ -620,14 +587,14 @@ impl Operator {
 
     /// Whether somebody has pressed the stop pin since the last call: an end of all that is under way or about to begin.
     pub fn take_stop_pressed(&mut self) -> bool {
-        std::mem::take(&mut self.stop_pressed)
+        std::mem::take(&mut self.signals.stop_pressed)
     }
 
     /// What is under way, in words.
     pub fn step_name(&self) -> &'static str {
         match self.step() {
-            Step::Network if !self.has_network => "start",
-            Step::ShutDown if !self.has_network => "shut-down",
+            Step::Network if !self.names.has_network => "start",
+            Step::ShutDown if !self.names.has_network => "shut-down",
             step => step.name(),
         }
     }
@@ -653,7 +620,7 @@ impl Operator {
 
     /// Name of a joint, for messages.
     pub fn joint_name(&self, joint: usize) -> &str {
-        &self.joint_names[joint]
+        &self.names.joints[joint]
     }
 
     /// What ended the last jog, if something was in its way.
@@ -674,7 +641,7 @@ impl Operator {
     /// How it ended, once it has. A program that was never run to its end because of an alarm counts as faulted.
     pub fn outcome(&self) -> Option<Outcome> {
         let outcome = self.sequence.outcome()?;
-        Some(if self.alarms.is_empty() {
+        Some(if self.alarms.list.is_empty() {
             outcome
         } else {
             Outcome::Faulted
@@ -703,17 +670,17 @@ impl Operator {
 
     /// What a control of this machine says whose cycle thread hung.
     pub fn silenced(&self) -> &'static str {
-        self.silenced
+        self.names.silenced
     }
 
     /// First cause since the last acknowledge.
     pub fn alarm(&self) -> Option<&Alarm> {
-        self.alarms.get(self.alarms_over)
+        self.alarms.first()
     }
 
     /// Seconds from the first cycle to OPERATIONAL of the whole network.
     pub fn operational_s(&self) -> Option<f64> {
-        self.operational_s.filter(|_| self.has_network)
+        self.operational_s.filter(|_| self.names.has_network)
     }
 
     /// Programs begun so far, each repetition counted.
@@ -721,62 +688,36 @@ impl Operator {
         self.programs
     }
 
-    /// Goes on with the journal of earlier days, whose last number is this, and gives new entries to `keeper`, too, who shows how far
-    /// the disk has them.
-    pub fn keep_journal(&mut self, before: Vec<Entry>, last: u64, keeper: mpsc::Sender<Entry>, kept: Arc<Kept>) {
-        self.seq = last;
-        kept.begin(last);
-        self.journal_read = before.len();
-        self.journal = before;
-        self.keeper = Some((keeper, kept));
+    /// The journal: how far the disk has it.
+    pub fn log(&self) -> &Log {
+        &self.log
     }
 
-    /// Entries have the time of day from this clock, s since 1970.
-    pub fn set_time_of_day(&mut self, clock: fn() -> f64) {
-        self.time_of_day = Some(clock);
-    }
-
-    /// Number of the last entry.
-    pub fn last_entry(&self) -> u64 {
-        self.seq
-    }
-
-    /// Whether the entries up to this number are on the disk, or cannot be.
-    pub fn is_journal_kept(&self, seq: u64) -> bool {
-        self.keeper.as_ref().is_none_or(|(_, kept)| kept.has(seq))
-    }
-
-    /// Number of the last entry that is on the disk, or cannot be.
-    pub fn last_entry_on_disk(&self) -> u64 {
-        self.keeper.as_ref().map_or(self.seq, |(_, kept)| kept.last())
-    }
-
-    /// Whether the disk does not take the journal.
-    pub fn journal_fails(&self) -> bool {
-        self.keeper.as_ref().is_some_and(|(_, kept)| kept.fails())
+    /// The journal, to be set up.
+    pub fn log_mut(&mut self) -> &mut Log {
+        &mut self.log
     }
 
     /// Nothing more is kept.
     pub fn close_journal(&mut self) {
-        self.note_bursts(f64::INFINITY);
-        self.keeper = None;
+        let now_s = self.now_s();
+        self.log.note_bursts(f64::INFINITY, now_s);
+        self.log.close();
     }
 
     /// Everything noted so far, or the latest of it.
     pub fn journal(&self) -> &[Entry] {
-        &self.journal
+        self.log.entries()
     }
 
     /// The first entry that has not been read.
     pub fn next_entry(&mut self) -> Option<&Entry> {
-        let entry = self.journal.get(self.journal_read)?;
-        self.journal_read += 1;
-        Some(entry)
+        self.log.next()
     }
 
     /// Alarms, the first cause first.
     pub fn alarms(&self) -> &[Alarm] {
-        &self.alarms
+        &self.alarms.list
     }
 
     /// Warnings, one of each kind.
@@ -786,63 +727,8 @@ impl Operator {
 
     /// Cycles that began late enough to be noticed, or were left out.
     pub fn late_cycles(&self) -> u64 {
-        self.late_cycles
+        self.lateness.cycles
     }
-
-    fn note(&mut self, time_s: f64, text: String) {
-        if self.bursts.tells(time_s, &text) {
-            self.note_more(time_s, text, More::default());
-        }
-    }
-
-    /// Tells what was not told one by one, of windows that are over at this time.
-    fn note_bursts(&mut self, time_s: f64) {
-        let now_s = self.now_s();
-        for text in self.bursts.counted(time_s) {
-            self.note_more(now_s, text, More::default());
-        }
-    }
-
-    fn note_more(&mut self, time_s: f64, text: String, more: More) {
-        if self.journal.len() >= JOURNAL_MAX {
-            // Half at once, so that it costs nothing to speak of; a control may run for months.
-            let gone = self.journal.len() / 2;
-            self.journal.drain(..gone);
-            self.journal_read = self.journal_read.saturating_sub(gone);
-        }
-        self.seq += 1;
-        let entry = Entry {
-            seq: self.seq,
-            unix_s: self.unix_s(),
-            time_s,
-            kind: kind(&text),
-            text,
-            alarm: more.alarm,
-            program: more.program,
-            acknowledges: more.acknowledges,
-        };
-        if let Some((keeper, _)) = &self.keeper {
-            // One that is gone has told so.
-            let _ = keeper.send(entry.clone());
-        }
-        self.journal.push(entry);
-    }
-}
-
-fn joint_names(config: &Config) -> Vec<String> {
-    let joints = config.joints.iter().enumerate();
-    let name = |(number, joint): (usize, &config::Joint)| {
-        // Which of several drives of a node it is, does not go without saying.
-        let node = config.bus.nodes.get(joint.node).filter(|_| config.shares_node(joint));
-        let drive = node.map_or(String::new(), |node| {
-            format!(", axis {} of {}", joint.drive_axis, node.name)
-        });
-        match config.axes.iter().find(|map| map.joints.contains(&number)) {
-            Some(map) => format!("axis {} (joint {number}{drive})", map.axis.letter()),
-            None => format!("joint {number}{drive}"),
-        }
-    };
-    joints.map(name).collect()
 }
 
 #[cfg(test)]
