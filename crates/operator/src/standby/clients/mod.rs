@@ -2,6 +2,7 @@
 
 mod executed;
 mod given_up;
+mod obey;
 mod shown;
 
 use executed::Executed;
@@ -9,12 +10,10 @@ pub(crate) use shown::outcome_word;
 
 use super::check::{Checked, Part, Subject, examine};
 use super::streamed::Streamed;
-use super::wishes::{is_told, moves, wish};
+use super::wishes::wish;
 use crate::console::Operator;
-use crate::manual_mode;
-use crate::remembered;
 use crate::table_writer::{Keeper, Mark};
-use api::orders::{Jogged, Order, OrderInbox, Source};
+use api::orders::{Order, OrderInbox, Source};
 use api::paths::PathOrder;
 use api::rpc::{RpcError, code};
 use api::server::Ticket;
@@ -27,13 +26,10 @@ use machine::sequence::{Job, Step};
 use machine::state::State;
 use machine::tables::{Tables, lock};
 use motion::cancel::Cancel;
-use motion::canon::{Axis, Position};
+use motion::canon::Position;
 use program::text::{Reader, Text};
 use program::tool_path::{record_octets, trace};
-use program::{Begin, Doubt, Overview, changed, home};
-use rt::shared::{Command, Snapshot};
-use rt::waiting;
-use rt::way_back::SLOW_MM;
+use program::{Begin, Doubt, Overview, home};
 use serde_json::{Value, json};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, mpsc};
@@ -432,242 +428,6 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         }
     }
 
-    /// `None`: the answer comes later.
-    fn obey(
-        &mut self,
-        ticket: Ticket,
-        order: Order,
-        operator: &mut Operator,
-        keeper: &mut Keeper<'_, '_>,
-        now_ns: u64,
-    ) -> Option<Answer> {
-        // Whatever it is: nothing can be done any more.
-        if operator.live().state == State::Silenced {
-            return Some(Err(operator.silenced().to_owned()));
-        }
-        if let Order::Note(text) | Order::TakenOver(text) = order {
-            operator.add_entry(text);
-            return Some(Ok(json!({})));
-        }
-        if let Order::Inspect(source) = order {
-            return self.inspect(ticket, source, operator).err().map(Err);
-        }
-        if let Order::Path(path) = order {
-            return Some(self.draw(path, operator));
-        }
-        if let Order::Parts { count, target } = order {
-            let mut parts = keeper.memory.now().parts;
-            parts.count = count.unwrap_or(parts.count);
-            parts.target = target.map_or(parts.target, |target| Some(target).filter(|target| *target > 0));
-            keeper.memory.set_parts(parts);
-            operator.add_entry(format!("order: parts {parts}"));
-            self.unsettled.push((ticket, Unsettled::new(keeper, operator, now_ns)));
-            return None;
-        }
-        let Some(wish) = wish(&order) else {
-            let tables = lock(self.tables);
-            return Some(Ok(match order {
-                Order::Tools => remembered::tools(&tables, self.config.unit),
-                Order::Report(number) => {
-                    let found = keeper.memory.reports().find(number);
-                    return Some(found.map(|report| json!(report)));
-                }
-                Order::MdiHistory => json!({ "lines": keeper.memory.now().mdi }),
-                Order::Journal(since) => remembered::journal(operator, since),
-                _ => {
-                    let executed = self.executed.as_ref().and_then(Executed::now);
-                    let system = executed.map_or(tables.work_system(), |modes| modes.work_system());
-                    remembered::offsets(&tables, self.config, system)
-                }
-            }));
-        };
-        if moves(wish) && self.config.joints.is_empty() {
-            return Some(Err(self.config.without_joints()));
-        }
-        if let Err(why) = self.may(wish, operator) {
-            // Lines of MDI wait behind those that run.
-            let waits = matches!(order, Order::Mdi(_) | Order::Lines { .. }) && self.is_mdi_under_way(operator);
-            if !waits {
-                return Some(Err(why));
-            }
-        }
-        if is_told(&order) {
-            operator.add_entry(format!("order: {}", wish.command()));
-        }
-        let done = match order {
-            Order::Withdraw
-            | Order::Offsets
-            | Order::Tools
-            | Order::Journal(_)
-            | Order::Note(_)
-            | Order::TakenOver(_)
-            | Order::MdiHistory
-            | Order::Report(_)
-            | Order::Path(_)
-            | Order::Inspect(_)
-            | Order::Parts { .. } => return None,
-            Order::On => self.begin(Job::On, Mode::Manual, operator, now_ns),
-            Order::Off => {
-                self.give_up_check();
-                self.refuse_queue("drives are switched off");
-                operator.off(now_ns);
-                Ok(())
-            }
-            Order::Home(joints) => {
-                self.joints_to_home(&joints)
-                    .and_then(|joints| match operator.homing_order(joints) {
-                        order if order.is_empty() => Err("none of these joints has a home".into()),
-                        order => self.begin(Job::Home(order), Mode::Manual, operator, now_ns),
-                    })
-            }
-            // It would be shown in the place of what is about to run.
-            Order::Load(_) if operator.has_program() => Err("a program is about to run: wait for it, or isocnc stop".into()),
-            // Beside homing and jogs, too.
-            Order::Load(_) if self.checking.is_some() => {
-                Err("another program is being checked: wait for it, or isocnc stop".into())
-            }
-            Order::Load(source) => {
-                self.check(ticket, Subject::Program(source), Then::Load, operator);
-                return None;
-            }
-            Order::Run(source) => {
-                self.check(ticket, Subject::Program(source), Then::Run, operator);
-                return None;
-            }
-            Order::Start {
-                from_line,
-                yes,
-                runs,
-                dry_feed_min,
-                revision,
-            } => {
-                let Some(part) = self.loaded.clone() else {
-                    return Some(Err("no program is loaded".into()));
-                };
-                if revision.is_some_and(|revision| revision != part.revision) {
-                    let why = format!("another program is loaded by now: {}: look at it, then start it", part.name);
-                    return Some(Err(why));
-                }
-                let dry_feed_s = dry_feed_min.map(|feed| feed / 60.0);
-                let subject = match from_line {
-                    Some(line) => Subject::FromLine {
-                        part,
-                        line,
-                        yes,
-                        dry_feed_s,
-                    },
-                    None => Subject::Loaded { part, dry_feed_s },
-                };
-                self.check(ticket, subject, Then::Start { runs }, operator);
-                return None;
-            }
-            Order::Mdi(_) if self.mdi.len() >= MDI_MAX => Err(format!("{MDI_MAX} lines wait already")),
-            Order::Mdi(line) => {
-                keeper.memory.add_mdi(&line);
-                self.mdi.push_back((ticket, Typed::Line(line)));
-                return None;
-            }
-            Order::Lines { .. } if self.mdi.len() >= MDI_MAX => Err(format!("{MDI_MAX} lines wait already")),
-            Order::Lines { text, wait } => {
-                self.mdi.push_back((ticket, Typed::Lines(text, wait)));
-                return None;
-            }
-            Order::Change(change) => {
-                if let Some(axis) = change.axis()
-                    && let Err(why) = manual_mode::joints(Jogged::Axis(axis), self.config)
-                {
-                    return Some(Err(why));
-                }
-                // What somebody else has written into the files meanwhile stays.
-                if keeper.is_written()
-                    && let Err(error) = lock(self.tables).refresh(self.config)
-                {
-                    return Some(Err(error.to_string()));
-                }
-                let at = operator.live().position;
-                let changed = changed(self.config, &lock(self.tables), at, self.modes.as_deref(), &change);
-                match changed {
-                    Ok(left) => {
-                        // Reading and motion follow the length that is in force.
-                        if let (Some(tool), Some(modes)) = (change.tool(), &mut self.modes) {
-                            Arc::make_mut(modes).use_offset_of(tool, &left.tools);
-                        }
-                        keeper.hand_in(left);
-                        self.unsettled.push((ticket, Unsettled::new(keeper, operator, now_ns)));
-                        return None;
-                    }
-                    Err(why) => Err(why),
-                }
-            }
-            Order::Jog(jog) => {
-                self.mode = Mode::Manual;
-                return Some(manual_mode::jog(&jog, self.config, operator));
-            }
-            Order::Hold => {
-                operator.give(Command::Hold);
-                Ok(())
-            }
-            Order::Resume => {
-                let way = way_back(&operator.live(), self.config);
-                operator.give(Command::Resume);
-                return Some(Ok(way.map_or(json!({}), |way| json!({ "returns": way }))));
-            }
-            Order::Skip => match operator.live().waiting {
-                Some(waiting) if waiting.can_be_skipped() => {
-                    operator.give(Command::Skip(waiting));
-                    return Some(Ok(json!({ "skips": waiting.text() })));
-                }
-                Some(waiting) => Err(format!("{}: that cannot be left out; what releases it: {}", waiting.text(), waiting.release())),
-                None => Err("a move is under way: what follows would begin elsewhere than it was programmed; isocnc stop, then isocnc \
-                             program start --from-line N tells the way to another block and goes it"
-                    .into()),
-            },
-            Order::Reverse(share) => {
-                operator.give(Command::Reverse(share));
-                Ok(())
-            }
-            // Of a program that has not begun yet as well.
-            Order::SingleBlock(on) => {
-                operator.give(Command::SingleBlock(on));
-                Ok(())
-            }
-            Order::OptionalStop(on) => {
-                operator.give(Command::OptionalStop(on));
-                Ok(())
-            }
-            Order::BlockDelete(on) => {
-                lock(self.tables).block_delete = on;
-                Ok(())
-            }
-            Order::ToolChanged => match operator.live().waiting {
-                Some(waiting::Waiting::ToolChange { .. }) => {
-                    operator.give(Command::ToolChanged);
-                    Ok(())
-                }
-                _ => Err("nothing waits for a tool: isocnc status tells how the machine is".into()),
-            },
-            Order::Stop => {
-                self.stop(operator, now_ns);
-                Ok(())
-            }
-            Order::Estop => {
-                self.give_up_check();
-                self.refuse_queue("emergency stop");
-                operator.estop();
-                Ok(())
-            }
-            Order::EstopReset => {
-                operator.reset_estop();
-                Ok(())
-            }
-            Order::Acknowledge => {
-                operator.acknowledge();
-                Ok(())
-            }
-        };
-        Some(done.map(|()| json!({})))
-    }
-
     /// Has the way of the program that is loaded drawn in a thread of its own.
     fn draw(&mut self, path: PathOrder, operator: &Operator) -> Answer {
         self.drawn.retain(|(_, thread)| !thread.is_finished());
@@ -765,15 +525,6 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             Activity::Checking | Activity::Running | Activity::Held
         ) || self.is_planning && condition.activity == Activity::Stopping;
         self.mode == Mode::Mdi && condition.power == Power::On && is_busy
-    }
-
-    fn joints_to_home(&self, joints: &[usize]) -> Result<u64, String> {
-        if joints.is_empty() {
-            return Ok(u64::MAX);
-        }
-        joints.iter().try_fold(0, |all, joint| {
-            Ok(all | manual_mode::joints(Jogged::Joint(*joint), self.config)?)
-        })
     }
 
     fn begin(&mut self, job: Job, mode: Mode, operator: &mut Operator, now_ns: u64) -> Result<(), String> {
@@ -903,25 +654,6 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         self.part = Some(part);
         Ok(begun)
     }
-}
-
-/// How the machine returns to where the program is held, if it is elsewhere: one sentence a leg.
-fn way_back(live: &Snapshot, config: &Config) -> Option<Vec<String>> {
-    let (at, to) = (live.position, live.held_at?);
-    let axes = || config.axes.iter().map(|map| map.axis);
-    let beside = axes().filter(|axis| *axis != Axis::Z && at[*axis] != to[*axis]);
-    let beside: Vec<String> = beside.map(|axis| format!("{}{:.3}", axis.letter(), to[axis])).collect();
-    let mut way = Vec::new();
-    if axes().any(|axis| axis == Axis::Z) && at[Axis::Z] < to[Axis::Z] {
-        way.push(format!("Z up to {:.3}", to[Axis::Z]));
-    }
-    if !beside.is_empty() {
-        way.push(beside.join(" "));
-    }
-    if axes().any(|axis| axis == Axis::Z) && at[Axis::Z] > to[Axis::Z] {
-        way.push(format!("Z down to {:.3}, the last {SLOW_MM} mm slowly", to[Axis::Z]));
-    }
-    Some(way)
 }
 
 /// Lines cannot be taken, for this reason.

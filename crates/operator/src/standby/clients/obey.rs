@@ -1,0 +1,314 @@
+//! Orders of clients, carried out.
+//!
+//! In:  an order. Out: its answer, or nothing where that comes later.
+
+use super::super::check::Subject;
+use super::super::wishes::{is_told, moves, wish};
+use super::executed::Executed;
+use super::{Answer, Clients, MDI_MAX, Mode, Then, Typed, Unsettled};
+use crate::console::Operator;
+use crate::manual_mode;
+use crate::remembered;
+use crate::table_writer::Keeper;
+use api::orders::{Jogged, Order, Source};
+use api::server::Ticket;
+use config::Config;
+use machine::permission::Wish;
+use machine::sequence::Job;
+use machine::state::State;
+use machine::tables::lock;
+use motion::canon::Axis;
+use program::{Change, changed};
+use rt::shared::{Command, Snapshot};
+use rt::waiting::Waiting;
+use rt::way_back::SLOW_MM;
+use serde_json::{Value, json};
+use std::sync::Arc;
+
+impl Clients<'_, '_> {
+    /// `None`: the answer comes later.
+    pub(super) fn obey(
+        &mut self,
+        ticket: Ticket,
+        order: Order,
+        operator: &mut Operator,
+        keeper: &mut Keeper<'_, '_>,
+        now_ns: u64,
+    ) -> Option<Answer> {
+        // Whatever it is: nothing can be done any more.
+        if operator.live().state == State::Silenced {
+            return Some(Err(operator.silenced().to_owned()));
+        }
+        if let Some(wish) = wish(&order) {
+            if let Err(why) = self.permits(&order, wish, operator) {
+                return Some(Err(why));
+            }
+            if is_told(&order) {
+                operator.add_entry(format!("order: {}", wish.command()));
+            }
+        }
+        let done = match order {
+            // It has no answer.
+            Order::Withdraw => return None,
+            Order::Note(text) | Order::TakenOver(text) => {
+                operator.add_entry(text);
+                Ok(())
+            }
+            Order::Inspect(source) => return self.inspect(ticket, source, operator).err().map(Err),
+            Order::Path(path) => return Some(self.draw(path, operator)),
+            Order::Tools => return Some(Ok(remembered::tools(&lock(self.tables), self.config.unit))),
+            Order::Offsets => return Some(Ok(self.offsets())),
+            Order::Report(number) => {
+                let found = keeper.memory.reports().find(number);
+                return Some(found.map(|report| json!(report)));
+            }
+            Order::MdiHistory => return Some(Ok(json!({ "lines": keeper.memory.now().mdi }))),
+            Order::Journal(since) => return Some(Ok(remembered::journal(operator, since))),
+            Order::Parts { count, target } => {
+                let mut parts = keeper.memory.now().parts;
+                parts.count = count.unwrap_or(parts.count);
+                parts.target = target.map_or(parts.target, |target| Some(target).filter(|target| *target > 0));
+                keeper.memory.set_parts(parts);
+                operator.add_entry(format!("order: parts {parts}"));
+                self.unsettled.push((ticket, Unsettled::new(keeper, operator, now_ns)));
+                return None;
+            }
+            Order::On => self.begin(Job::On, Mode::Manual, operator, now_ns),
+            Order::Off => {
+                self.give_up_check();
+                self.refuse_queue("drives are switched off");
+                operator.off(now_ns);
+                Ok(())
+            }
+            Order::Home(joints) => self.home(&joints, operator, now_ns),
+            Order::Load(source) => match self.load(ticket, source, operator) {
+                Ok(()) => return None,
+                Err(why) => Err(why),
+            },
+            Order::Run(source) => {
+                self.check(ticket, Subject::Program(source), Then::Run, operator);
+                return None;
+            }
+            Order::Start {
+                from_line,
+                yes,
+                runs,
+                dry_feed_min,
+                revision,
+            } => match self.loaded_subject(from_line, yes, dry_feed_min, revision) {
+                Ok(subject) => {
+                    self.check(ticket, subject, Then::Start { runs }, operator);
+                    return None;
+                }
+                Err(why) => Err(why),
+            },
+            Order::Mdi(_) | Order::Lines { .. } if self.mdi.len() >= MDI_MAX => {
+                Err(format!("{MDI_MAX} lines wait already"))
+            }
+            Order::Mdi(line) => {
+                keeper.memory.add_mdi(&line);
+                self.mdi.push_back((ticket, Typed::Line(line)));
+                return None;
+            }
+            Order::Lines { text, wait } => {
+                self.mdi.push_back((ticket, Typed::Lines(text, wait)));
+                return None;
+            }
+            Order::Change(change) => match self.change(&change, operator, keeper) {
+                Ok(()) => {
+                    self.unsettled.push((ticket, Unsettled::new(keeper, operator, now_ns)));
+                    return None;
+                }
+                Err(why) => Err(why),
+            },
+            Order::Jog(jog) => {
+                self.mode = Mode::Manual;
+                return Some(manual_mode::jog(&jog, self.config, operator));
+            }
+            Order::Resume => {
+                let way = way_back(&operator.live(), self.config);
+                operator.give(Command::Resume);
+                return Some(Ok(way.map_or(json!({}), |way| json!({ "returns": way }))));
+            }
+            Order::Skip => return Some(skip(operator)),
+            Order::ToolChanged => tool_changed(operator),
+            Order::BlockDelete(on) => {
+                lock(self.tables).block_delete = on;
+                Ok(())
+            }
+            Order::Hold => given(operator, Command::Hold),
+            Order::Reverse(share) => given(operator, Command::Reverse(share)),
+            // Of a program that has not begun yet as well.
+            Order::SingleBlock(on) => given(operator, Command::SingleBlock(on)),
+            Order::OptionalStop(on) => given(operator, Command::OptionalStop(on)),
+            Order::Stop => {
+                self.stop(operator, now_ns);
+                Ok(())
+            }
+            Order::Estop => {
+                self.give_up_check();
+                self.refuse_queue("emergency stop");
+                operator.estop();
+                Ok(())
+            }
+            Order::EstopReset => {
+                operator.reset_estop();
+                Ok(())
+            }
+            Order::Acknowledge => {
+                operator.acknowledge();
+                Ok(())
+            }
+        };
+        Some(done.map(|()| json!({})))
+    }
+
+    /// Whether the machine may do this now.
+    fn permits(&self, order: &Order, wish: Wish, operator: &Operator) -> Result<(), String> {
+        if moves(wish) && self.config.joints.is_empty() {
+            return Err(self.config.without_joints());
+        }
+        self.may(wish, operator).or_else(|why| {
+            // Lines of MDI wait behind those that run.
+            let waits = matches!(order, Order::Mdi(_) | Order::Lines { .. }) && self.is_mdi_under_way(operator);
+            if waits { Ok(()) } else { Err(why) }
+        })
+    }
+
+    fn offsets(&self) -> Value {
+        let tables = lock(self.tables);
+        let executed = self.executed.as_ref().and_then(Executed::now);
+        let system = executed.map_or(tables.work_system(), |modes| modes.work_system());
+        remembered::offsets(&tables, self.config, system)
+    }
+
+    fn home(&mut self, joints: &[usize], operator: &mut Operator, now_ns: u64) -> Result<(), String> {
+        let joints = self.joints_to_home(joints)?;
+        match operator.homing_order(joints) {
+            order if order.is_empty() => Err("none of these joints has a home".into()),
+            order => self.begin(Job::Home(order), Mode::Manual, operator, now_ns),
+        }
+    }
+
+    fn joints_to_home(&self, joints: &[usize]) -> Result<u64, String> {
+        if joints.is_empty() {
+            return Ok(u64::MAX);
+        }
+        joints.iter().try_fold(0, |all, joint| {
+            Ok(all | manual_mode::joints(Jogged::Joint(*joint), self.config)?)
+        })
+    }
+
+    fn load(&mut self, ticket: Ticket, source: Source, operator: &Operator) -> Result<(), String> {
+        // It would be shown in the place of what is about to run.
+        if operator.has_program() {
+            return Err("a program is about to run: wait for it, or isocnc stop".into());
+        }
+        // Beside homing and jogs, too.
+        if self.checking.is_some() {
+            return Err("another program is being checked: wait for it, or isocnc stop".into());
+        }
+        self.check(ticket, Subject::Program(source), Then::Load, operator);
+        Ok(())
+    }
+
+    /// The program that is loaded, as it is to be started.
+    fn loaded_subject(
+        &self,
+        from_line: Option<u32>,
+        yes: bool,
+        dry_feed_min: Option<f64>,
+        revision: Option<u64>,
+    ) -> Result<Subject, String> {
+        let part = self.loaded.clone().ok_or("no program is loaded")?;
+        if revision.is_some_and(|revision| revision != part.revision) {
+            return Err(format!(
+                "another program is loaded by now: {}: look at it, then start it",
+                part.name
+            ));
+        }
+        let dry_feed_s = dry_feed_min.map(|feed| feed / 60.0);
+        Ok(match from_line {
+            Some(line) => Subject::FromLine {
+                part,
+                line,
+                yes,
+                dry_feed_s,
+            },
+            None => Subject::Loaded { part, dry_feed_s },
+        })
+    }
+
+    /// Changes what the machine remembers.
+    fn change(&mut self, change: &Change, operator: &Operator, keeper: &mut Keeper<'_, '_>) -> Result<(), String> {
+        if let Some(axis) = change.axis() {
+            manual_mode::joints(Jogged::Axis(axis), self.config)?;
+        }
+        // What somebody else has written into the files meanwhile stays.
+        if keeper.is_written() {
+            lock(self.tables)
+                .refresh(self.config)
+                .map_err(|error| error.to_string())?;
+        }
+        let at = operator.live().position;
+        let left = changed(self.config, &lock(self.tables), at, self.modes.as_deref(), change)?;
+        // Reading and motion follow the length that is in force.
+        if let (Some(tool), Some(modes)) = (change.tool(), &mut self.modes) {
+            Arc::make_mut(modes).use_offset_of(tool, &left.tools);
+        }
+        keeper.hand_in(left);
+        Ok(())
+    }
+}
+
+fn given(operator: &mut Operator, command: Command) -> Result<(), String> {
+    operator.give(command);
+    Ok(())
+}
+
+/// Gives up the block that the program waits in.
+fn skip(operator: &mut Operator) -> Answer {
+    match operator.live().waiting {
+        Some(waiting) if waiting.can_be_skipped() => {
+            operator.give(Command::Skip(waiting));
+            Ok(json!({ "skips": waiting.text() }))
+        }
+        Some(waiting) => Err(format!(
+            "{}: that cannot be left out; what releases it: {}",
+            waiting.text(),
+            waiting.release()
+        )),
+        None => Err(
+            "a move is under way: what follows would begin elsewhere than it was programmed; isocnc stop, then isocnc program start \
+             --from-line N tells the way to another block and goes it"
+                .into(),
+        ),
+    }
+}
+
+/// The tool that the program waits for is in the spindle.
+fn tool_changed(operator: &mut Operator) -> Result<(), String> {
+    match operator.live().waiting {
+        Some(Waiting::ToolChange { .. }) => given(operator, Command::ToolChanged),
+        _ => Err("nothing waits for a tool: isocnc status tells how the machine is".into()),
+    }
+}
+
+/// How the machine returns to where the program is held, if it is elsewhere: one sentence a leg.
+fn way_back(live: &Snapshot, config: &Config) -> Option<Vec<String>> {
+    let (at, to) = (live.position, live.held_at?);
+    let axes = || config.axes.iter().map(|map| map.axis);
+    let beside = axes().filter(|axis| *axis != Axis::Z && at[*axis] != to[*axis]);
+    let beside: Vec<String> = beside.map(|axis| format!("{}{:.3}", axis.letter(), to[axis])).collect();
+    let mut way = Vec::new();
+    if axes().any(|axis| axis == Axis::Z) && at[Axis::Z] < to[Axis::Z] {
+        way.push(format!("Z up to {:.3}", to[Axis::Z]));
+    }
+    if !beside.is_empty() {
+        way.push(beside.join(" "));
+    }
+    if axes().any(|axis| axis == Axis::Z) && at[Axis::Z] > to[Axis::Z] {
+        way.push(format!("Z down to {:.3}, the last {SLOW_MM} mm slowly", to[Axis::Z]));
+    }
+    Some(way)
+}
