@@ -10,16 +10,20 @@
 //!
 //! | to learn | file |
 //! |---|---|
+//! | what is known of a machine; what its control answers | `machine.rs`; `answers.rs` |
 //! | which machine makes which part | `queue.rs` |
 //! | what people ask and are shown | `people.rs` |
 
+mod answers;
+mod machine;
 mod people;
 mod queue;
 
 pub use people::Ask;
 
 use crate::store::{Attempt, Known, Pruned, Store};
-use cell_link::message::{Envelope, Journal, OrderState, Phase, Since, State, Stored, Topic, Use};
+use cell_link::message::{Envelope, Journal, Since, State, Topic};
+use machine::Machine;
 use serde_json::{Value, json};
 use std::collections::{HashMap, HashSet};
 use std::time::Duration;
@@ -110,52 +114,6 @@ enum Asked {
     Attempt(String, String, Option<Reply>),
     /// Hold or stop of a machine.
     Passing(String, Reply),
-}
-
-/// What is known of a machine while the supervisor runs.
-#[derive(Default)]
-struct Machine {
-    class: String,
-    described: Value,
-    journal: u64,
-    is_alive: bool,
-    state: State,
-    /// The run of its control before the one of `state`; where that speaks again, there are two of them, until then.
-    boot_before: u64,
-    doubled_until_s: f64,
-    /// When the run of `state` was first heard.
-    boot_since_s: f64,
-    heard_s: f64,
-    is_asked_journal: bool,
-    is_asked_described: bool,
-    is_share_told: bool,
-    uploads: usize,
-    /// Its attempt that is not over, and when it was last asked about.
-    attempt: Option<(Attempt, f64)>,
-    /// Orders that it cannot carry out, and why; orders that it is left alone with until then.
-    unfit: HashMap<i64, String>,
-    rests_until_s: f64,
-    counted_until_s: f64,
-    time: HashMap<Use, f64>,
-}
-
-impl Machine {
-    fn is_there(&self, now: f64) -> bool {
-        self.is_alive && now - self.heard_s < SILENT_S
-    }
-
-    /// Why it gets no orders: it is not known yet whether its certificate is its own, or it is not.
-    fn gets_no_orders(&self, now: f64) -> Option<&'static str> {
-        if now < self.doubled_until_s {
-            return Some(DOUBLED);
-        }
-        (now - self.boot_since_s < SETTLED_S).then_some(JUST_CAME)
-    }
-
-    /// The run of its control that is meant by an order; `None`: it has not spoken yet.
-    fn boot(&self) -> Option<u64> {
-        (self.heard_s > 0.0 && self.state.boot != 0).then_some(self.state.boot)
-    }
 }
 
 /// The supervisor.
@@ -552,109 +510,6 @@ impl Core {
         Ok(())
     }
 
-    fn answer(&mut self, ticket: u64, answer: Result<Vec<u8>, String>, now: f64) -> Outcome<()> {
-        fn read<B: serde::de::DeserializeOwned>(answer: Result<Vec<u8>, String>) -> Result<B, String> {
-            let envelope = Envelope::from_octets(&answer?).map_err(|bad| bad.to_string())?;
-            Ok(envelope.body)
-        }
-        let Some((asked, _)) = self.asked.remove(&ticket) else {
-            return Ok(());
-        };
-        match asked {
-            Asked::Journal(name) => {
-                if let Some(machine) = self.machines.get_mut(&name) {
-                    machine.is_asked_journal = false;
-                }
-                match read(answer) {
-                    Ok(journal) => self.journal(&name, &journal)?,
-                    Err(why) => tracing::debug!("{name}: journal: {why}"),
-                }
-            }
-            Asked::Described(name) => match read::<Value>(answer) {
-                Ok(described) => {
-                    self.store.set_described(&name, &described)?;
-                    if let Some(machine) = self.machines.get_mut(&name) {
-                        machine.described = described;
-                        machine.unfit.clear();
-                    }
-                    self.is_queue_due = true;
-                }
-                Err(why) => {
-                    tracing::debug!("{name}: description: {why}");
-                    if let Some(machine) = self.machines.get_mut(&name) {
-                        machine.is_asked_described = false;
-                    }
-                }
-            },
-            Asked::Upload {
-                machine,
-                name,
-                sha256,
-                order,
-                reply,
-            } => {
-                let outlook = read::<Stored>(answer).map(|stored| stored.outlook);
-                if let Some(known) = self.machines.get_mut(&machine) {
-                    known.uploads = known.uploads.saturating_sub(1);
-                    match (&outlook, order) {
-                        (Ok(Err(why)), Some(order)) => _ = known.unfit.insert(order, why.clone()),
-                        (Err(_), Some(_)) => known.rests_until_s = now + REST_S,
-                        _ => {}
-                    }
-                }
-                let outlook = outlook.and_then(|outlook| outlook);
-                if outlook.is_ok() {
-                    self.store.set_stored(&machine, &name, Some(&sha256))?;
-                }
-                self.is_queue_due = true;
-                if let Some(reply) = reply {
-                    let answer = outlook.map_err(|why| in_words(&machine, why)).map(
-                        |outlook| json!({ "machine": machine, "program": name, "sha256": sha256, "outlook": outlook }),
-                    );
-                    self.replies.push((reply, answer));
-                }
-            }
-            Asked::Attempt(machine, id, reply) => {
-                let state = read::<OrderState>(answer);
-                if let Ok(state) = &state {
-                    let unknown = state.phase == Phase::Unknown && state.id == id;
-                    let is_cancelled = unknown && !self.is_wanted(&id)?;
-                    match is_cancelled {
-                        // It never came there, and nobody wants it any more.
-                        true => {
-                            let never = OrderState {
-                                phase: Phase::Refused,
-                                note: "cancelled before it was sent".into(),
-                                ..state.clone()
-                            };
-                            self.attempt_is(&machine, &never, now)?;
-                        }
-                        false => self.attempt_is(&machine, state, now)?,
-                    }
-                }
-                if let Some(reply) = reply {
-                    let answer = match state {
-                        Ok(state) if state.phase == Phase::Refused => Err(format!("{machine} refuses: {}", state.note)),
-                        Ok(state) => Ok(json!({ "id": state.id, "phase": state.phase, "note": state.note })),
-                        Err(why) => Err(format!(
-                            "{machine} has not answered ({why}); the order stands, as {id}: isocnc-cell queue"
-                        )),
-                    };
-                    self.replies.push((reply, answer));
-                }
-            }
-            Asked::Passing(machine, reply) => {
-                let state = read::<OrderState>(answer).map_err(|why| in_words(&machine, why));
-                let answer = state.and_then(|state| match state.phase {
-                    Phase::Completed => Ok(json!({})),
-                    _ => Err(state.note),
-                });
-                self.replies.push((reply, answer));
-            }
-        }
-        Ok(())
-    }
-
     fn due(&mut self, now: f64) -> Outcome<()> {
         // Where answers come too fast, some are dropped.
         let lost = |(ticket, (_, until)): (&u64, &(Asked, f64))| (now > *until).then_some(*ticket);
@@ -678,35 +533,6 @@ impl Core {
             self.plan_queue(now)?;
         }
         Ok(())
-    }
-}
-
-/// Why an order of people came to nothing.
-fn in_words(machine: &str, why: String) -> String {
-    match why == NO_ANSWER {
-        true => format!(
-            "{machine} has not answered, and may not have got it: isocnc-cell machines tells whether it is reached"
-        ),
-        false => why,
-    }
-}
-
-impl Machine {
-    /// Adds the time since the last look to what it was spent on; what nothing was heard of is unknown.
-    fn count_time(&mut self, now: f64) {
-        let since = std::mem::replace(&mut self.counted_until_s, now);
-        if since == 0.0 || now <= since {
-            return;
-        }
-        let heard = match self.is_there(now) {
-            true => now,
-            false => self.heard_s.clamp(since, now),
-        };
-        for (what, seconds) in [(self.state.use_of_time(), heard - since), (Use::Unknown, now - heard)] {
-            if seconds > 0.0 {
-                *self.time.entry(what).or_default() += seconds;
-            }
-        }
     }
 }
 

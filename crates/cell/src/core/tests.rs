@@ -1,6 +1,7 @@
 use super::*;
 use crate::store::Wish;
 use cell_link::message::{Order, Remote, Upload, What};
+use cell_link::message::{OrderState, Phase, Stored};
 use proptest::prelude::*;
 use std::path::Path;
 use std::sync::mpsc::{Receiver, sync_channel};
