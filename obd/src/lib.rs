@@ -26,7 +26,7 @@
 //! ```
 //!
 //! Device files (XDD, XDC, EDS, DCF) become what a node is and contains in `device/`, ESI files of EtherCAT devices in
-//! `device/esi.rs`; both need the feature `device`.
+//! `device/esi/`; both need the feature `device`.
 #![no_std]
 #![warn(clippy::missing_errors_doc)]
 
