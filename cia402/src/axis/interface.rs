@@ -195,8 +195,6 @@ pub enum Status {
     Enabling,
     /// Follows the commanded target.
     Enabled,
-    /// Another mode is on its way; position comes from the drive, velocity and torque from the commanded target.
-    Switching,
     /// The drive homes itself; the commanded target is not used.
     Homing,
     /// On the way to [`Status::Disabled`].

@@ -67,7 +67,7 @@ impl Axis {
         match self.phase {
             Phase::Offline => false,
             Phase::Disabled => request == Request::Enable,
-            Phase::Enabling | Phase::Homing(_) | Phase::Switching => {
+            Phase::Enabling | Phase::Homing(_) => {
                 matches!(request, Request::Disable | Request::QuickStop | Request::CutPower)
             }
             Phase::Enabled => matches!(
@@ -79,35 +79,6 @@ impl Axis {
             Phase::CuttingPower => false,
             Phase::Faulted { .. } => request == Request::ResetFault,
         }
-    }
-
-    /// Has the drive run in another mode from now on. An enabled one is changed on the fly: it is [`Status::Switching`] until
-    /// 6061 shows the mode, and then goes on from [`Axis::target_position`]. False, and nothing is changed, while it is on its
-    /// way to or from [`Status::Enabled`].
-    ///
-    /// The target of the new mode stands in its object before the drive looks at it: a position where the motor will be by then,
-    /// velocity and torque as they are commanded.
-    ///
-    /// RT: constant time.
-    pub fn change_mode(&mut self, mode: Mode) -> bool {
-        match self.phase {
-            Phase::Offline | Phase::Disabled | Phase::Faulted { .. } => {}
-            Phase::Enabled | Phase::Switching => self.enter(Phase::Switching),
-            Phase::Enabling | Phase::Homing(_) | Phase::Disabling | Phase::CuttingPower | Phase::QuickStopping => {
-                return false;
-            }
-        }
-        self.config.mode = mode;
-        self.new_set_point = false;
-        true
-    }
-
-    /// PP, PV and TQ: whether the drive has taken the target and says that it is there (bit 10).
-    pub fn target_reached(&self) -> bool {
-        matches!(self.phase, Phase::Enabled)
-            && !self.new_set_point
-            && self.statusword & statusword::TARGET_REACHED != 0
-            && matches!(self.config.mode, Mode::Pp | Mode::Pv | Mode::Tq)
     }
 
     /// One bus cycle: takes what the drive sent, returns what to send. `online` is false as long as the node is not
@@ -140,7 +111,6 @@ impl Axis {
             Phase::Offline | Phase::Disabled => self.disabled(drive),
             Phase::Enabling => self.enabling(now_ns, drive, feedback),
             Phase::Enabled => self.enabled(now_ns, drive, feedback, commanded.into()),
-            Phase::Switching => self.switching(now_ns, drive, feedback, commanded.into()),
             Phase::Homing(homing) => {
                 let word = self.homing_step(now_ns, drive, feedback, homing);
                 if let Phase::Homing(Homing {
@@ -169,7 +139,6 @@ impl Axis {
             Phase::Enabling => Status::Enabling,
             Phase::Enabled => Status::Enabled,
             Phase::Homing(_) => Status::Homing,
-            Phase::Switching => Status::Switching,
             Phase::Disabling | Phase::CuttingPower => Status::Disabling,
             Phase::QuickStopping => Status::QuickStopping,
             Phase::Faulted { fault, .. } => Status::Faulted(fault),
@@ -195,7 +164,6 @@ impl Axis {
             | Phase::Enabling
             | Phase::Enabled
             | Phase::Homing(_)
-            | Phase::Switching
             | Phase::Disabling
             | Phase::CuttingPower
             | Phase::QuickStopping => false,
@@ -319,7 +287,6 @@ impl Axis {
             Phase::Enabling
             | Phase::Enabled
             | Phase::Homing(_)
-            | Phase::Switching
             | Phase::Disabling
             | Phase::CuttingPower
             | Phase::QuickStopping => {
@@ -339,10 +306,8 @@ impl Axis {
 
     fn read_feedback(&mut self, feedback: &Feedback) {
         if self.online {
-            self.moved = i64::from(feedback.position.wrapping_sub(self.position));
-            self.actual += self.moved;
+            self.actual = self.position_in(feedback);
         } else {
-            self.moved = 0;
             self.actual = i64::from(feedback.position);
             self.target = self.actual;
         }
@@ -467,26 +432,6 @@ impl Axis {
             }
         }
         (self.velocity, self.torque) = (commanded.velocity, commanded.torque);
-        self.operation()
-    }
-
-    fn switching(&mut self, now_ns: u64, drive: State, feedback: &Feedback, commanded: Target) -> u16 {
-        /// A position is a cycle old when it is seen, and acts a cycle after it is said.
-        const CYCLES_AHEAD: i64 = 2;
-        if drive != State::OperationEnabled {
-            self.fail(self.unexpected_disable(drive));
-            return command_stop(drive) as u16;
-        }
-        self.limit(now_ns, Step::Mode);
-        if self.fault().is_some() {
-            return command_stop(drive) as u16;
-        }
-        self.target = self.actual + CYCLES_AHEAD * self.moved;
-        (self.velocity, self.torque) = (commanded.velocity, commanded.torque);
-        if feedback.mode_display == self.config.mode.code() {
-            self.enter(Phase::Enabled);
-            self.mark_ns = now_ns;
-        }
         self.operation()
     }
 

@@ -59,8 +59,6 @@ pub(super) enum Phase {
     Enabling,
     Enabled,
     Homing(Homing),
-    /// Enabled, until 6061 shows the new mode.
-    Switching,
     Disabling,
     /// As `Disabling`, without a ramp.
     CuttingPower,
@@ -101,8 +99,6 @@ pub struct Axis {
     pub(super) interlock: bool,
     pub(super) position: i32,
     pub(super) actual: i64,
-    /// Counts that it moved in the last cycle.
-    pub(super) moved: i64,
     /// PP: the new set-point has not been acknowledged.
     pub(super) new_set_point: bool,
     pub(super) target: i64,
@@ -127,7 +123,6 @@ impl Axis {
             interlock: false,
             position: 0,
             actual: 0,
-            moved: 0,
             new_set_point: false,
             target: 0,
             velocity: 0,

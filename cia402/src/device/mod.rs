@@ -15,12 +15,15 @@ mod motion;
 mod objects;
 mod power;
 mod profiles;
+mod quirks;
 mod touch;
+mod transitions;
 
 pub use homing::{Sensors, Switch};
 pub use motion::{Control, Demand};
 pub use objects::{DEVICE_TYPE, DRIVE_OBJECTS, DRIVE_OBJECTS_WITH_DEMAND, SUPPORTED_MODES, check_write};
 pub use power::{Delays, transition};
+pub use quirks::{Injected, Quirks};
 
 use crate::profile::{State, controlword, mode, statusword};
 use factors::Factors;
@@ -29,7 +32,7 @@ use motion::{Generator, round};
 use obd::{AbortCode, Dictionary, Key};
 use objects::Keys;
 use power::Power;
-use profiles::{SetPoints, Since};
+use profiles::{SetPoints, Windows};
 
 /// 603F: following error.
 pub const ERROR_FOLLOWING: u16 = 0x8611;
@@ -42,73 +45,6 @@ pub const ERROR_PARAMETER: u16 = 0x6320;
 
 /// Bit of 60FE: the brake is closed; where 60FE:2 has it, too. Else the drive lifts it with the power.
 const BRAKE: u32 = 1;
-
-/// What tests and operators do to a drive from outside the network.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Injected {
-    /// Show a warning.
-    pub warning: bool,
-    /// Obey the controlword (statusword bit 9).
-    pub remote: bool,
-    /// Transitions that are refused, one bit per number.
-    pub refused: u32,
-    /// The cause of a fault stays, so that no reset helps.
-    pub cause_stays: bool,
-    /// The safety circuit is open (safe torque off): no torque, and no way on. Bit 3 of 60FD shows it.
-    pub sto_open: bool,
-    /// The safety circuit opened under power is a fault, [`ERROR_STO`]; else the drive is SWITCH ON DISABLED.
-    pub sto_faults: bool,
-    /// Bits of 60FD that are shown whatever the sensors say.
-    pub digital_inputs: u32,
-}
-
-impl Default for Injected {
-    fn default() -> Self {
-        Injected {
-            warning: false,
-            remote: true,
-            refused: 0,
-            cause_stays: false,
-            sto_open: false,
-            sto_faults: false,
-            digital_inputs: 0,
-        }
-    }
-}
-
-/// How a drive was built; by default as the profile has it, with all that it leaves open.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Quirks {
-    /// It takes the target of CSP and IP in 6062, and does not tell its demand there; for [`DRIVE_OBJECTS_WITH_DEMAND`].
-    pub target_in_demand: bool,
-    /// At its home point it counts 607C; by the profile it counts -607C.
-    pub home_offset_adds: bool,
-    /// Numbers of the bits of 60FD that show its lower and its upper limit switch and its home switch.
-    pub input_bits: [u8; 3],
-    /// The bit of 60FD that shows its safety circuit, and its value while that is open.
-    pub sto: (u8, bool),
-    /// Homing methods (6098) that it has of those known here; bit n: method n.
-    pub homing_methods: u64,
-    /// It stays in QUICK STOP ACTIVE whatever 605A says, until its voltage is disabled.
-    pub stays_in_quick_stop: bool,
-    /// Its velocity and its position encoder: increments, and the turns of the motor that they are. They count where 6090 says
-    /// that the speed comes from an encoder of its own.
-    pub encoders: [[u32; 2]; 2],
-}
-
-impl Default for Quirks {
-    fn default() -> Quirks {
-        Quirks {
-            target_in_demand: false,
-            home_offset_adds: false,
-            input_bits: [0, 1, 2],
-            sto: (3, true),
-            homing_methods: u64::MAX,
-            stays_in_quick_stop: false,
-            encoders: [[1, 1]; 2],
-        }
-    }
-}
 
 /// What the powered motor is doing.
 #[derive(Clone, Copy, Debug)]
@@ -139,7 +75,6 @@ pub struct Device {
     keys: Keys,
     period_ns: u32,
     power: Power,
-    delays: Delays,
     activity: Activity,
     generator: Generator,
     factors: Factors,
@@ -151,10 +86,7 @@ pub struct Device {
     set_points: SetPoints,
     /// A profile mode is where it was told to be.
     reached: bool,
-    /// The actual position is within 6067, the velocity within 606D, the motor slower than 606F.
-    near_position: Since,
-    near: Since,
-    stands: Since,
+    windows: Windows,
     /// The target is followed as it is.
     follows: bool,
     limited: bool,
@@ -198,7 +130,6 @@ impl Device {
             keys: Keys::find(objects, axis)?,
             period_ns,
             power: Power::new(delays),
-            delays,
             activity: Activity::Off,
             generator: Generator::default(),
             factors: Factors::default(),
@@ -208,9 +139,7 @@ impl Device {
             start_bit: false,
             set_points: SetPoints::default(),
             reached: false,
-            near_position: Since::default(),
-            near: Since::default(),
-            stands: Since::default(),
+            windows: Windows::default(),
             follows: false,
             limited: false,
             in_position: false,
@@ -231,13 +160,12 @@ impl Device {
 
     /// From now on its transitions take so long.
     pub fn set_delays(&mut self, delays: Delays) {
-        self.delays = delays;
         self.power.set_delays(delays);
     }
 
     /// Reset of the application: as after power-on, except that the encoder keeps its count and what was injected stays.
     pub fn reset(&mut self) {
-        self.power = Power::new(self.delays);
+        self.power.restart();
         self.activity = Activity::Off;
         self.mode = mode::NONE;
         self.homing = HomingIndication::Idle;
@@ -314,7 +242,7 @@ impl Device {
         let window = objects.get(keys.position_window);
         let is_near = self.generator.at_rest() && following_error.unsigned_abs() <= u64::from(window);
         let window_ms = objects.get(keys.position_window_ms);
-        self.in_position = self.near_position.holds(is_near, self.period_ns, window_ms);
+        self.in_position = self.windows.position.holds(is_near, self.period_ns, window_ms);
         self.watch_following_error(objects, following_error);
         if self.power.advance(self.period_ns) {
             self.entered(objects, sensors);
@@ -395,191 +323,6 @@ impl Device {
         if self.following_error_ns > limit_ns {
             self.raise_fault(ERROR_FOLLOWING);
         }
-    }
-
-    /// Safe torque off: whatever the drive is doing, its torque is gone.
-    fn watch_safety_circuit<const E: usize, const B: usize>(&mut self, objects: &Dictionary<E, B>, sensors: &Sensors) {
-        let is_on = match self.power.state() {
-            State::ReadyToSwitchOn | State::SwitchedOn | State::OperationEnabled | State::QuickStopActive => true,
-            State::NotReadyToSwitchOn | State::SwitchOnDisabled | State::FaultReactionActive | State::Fault => false,
-        };
-        if !self.injected.sto_open {
-            return;
-        }
-        if self.injected.sto_faults && !matches!(self.activity, Activity::Off) {
-            self.raise_fault(ERROR_STO);
-        }
-        self.activity = Activity::Off;
-        if is_on && !self.injected.sto_faults {
-            self.power.start_transition(10, State::SwitchOnDisabled);
-            self.entered(objects, sensors);
-        }
-    }
-
-    /// 6007: what a drive does that is no longer led. Only a drive that moves can need it.
-    fn watch_connection<const E: usize, const B: usize>(
-        &mut self,
-        objects: &Dictionary<E, B>,
-        sensors: &Sensors,
-        connected: bool,
-    ) {
-        let lost = self.connected && !connected;
-        self.connected = connected;
-        if !lost || self.power.state() != State::OperationEnabled {
-            return;
-        }
-        match objects.get(self.keys.abort_connection) {
-            1 => self.raise_fault(ERROR_COMMUNICATION),
-            2 => self.begin_transition(objects, sensors, 9, State::SwitchOnDisabled),
-            3 => self.begin_transition(objects, sensors, 11, State::QuickStopActive),
-            _ => {}
-        }
-    }
-
-    fn react_to_fault<const E: usize, const B: usize>(&mut self, objects: &Dictionary<E, B>, sensors: &Sensors) {
-        let at_fault = matches!(self.power.state(), State::FaultReactionActive | State::Fault);
-        if self.error_code != 0 && !at_fault {
-            self.power.start_transition(13, State::FaultReactionActive);
-            self.entered(objects, sensors);
-        }
-    }
-
-    fn apply_controlword<const E: usize, const B: usize>(
-        &mut self,
-        objects: &Dictionary<E, B>,
-        sensors: &Sensors,
-        word: u16,
-    ) {
-        let Some((number, to)) = self.power.requested_transition(word) else {
-            return;
-        };
-        if self.injected.refused & (1 << number) != 0 {
-            return;
-        }
-        match number {
-            // A stop that is under way goes on to its end; only taking the voltage away is quicker.
-            5 | 8 | 11 if matches!(self.activity, Activity::Stop { .. }) => {}
-            // Only 605A = 5 to 8 stays in QUICK STOP ACTIVE and lets the controller go on from there.
-            16 if objects.get(self.keys.quick_stop_option) < 5 || self.quirks.stays_in_quick_stop => {}
-            2 if self.injected.sto_open => {}
-            15 if self.injected.cause_stays || self.injected.sto_open => {}
-            15 => {
-                self.error_code = 0;
-                self.begin_transition(objects, sensors, number, to);
-            }
-            _ => self.begin_transition(objects, sensors, number, to),
-        }
-    }
-
-    /// Starts a transition, with the stop that its option code asks for in front of it.
-    fn begin_transition<const E: usize, const B: usize>(
-        &mut self,
-        objects: &Dictionary<E, B>,
-        sensors: &Sensors,
-        number: u8,
-        to: State,
-    ) {
-        let ramp = match number {
-            5 => objects.get(self.keys.disable_option) == 1,
-            8 => objects.get(self.keys.shutdown_option) == 1,
-            _ => false,
-        };
-        if ramp {
-            let deceleration = self.speed_of(objects, self.keys.deceleration);
-            self.activity = Activity::Stop {
-                deceleration,
-                number,
-                to,
-            };
-            return;
-        }
-        // Whoever makes its own way needs no time between set-points.
-        let own_way = matches!(
-            self.mode,
-            mode::PROFILE_POSITION | mode::VELOCITY | mode::PROFILE_VELOCITY | mode::PROFILE_TORQUE
-        );
-        if number == 4 && !(self.factors.are_good && (own_way || self.interpolation_time_fits(objects))) {
-            self.raise_fault(ERROR_PARAMETER);
-            return;
-        }
-        self.power.start_transition(number, to);
-        self.entered(objects, sensors);
-    }
-
-    /// 60C2 must be the bus cycle: digits · 10^power seconds.
-    fn interpolation_time_fits<const E: usize, const B: usize>(&self, objects: &Dictionary<E, B>) -> bool {
-        let power = objects.get(self.keys.interpolation_power);
-        let Some(scale) = u32::try_from(i32::from(power) + 9)
-            .ok()
-            .and_then(|power| 10u64.checked_pow(power))
-        else {
-            return false;
-        };
-        u64::from(objects.get(self.keys.interpolation_digits)).checked_mul(scale) == Some(u64::from(self.period_ns))
-    }
-
-    /// Sets the motor's activity for a state that has just been entered; harmless if it has not changed.
-    fn entered<const E: usize, const B: usize>(&mut self, objects: &Dictionary<E, B>, sensors: &Sensors) {
-        let keys = self.keys;
-        let ramp = self.speed_of(objects, keys.deceleration);
-        let quick = self.speed_of(objects, keys.quick_deceleration);
-        let powered = !matches!(self.activity, Activity::Off);
-        self.activity = match self.power.state() {
-            State::NotReadyToSwitchOn | State::SwitchOnDisabled | State::ReadyToSwitchOn | State::SwitchedOn => {
-                Activity::Off
-            }
-            State::OperationEnabled => match self.activity {
-                Activity::Off => {
-                    self.generator.track(sensors.position);
-                    self.homing = HomingIndication::Idle;
-                    self.begin_mode();
-                    Activity::Mode
-                }
-                Activity::Mode | Activity::Hold { .. } => Activity::Mode,
-                Activity::Stop { .. } => self.activity,
-            },
-            State::QuickStopActive => {
-                let (number, to) = (12, State::SwitchOnDisabled);
-                match objects.get(keys.quick_stop_option) {
-                    _ if self.quirks.stays_in_quick_stop => Activity::Hold { deceleration: quick },
-                    0 => Activity::Stop {
-                        deceleration: f64::INFINITY,
-                        number,
-                        to,
-                    },
-                    1 => Activity::Stop {
-                        deceleration: ramp,
-                        number,
-                        to,
-                    },
-                    5 => Activity::Hold { deceleration: ramp },
-                    6 => Activity::Hold { deceleration: quick },
-                    _ => Activity::Stop {
-                        deceleration: quick,
-                        number,
-                        to,
-                    },
-                }
-            }
-            State::FaultReactionActive => {
-                let (number, to) = (14, State::Fault);
-                match objects.get(keys.fault_option) {
-                    _ if !powered => Activity::Off,
-                    0 => Activity::Off,
-                    1 => Activity::Stop {
-                        deceleration: ramp,
-                        number,
-                        to,
-                    },
-                    _ => Activity::Stop {
-                        deceleration: quick,
-                        number,
-                        to,
-                    },
-                }
-            }
-            State::Fault => Activity::Off,
-        };
     }
 
     /// A mode counts as soon as the drive has it; one that the drive lacks changes nothing.

@@ -99,6 +99,11 @@ impl Power {
         }
     }
 
+    /// Off and on again.
+    pub(super) fn restart(&mut self) {
+        *self = Power::new(self.delays);
+    }
+
     /// One that is under way goes on as it began.
     pub(super) fn set_delays(&mut self, delays: Delays) {
         self.delays = delays;

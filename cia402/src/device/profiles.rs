@@ -21,6 +21,17 @@ pub(super) struct SetPoints {
     acknowledged: bool,
 }
 
+/// For how long actual values have been within their windows.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Windows {
+    /// The position is within 6067 of its demand.
+    pub(super) position: Since,
+    /// The velocity is within 606D of its target.
+    velocity: Since,
+    /// The motor is slower than 606F.
+    standstill: Since,
+}
+
 /// For how long something has been so, ns.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Since(u64);
@@ -248,9 +259,15 @@ impl Device {
             mode::PROFILE_VELOCITY => {
                 let off = velocity.abs_diff(i64::from(objects.get(keys.target_velocity)));
                 let near = off <= u64::from(objects.get(keys.velocity_window));
-                let near = self.near.holds(near, period_ns, objects.get(keys.velocity_window_ms));
+                let near = self
+                    .windows
+                    .velocity
+                    .holds(near, period_ns, objects.get(keys.velocity_window_ms));
                 let stands = speed <= u64::from(objects.get(keys.standstill));
-                let stands = self.stands.holds(stands, period_ns, objects.get(keys.standstill_ms));
+                let stands = self
+                    .windows
+                    .standstill
+                    .holds(stands, period_ns, objects.get(keys.standstill_ms));
                 bit(near, statusword::TARGET_REACHED) | bit(stands, statusword::MODE_ACK)
             }
             mode::PROFILE_TORQUE => bit(self.reached, statusword::TARGET_REACHED),

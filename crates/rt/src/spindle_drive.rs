@@ -157,12 +157,7 @@ impl SpindleDrive {
             Status::Disabled => true,
             Status::Faulted(_) => !self.axis.is_resetting(),
             Status::Offline => !self.online,
-            Status::Enabling
-            | Status::Enabled
-            | Status::Homing
-            | Status::Switching
-            | Status::Disabling
-            | Status::QuickStopping => false,
+            Status::Enabling | Status::Enabled | Status::Homing | Status::Disabling | Status::QuickStopping => false,
         }
     }
 

@@ -351,11 +351,6 @@ fn drive_fault(joint: usize, drive: &Drive) -> Option<Fault> {
                 led: drive.position_loop().is_some(),
             })
         }
-        Status::Disabled
-        | Status::Enabling
-        | Status::Homing
-        | Status::Switching
-        | Status::Disabling
-        | Status::QuickStopping => None,
+        Status::Disabled | Status::Enabling | Status::Homing | Status::Disabling | Status::QuickStopping => None,
     }
 }

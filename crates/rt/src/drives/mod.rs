@@ -506,7 +506,6 @@ impl Drive {
             | Status::Offline
             | Status::Disabled
             | Status::Enabling
-            | Status::Switching
             | Status::Disabling
             | Status::QuickStopping
             | Status::Faulted(_) => {
@@ -622,12 +621,7 @@ impl Drive {
             Status::Faulted(_) => !self.axis.is_resetting(),
             // A drive that has just come on line may be under power still, from an earlier run.
             Status::Offline => !self.online,
-            Status::Enabling
-            | Status::Enabled
-            | Status::Homing
-            | Status::Switching
-            | Status::Disabling
-            | Status::QuickStopping => false,
+            Status::Enabling | Status::Enabled | Status::Homing | Status::Disabling | Status::QuickStopping => false,
         }
     }
 
