@@ -24,9 +24,9 @@
 //!
 //! | to learn | file |
 //! |---|---|
-//! | frames and datagrams; what a command does; registers, AL states and their status codes | `wire/frame.rs`; `wire/command.rs`; `wire/register.rs` |
+//! | frames and datagrams; what a command does; registers, AL states and their status codes | `wire/frame.rs`; `wire/command.rs`; `wire/register/` |
 //! | EEPROM images; mails; SDO and SDO information | `wire/sii.rs`; `wire/mailbox.rs`; `wire/coe/` |
-//! | a simulated device: its chip, its clock, its firmware, its SDO server | `sub/esc.rs`, `sub/clock.rs`, `sub/device.rs`, `sub/coe.rs` |
+//! | a simulated device: its chip, its clock, its firmware, its SDO server | `sub/esc/`, `sub/clock.rs`, `sub/device/`, `sub/coe.rs` |
 //! | its objects and process data; drives, terminals, couplers ready made | `sub/objects.rs`, `sub/application.rs`; `sub/models.rs` |
 //! | the cables between devices: order, delays, breaks; the ESI file of the simulated devices | `sub/segment.rs`; `sub/esi.rs` |
 //! | the frames of a cycle, and what came back for each member | `main/cycle.rs` |

@@ -78,12 +78,12 @@ impl<const N: usize> Clocks<N> {
 
     /// The first device that answers and whose clock is right leads; while none does, it stays as it was.
     pub(super) fn choose(&self, devices: &[Device<'_>]) -> Option<usize> {
-        let leads = |device: &Device<'_>| device.clock_is_right && device.is_coming();
+        let leads = |device: &Device<'_>| device.clock.is_right && device.is_coming();
         devices.iter().position(leads).or(self.reference)
     }
 
     fn is_asked(device: &Device<'_>) -> bool {
-        device.has_clock() && device.is_coming()
+        device.chip.has_clock() && device.is_coming()
     }
 
     /// Goes on with the work; whether the clocks that waited are set.
@@ -136,18 +136,18 @@ impl<const N: usize> Clocks<N> {
             times.has_clock = Self::is_asked(device);
             times.open = [0, 1, 2, 3].map(|port| device.ports.is_open(port));
         }
-        let is_left_alone = |device: &Device<'_>| !device.has_clock() || device.config.is_none();
+        let is_left_alone = |device: &Device<'_>| !device.chip.has_clock() || device.config.is_none();
         let all = devices
             .iter()
             .all(|device| is_left_alone(device) || Self::is_asked(device));
         if all && !self.delays_known {
             let delays = delays::<N>(&self.times[..count]);
             for (device, delay_ns) in devices.iter_mut().zip(delays) {
-                device.delay_ns = delay_ns;
+                device.clock.delay_ns = delay_ns;
             }
             self.delays_known = true;
         }
-        let leads = |device: &Device<'_>| device.clock_is_right && Self::is_asked(device);
+        let leads = |device: &Device<'_>| device.clock.is_right && Self::is_asked(device);
         let leading = devices.iter().position(leads);
         let first = leading.or_else(|| devices.iter().position(Self::is_asked));
         let Some(first) = first else { return };
@@ -159,7 +159,7 @@ impl<const N: usize> Clocks<N> {
         let led_ns = self.unit_ns[first].wrapping_add(self.offset_ns[first]);
         for (at, device) in devices.iter().enumerate() {
             if device.step == Step::Clock && at != first {
-                let way_ns = i64::from(device.delay_ns) - i64::from(devices[first].delay_ns);
+                let way_ns = i64::from(device.clock.delay_ns) - i64::from(devices[first].clock.delay_ns);
                 let own_ns = led_ns.wrapping_add_signed(way_ns);
                 self.offset_ns[at] = own_ns.wrapping_sub(self.unit_ns[at]);
             }
@@ -187,13 +187,13 @@ impl<const N: usize> Clocks<N> {
                 let mut octets = [0; 12];
                 let offset_ns = self.offset_ns[at];
                 // Clocks of 32 bits have no upper half.
-                let offset_ns = if device.has_wide_clock() {
+                let offset_ns = if device.chip.has_wide_clock() {
                     offset_ns
                 } else {
                     offset_ns & 0xFFFF_FFFF
                 };
                 octets[..8].copy_from_slice(&offset_ns.to_le_bytes());
-                octets[8..].copy_from_slice(&device.delay_ns.to_le_bytes());
+                octets[8..].copy_from_slice(&device.clock.delay_ns.to_le_bytes());
                 writer.push_data(Command::Fpwr, index, address(register::DC_OFFSET), &octets)
             }
         };

@@ -159,11 +159,6 @@ impl Drive {
         self.axes[axis].device.as_ref().map(Device::state)
     }
 
-    /// What its motor is told.
-    pub fn demand(&self, axis: usize) -> Demand {
-        self.axes[axis].demand
-    }
-
     /// A fault inside the drive.
     pub fn raise_fault(&mut self, axis: usize, code: u16) {
         if let Some(device) = &mut self.axes[axis].device {

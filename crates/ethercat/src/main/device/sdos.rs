@@ -1,14 +1,74 @@
 //! What a device is asked and told by SDO: start values, process data, what it says of itself, orders of the application.
 
-use super::{Device, Notice, Now, Purpose, QUICKEST, Step};
+use super::{Device, Notice, Now, Step};
 use crate::main::config::DeviceConfig;
 use crate::main::event::SetupError;
-use crate::main::mail::Outcome;
-use crate::main::mapping::Task;
+use crate::main::mail::{Mailbox, Outcome};
+use crate::main::mapping::{Mapping, Task};
 use crate::main::orders::Orders;
 use crate::wire::coe::Object;
+use crate::wire::sii::{Mailboxes, Usage};
 use crate::wire::{FrameWriter, WireError};
 use obd::Expected;
+
+/// Its shortest cycle, ns, as it says itself.
+const QUICKEST: Object = Object {
+    index: 0x1C32,
+    sub: 5,
+    complete: false,
+};
+
+/// Who has asked for the SDO that is under way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Purpose {
+    /// Nobody.
+    None,
+    /// A value of the start.
+    Start,
+    /// Its shortest cycle.
+    Quickest,
+    /// Process data.
+    Mapping,
+    /// A value that it must have.
+    Check,
+    /// An order of the application, by its number.
+    Order(usize),
+}
+
+/// What is under way between a device and us by SDO.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sdos {
+    pub(super) mailbox: Mailbox,
+    pub(super) purpose: Purpose,
+    /// Number of the start value or of the check.
+    pub(super) item: u32,
+    pub(super) mapping: Mapping,
+    /// A value that is written or read, little endian.
+    value: [u8; 4],
+    /// When the mailbox is looked at next.
+    pub(super) mail_ns: u64,
+}
+
+impl Sdos {
+    pub(super) fn new() -> Sdos {
+        Sdos {
+            mailbox: Mailbox::new(Mailboxes::default(), 0),
+            purpose: Purpose::None,
+            item: 0,
+            mapping: Mapping::new(Usage::Outputs),
+            value: [0; 4],
+            mail_ns: 0,
+        }
+    }
+
+    /// The value that was read: its first octets.
+    fn read(&self, octets: usize) -> u32 {
+        let mut value = [0; 4];
+        let octets = octets.min(4);
+        value[..octets].copy_from_slice(&self.value[..octets]);
+        u32::from_le_bytes(value)
+    }
+}
 
 impl Device<'_> {
     pub(super) fn ask_mailbox(
@@ -24,18 +84,18 @@ impl Device<'_> {
         if self.step == Step::Run && !self.found.has_coe() {
             return Ok(false);
         }
-        if self.mailbox.is_free() {
+        if self.sdos.mailbox.is_free() {
             self.next_sdo(now, orders, number, config);
         }
-        let source = match self.purpose {
+        let source = match self.sdos.purpose {
             Purpose::Start => config
                 .start
-                .get(self.item as usize)
+                .get(self.sdos.item as usize)
                 .map_or(&[][..], |start| start.value),
             Purpose::Order(order) => orders.value(order),
-            _ => &self.small,
+            _ => &self.sdos.value,
         };
-        self.mailbox.ask(now.ns, self.station(), source, writer, index)
+        self.sdos.mailbox.ask(now.ns, self.station(), source, writer, index)
     }
 
     /// Begins what comes next, if there is something.
@@ -43,18 +103,18 @@ impl Device<'_> {
         let until_ns = now.ns + now.config.times.mail_ns;
         match self.step {
             Step::Quickest => {
-                self.purpose = Purpose::Quickest;
-                self.mailbox.begin(QUICKEST, None, until_ns);
+                self.sdos.purpose = Purpose::Quickest;
+                self.sdos.mailbox.begin(QUICKEST, None, until_ns);
             }
             Step::StartValues => {
-                if let Some(start) = config.start.get(self.item as usize) {
+                if let Some(start) = config.start.get(self.sdos.item as usize) {
                     let object = Object {
                         index: start.index,
                         sub: start.sub,
                         complete: start.complete,
                     };
-                    self.purpose = Purpose::Start;
-                    self.mailbox.begin(object, Some(start.value.len()), until_ns);
+                    self.sdos.purpose = Purpose::Start;
+                    self.sdos.mailbox.begin(object, Some(start.value.len()), until_ns);
                 }
             }
             Step::MapOutputs | Step::MapInputs => {
@@ -63,27 +123,29 @@ impl Device<'_> {
                 } else {
                     &config.inputs
                 };
-                let Task { object, write } = self.mapping.task(data);
-                self.purpose = Purpose::Mapping;
+                let Task { object, write } = self.sdos.mapping.task(data);
+                self.sdos.purpose = Purpose::Mapping;
                 if let Some((value, _)) = write {
-                    self.small = value.to_le_bytes();
+                    self.sdos.value = value.to_le_bytes();
                 }
-                self.mailbox.begin(object, write.map(|(_, octets)| octets), until_ns);
+                self.sdos
+                    .mailbox
+                    .begin(object, write.map(|(_, octets)| octets), until_ns);
             }
             Step::Checks => {
-                if let Some(object) = check_of(config, self.item).map(object_of) {
-                    self.purpose = Purpose::Check;
-                    self.mailbox.begin(object, None, until_ns);
+                if let Some(object) = check_of(config, self.sdos.item).map(object_of) {
+                    self.sdos.purpose = Purpose::Check;
+                    self.sdos.mailbox.begin(object, None, until_ns);
                 }
             }
             _ => match orders.take(number) {
                 Some((order, object, write)) => {
-                    self.purpose = Purpose::Order(order);
-                    self.mailbox.begin(object, write, until_ns);
+                    self.sdos.purpose = Purpose::Order(order);
+                    self.sdos.mailbox.begin(object, write, until_ns);
                 }
-                None if now.ns >= self.mail_ns => {
-                    self.mail_ns = now.ns + now.config.times.mailbox_ns;
-                    self.mailbox.look();
+                None if now.ns >= self.sdos.mail_ns => {
+                    self.sdos.mail_ns = now.ns + now.config.times.mailbox_ns;
+                    self.sdos.mailbox.look();
                 }
                 None => {}
             },
@@ -97,11 +159,11 @@ impl Device<'_> {
         data: &[u8],
         orders: &mut Orders,
     ) -> Option<Notice> {
-        let sink = match self.purpose {
+        let sink = match self.sdos.purpose {
             Purpose::Order(order) => orders.value_mut(order),
-            _ => &mut self.small[..],
+            _ => &mut self.sdos.value[..],
         };
-        match self.mailbox.answer(now.ns, working_counter, data, sink) {
+        match self.sdos.mailbox.answer(now.ns, working_counter, data, sink) {
             Outcome::Nothing => None,
             Outcome::Emergency(emergency) => Some(Notice::Emergency(emergency)),
             Outcome::Done(octets) => self.sdo_ended(now, Ok(octets), orders),
@@ -115,23 +177,23 @@ impl Device<'_> {
         result: Result<usize, SetupError>,
         orders: &mut Orders,
     ) -> Option<Notice> {
-        match core::mem::replace(&mut self.purpose, Purpose::None) {
+        match core::mem::replace(&mut self.sdos.purpose, Purpose::None) {
             Purpose::None => None,
             Purpose::Order(order) => {
                 orders.finish(order, result);
                 None
             }
             Purpose::Quickest => {
-                let least_ns = u32::from_le_bytes(self.small);
+                let least_ns = u32::from_le_bytes(self.sdos.value);
                 let is_slow = result == Ok(4) && least_ns > now.config.cycle_ns;
                 self.advance(now);
                 is_slow.then_some(Notice::Slow(least_ns))
             }
             Purpose::Start => match result {
                 Ok(_) => {
-                    self.item += 1;
+                    self.sdos.item += 1;
                     let count = self.config.map_or(0, |(_, config)| config.start.len());
-                    if self.item as usize >= count {
+                    if self.sdos.item as usize >= count {
                         self.advance(now);
                     }
                     None
@@ -140,9 +202,9 @@ impl Device<'_> {
             },
             Purpose::Check => {
                 let (_, config) = self.config?;
-                let check = check_of(config, self.item)?;
-                match result.and_then(|octets| compare(check, self.value(octets))) {
-                    Ok(()) if check_of(config, self.item + 1).is_some() => self.item += 1,
+                let check = check_of(config, self.sdos.item)?;
+                match result.and_then(|octets| compare(check, self.sdos.read(octets))) {
+                    Ok(()) if check_of(config, self.sdos.item + 1).is_some() => self.sdos.item += 1,
                     Ok(()) => self.advance(now),
                     Err(error) => return Some(self.fail(now, error)),
                 }
@@ -155,7 +217,7 @@ impl Device<'_> {
                 } else {
                     &config.inputs
                 };
-                let done = result.and_then(|octets| self.mapping.done(data, self.value(octets)));
+                let done = result.and_then(|octets| self.sdos.mapping.done(data, self.sdos.read(octets)));
                 match done {
                     Ok(true) => {
                         self.advance(now);
@@ -166,14 +228,6 @@ impl Device<'_> {
                 }
             }
         }
-    }
-
-    /// The value that was read: its first octets.
-    fn value(&self, octets: usize) -> u32 {
-        let mut value = [0; 4];
-        let octets = octets.min(4);
-        value[..octets].copy_from_slice(&self.small[..octets]);
-        u32::from_le_bytes(value)
     }
 }
 

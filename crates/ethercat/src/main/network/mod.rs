@@ -8,13 +8,15 @@
 
 mod diagnosis;
 mod events;
+mod service;
+mod start;
 
 pub use diagnosis::Diagnosis;
 
 use super::budget::Budget;
 use super::clocks::Clocks;
-use super::config::{Config, Place};
-use super::cycle::{Answered, Came, CyclicFrames, INDEX_END, Member};
+use super::config::Config;
+use super::cycle::{Answered, CyclicFrames, Member};
 use super::device::{Device, Notice, Now, Step};
 use super::event::{Event, SetupError};
 use super::orders::Orders;
@@ -22,25 +24,11 @@ use super::phase::phase_ns;
 use super::punctuality::{Punctuality, Window};
 use super::survey::Survey;
 use crate::wire::coe::Object;
-use crate::wire::register::{self, AlControl, AlState, AlStatusCode, Fmmu, SyncManager};
-use crate::wire::{
-    Addressing, BROADCAST, Command, Datagram, FRAME_LEN_MAX, Frame, FrameWriter, Mac, WireError, answers,
-};
+use crate::wire::register::{AlState, AlStatusCode};
+use crate::wire::{Mac, WireError};
 use events::Events;
-
-/// Datagrams in a frame of services.
-const DATAGRAMS_MAX: usize = 128;
-/// The number of devices has to stay the same for so long before it counts.
-const COUNT_NS: u64 = 20_000_000;
-/// Devices that the configuration has are waited for so long.
-const MISSING_NS: u64 = 3_000_000_000;
-/// Between two events of main devices with different addresses.
-const OTHERS_APART_NS: u64 = 1_000_000_000;
-/// Frames without an answer between two events that say so.
-const SILENT: u32 = 200;
-/// All FMMUs and SyncManagers that a chip can have.
-const FMMUS: usize = 16;
-const MANAGERS: usize = 16;
+use service::Service;
+use start::Stage;
 
 /// What a frame that came was.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -70,55 +58,6 @@ pub enum DeviceState {
     Operational,
     /// It was in OP, or refuses to come there.
     Faulted,
-}
-
-/// Where the network is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Stage {
-    /// Devices are counted: how many, since when; frames that were not answered.
-    Count {
-        seen: u16,
-        since_ns: u64,
-        begun_ns: u64,
-        unanswered: u32,
-    },
-    /// All that may be left of a start before is cleared.
-    Reset,
-    /// Each device says what it is.
-    Identify,
-    /// Each is brought to OP and kept there.
-    Run,
-}
-
-impl Stage {
-    /// Nobody was counted yet.
-    const COUNT: Stage = Stage::Count {
-        seen: 0,
-        since_ns: 0,
-        begun_ns: 0,
-        unanswered: 0,
-    };
-}
-
-/// Who has asked a datagram of the frame that is under way.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Owner {
-    Network,
-    Device(usize),
-    Clocks,
-    Survey,
-}
-
-/// The frame of services.
-#[derive(Clone, Debug)]
-struct Service {
-    octets: [u8; FRAME_LEN_MAX],
-    length: usize,
-    owners: [Owner; DATAGRAMS_MAX],
-    used: usize,
-    index: u8,
-    /// When it has left; `None`: none is under way.
-    sent_ns: Option<u64>,
 }
 
 /// Frames so far.
@@ -191,14 +130,7 @@ impl<'a, const N: usize, const F: usize> MainDevice<'a, N, F> {
             count: 0,
             places: [None; N],
             stage: Stage::COUNT,
-            service: Service {
-                octets: [0; FRAME_LEN_MAX],
-                length: 0,
-                owners: [Owner::Network; DATAGRAMS_MAX],
-                used: 0,
-                index: INDEX_END,
-                sent_ns: None,
-            },
+            service: Service::NONE,
             clocks: Clocks::new(),
             survey: Survey::new(),
             orders: Orders::NONE,
@@ -361,385 +293,6 @@ impl<'a, const N: usize, const F: usize> MainDevice<'a, N, F> {
         }
     }
 
-    // --- Services ---
-
-    /// The next frame of a service, to be sent now; `None`: one is under way, or there is nothing to ask.
-    pub fn service_frame(&mut self, now_ns: u64) -> Option<&[u8]> {
-        self.poll(now_ns);
-        if self.service.sent_ns.is_some() {
-            return None;
-        }
-        self.build(now_ns);
-        if self.service.used == 0 {
-            return None;
-        }
-        self.service.sent_ns = Some(now_ns);
-        Some(&self.service.octets[..self.service.length])
-    }
-
-    /// Time passes.
-    pub fn poll(&mut self, now_ns: u64) {
-        let is_lost = |sent_ns: u64| now_ns.saturating_sub(sent_ns) >= self.config.times.frame_ns;
-        if self.service.sent_ns.is_some_and(is_lost) {
-            self.service.sent_ns = None;
-            self.counters.services_lost = self.counters.services_lost.saturating_add(1);
-            self.survey.want_later(now_ns);
-            for owner in 0..self.service.used {
-                match self.service.owners[owner] {
-                    Owner::Device(at) => self.devices[at].lost(),
-                    Owner::Network => self.network_lost(),
-                    Owner::Clocks => self.clocks.lost(),
-                    Owner::Survey => self.survey.lost(),
-                }
-            }
-        }
-        let now = self.now(now_ns);
-        for at in 0..self.count {
-            if let Some(notice) = self.devices[at].poll(&now, &mut self.orders) {
-                self.notice(now_ns, at, notice);
-            }
-        }
-        match self.stage {
-            Stage::Identify => self.identify(now_ns),
-            Stage::Run => self.run(now_ns),
-            Stage::Count { .. } | Stage::Reset => {}
-        }
-    }
-
-    fn build(&mut self, now_ns: u64) {
-        let service = &mut self.service;
-        service.used = 0;
-        // Frames of services have the upper half of the indices.
-        service.index = service.index.wrapping_add(1) | INDEX_END;
-        let index = service.index;
-        let Ok(mut writer) = FrameWriter::new(&mut service.octets, BROADCAST, self.mac) else {
-            return;
-        };
-        let mut owners = Owners {
-            owners: &mut service.owners,
-            used: 0,
-        };
-        match self.stage {
-            Stage::Count { .. } => {
-                if writer.push(Command::Brd, index, 0, 1).is_ok() {
-                    owners.push(Owner::Network);
-                }
-            }
-            Stage::Reset => {
-                if reset(&mut writer, index, &mut owners).is_err() {
-                    return;
-                }
-            }
-            Stage::Identify | Stage::Run => {
-                let now = Now {
-                    config: self.config,
-                    ns: now_ns,
-                    bus_ns: self
-                        .bus_ns
-                        .filter(|_| self.clocks.reference.is_some() && self.grid_ns.is_some()),
-                    grid_ns: self.grid_ns.unwrap_or(0),
-                    cycle: self.counters.cycles,
-                    count: self.count,
-                };
-                let devices = &mut self.devices[..self.count];
-                // What is measured has to be read before it is measured again: nobody else is asked then.
-                while owners.has_room() && self.clocks.ask(devices, &mut writer, index) {
-                    owners.push(Owner::Clocks);
-                }
-                while owners.has_room() && self.survey.ask(now_ns, devices, &mut writer, index) {
-                    owners.push(Owner::Survey);
-                }
-                let turn = self.turn;
-                for step in 0..devices.len() {
-                    let at = (turn + step) % devices.len();
-                    if !owners.has_room() {
-                        break;
-                    }
-                    match devices[at].ask(&now, &mut self.orders, &mut writer, index) {
-                        Ok(true) => owners.push(Owner::Device(at)),
-                        Ok(false) => {}
-                        // Who found no room is the first one in the next frame.
-                        Err(_) => {
-                            self.turn = at;
-                            break;
-                        }
-                    }
-                }
-            }
-        }
-        service.used = owners.used;
-        service.length = writer.finish();
-    }
-
-    /// A frame came.
-    pub fn receive(&mut self, now_ns: u64, octets: &[u8]) -> Received {
-        match self.cyclic.receive(octets) {
-            Came::Answer => return Received::Cyclic,
-            Came::Late => {
-                self.counters.late = self.counters.late.saturating_add(1);
-                return Received::Late;
-            }
-            Came::Other => {}
-        }
-        let Ok(frame) = Frame::parse(octets) else {
-            return Received::Other;
-        };
-        if !answers(frame.source, self.mac) {
-            if frame.source == self.mac {
-                self.counters.echoes = self.counters.echoes.saturating_add(1);
-                return Received::Echo;
-            }
-            self.counters.foreign = self.counters.foreign.saturating_add(1);
-            let is_news = |(told, told_ns): (Mac, u64)| told != frame.source && now_ns - told_ns >= OTHERS_APART_NS;
-            if self.other_main.is_none_or(is_news) {
-                self.other_main = Some((frame.source, now_ns));
-                self.events.push_unasked(Event::OtherMain { source: frame.source });
-            }
-            return Received::Foreign;
-        }
-        if !self.is_service(&frame) {
-            self.counters.late = self.counters.late.saturating_add(1);
-            return Received::Late;
-        }
-        self.service.sent_ns = None;
-        for (number, datagram) in frame.datagrams().enumerate() {
-            self.answer(now_ns, self.service.owners[number], &datagram);
-        }
-        self.answered_all(now_ns);
-        Received::Service
-    }
-
-    /// Whether this is the answer to the frame that is under way.
-    fn is_service(&self, frame: &Frame<'_>) -> bool {
-        if self.service.sent_ns.is_none() || frame.datagrams().count() != self.service.used {
-            return false;
-        }
-        let Ok(sent) = Frame::parse(&self.service.octets[..self.service.length]) else {
-            return false;
-        };
-        frame.datagrams().zip(sent.datagrams()).all(|(came, sent)| {
-            // Devices count the others by it.
-            let is_same_device = came.adp() == sent.adp() || came.command.addressing() != Addressing::Station;
-            is_same_device
-                && (came.command, came.index, came.ado(), came.data.len())
-                    == (sent.command, sent.index, sent.ado(), sent.data.len())
-        })
-    }
-
-    fn answer(&mut self, now_ns: u64, owner: Owner, datagram: &Datagram<'_>) {
-        let now = self.now(now_ns);
-        match owner {
-            Owner::Device(at) => {
-                let device = &mut self.devices[at];
-                let notice = device.answer(&now, datagram.working_counter, datagram.data, &mut self.orders);
-                if let Some(notice) = notice {
-                    self.notice(now_ns, at, notice);
-                }
-            }
-            Owner::Clocks => self.clocks.answer(&mut self.devices[..self.count], datagram),
-            Owner::Survey => self.survey.answer(datagram),
-            Owner::Network => {
-                if let Stage::Count { .. } = self.stage {
-                    self.counted(now_ns, datagram.working_counter);
-                }
-            }
-        }
-    }
-
-    /// All datagrams of the frame were looked at.
-    fn answered_all(&mut self, now_ns: u64) {
-        if self.stage == Stage::Reset {
-            let now = self.now(now_ns);
-            for device in &mut self.devices[..self.count] {
-                device.enter(Step::Address, &now);
-            }
-            self.stage = Stage::Identify;
-        }
-    }
-
-    // --- From the count to OP ---
-
-    fn network_lost(&mut self) {
-        match &mut self.stage {
-            Stage::Count { unanswered, .. } => {
-                *unanswered += 1;
-                if unanswered.is_multiple_of(SILENT) {
-                    let sent = *unanswered;
-                    self.events.push(Event::Silent { sent });
-                }
-            }
-            // Whoever was counted may be gone.
-            Stage::Reset => self.stage = Stage::COUNT,
-            Stage::Identify | Stage::Run => {}
-        }
-    }
-
-    fn counted(&mut self, now_ns: u64, devices: u16) {
-        let Stage::Count {
-            seen,
-            since_ns,
-            begun_ns,
-            ..
-        } = self.stage
-        else {
-            return;
-        };
-        if devices != seen || devices == 0 {
-            let mut begun_ns = if begun_ns == 0 { now_ns } else { begun_ns };
-            if now_ns - begun_ns >= MISSING_NS {
-                self.events.push(Event::Unsteady { devices, before: seen });
-                begun_ns = now_ns;
-            }
-            self.stage = Stage::Count {
-                seen: devices,
-                since_ns: now_ns,
-                begun_ns,
-                unanswered: 0,
-            };
-            return;
-        }
-        let expected = self.config.devices.iter().map(|device| match device.place {
-            Place::Position(position) => usize::from(position) + 1,
-            Place::Alias(_) => 0,
-        });
-        let expected = expected.max().unwrap_or(0).max(self.config.devices.len());
-        let wait_ns = if usize::from(devices) < expected {
-            MISSING_NS
-        } else {
-            COUNT_NS
-        };
-        if now_ns - since_ns < COUNT_NS || now_ns - begun_ns < wait_ns {
-            return;
-        }
-        self.events.push(Event::Found { devices });
-        if usize::from(devices) > N {
-            self.events.push(Event::TooMany { devices });
-        }
-        self.count = usize::from(devices).min(N);
-        for (position, device) in self.devices.iter_mut().enumerate() {
-            *device = Device::new(position as u16);
-        }
-        self.places = [None; N];
-        self.clocks = Clocks::new();
-        self.survey = Survey::new();
-        self.stage = Stage::Reset;
-    }
-
-    /// All devices say what they are; then each gets its part of the configuration.
-    fn identify(&mut self, now_ns: u64) {
-        let devices = &self.devices[..self.count];
-        if devices.iter().any(|device| device.step < Step::Identified) {
-            return;
-        }
-        self.stage = Stage::Run;
-        self.survey.learn(&self.devices[..self.count]);
-        for (number, config) in self.config.devices.iter().enumerate() {
-            if let Some(at) = self.find(config.place) {
-                self.take_place(number, at);
-            } else {
-                let error = SetupError::Missing(config.place);
-                self.events.push(Event::Failed {
-                    device: number as u16,
-                    error,
-                });
-            }
-        }
-        for at in 0..self.count {
-            if self.devices[at].step == Step::Identified {
-                self.identified(now_ns, at);
-            }
-        }
-    }
-
-    fn take_place(&mut self, number: usize, at: usize) {
-        self.places[number] = Some(at);
-        self.devices[at].config = Some((number, &self.config.devices[number]));
-        let before = self.config.devices[..number].iter();
-        let octets = before.map(|device| Member::one(0, device.outputs.octets, device.inputs.octets).octets() as u32);
-        self.devices[at].logical = octets.sum();
-    }
-
-    fn find(&self, place: Place) -> Option<usize> {
-        let devices = &self.devices[..self.count];
-        match place {
-            Place::Position(position) => (usize::from(position) < self.count).then_some(position.into()),
-            Place::Alias(alias) => devices
-                .iter()
-                .position(|device| device.step == Step::Identified && device.found.alias == alias),
-        }
-    }
-
-    /// The part of the configuration that a device without one is meant by.
-    fn place_of(&self, at: usize) -> Option<usize> {
-        let device = &self.devices[at];
-        let is_meant = |place: Place| match place {
-            Place::Position(position) => position == device.position,
-            Place::Alias(alias) => alias == device.found.alias,
-        };
-        let mut parts = self.config.devices.iter().zip(&self.places);
-        parts.position(|(config, taken)| taken.is_none() && is_meant(config.place))
-    }
-
-    /// More devices answer than were counted: those behind the last one are looked at.
-    fn extend(&mut self, now_ns: u64) {
-        let present = usize::from(self.cyclic.present());
-        if present <= self.count || present > N {
-            self.more_since_ns = None;
-            return;
-        }
-        let since_ns = *self.more_since_ns.get_or_insert(now_ns);
-        if now_ns - since_ns < COUNT_NS {
-            return;
-        }
-        // The ports of those that are known have changed.
-        if self.survey.done_ns < since_ns {
-            self.survey.want(now_ns);
-            return;
-        }
-        self.more_since_ns = None;
-        self.clocks.delays_known = false;
-        self.events.push(Event::More {
-            devices: present as u16,
-        });
-        let now = self.now(now_ns);
-        for device in &mut self.devices[self.count..present] {
-            device.enter(Step::FindPosition, &now);
-        }
-        self.count = present;
-        self.survey.want_later(now_ns);
-    }
-
-    /// A device is known: is it the right one?
-    fn identified(&mut self, now_ns: u64, at: usize) {
-        let now = self.now(now_ns);
-        let device = &self.devices[at];
-        if device.config.is_none()
-            && let Some(number) = self.place_of(at)
-        {
-            self.take_place(number, at);
-        }
-        let device = &mut self.devices[at];
-        let Some((number, _)) = device.config else {
-            let (position, identity) = (device.position, device.found.identity);
-            device.enter(Step::Stranger, &now);
-            self.events.push(Event::Stranger { position, identity });
-            return;
-        };
-        match device.set_up(&now) {
-            Ok(()) => {
-                let position = device.position;
-                self.events.push(Event::Identified {
-                    device: number as u16,
-                    position,
-                });
-            }
-            Err(error) => {
-                let notice = device.fail(&now, error);
-                self.notice(now_ns, at, notice);
-            }
-        }
-    }
-
     /// What goes on while devices come up and run.
     fn run(&mut self, now_ns: u64) {
         for at in 0..self.count {
@@ -891,27 +444,6 @@ impl<'a, const N: usize, const F: usize> MainDevice<'a, N, F> {
     pub fn sdo_result(&mut self, order: usize) -> Option<Result<&[u8], SetupError>> {
         self.orders.result(order)
     }
-
-    /// Asks all devices to go to INIT; they are not brought up again.
-    pub fn shut_down_frame(&mut self) -> &[u8] {
-        self.shutting_down = true;
-        self.service.used = 0;
-        self.service.sent_ns = None;
-        self.service.index = self.service.index.wrapping_add(1) | INDEX_END;
-        let index = self.service.index;
-        let control = AlControl {
-            state: AlState::Init,
-            acknowledge: true,
-            ask_id: false,
-        };
-        let octets = u16::from(control).to_le_bytes();
-        if let Ok(mut writer) = FrameWriter::new(&mut self.service.octets, BROADCAST, self.mac) {
-            let address = register::station(0, register::AL_CONTROL);
-            let _ = writer.push_data(Command::Bwr, index, address, &octets);
-            self.service.length = writer.finish();
-        }
-        &self.service.octets[..self.service.length]
-    }
 }
 
 /// Why a device that has left OP answers no order.
@@ -922,53 +454,4 @@ fn left(at: AlState, code: AlStatusCode) -> SetupError {
         code,
         set_up: super::event::SetUp::default(),
     }
-}
-
-/// Owners of the datagrams of a frame that is written.
-struct Owners<'a> {
-    owners: &'a mut [Owner; DATAGRAMS_MAX],
-    used: usize,
-}
-
-impl Owners<'_> {
-    fn has_room(&self) -> bool {
-        self.used < DATAGRAMS_MAX
-    }
-
-    fn push(&mut self, owner: Owner) {
-        self.owners[self.used] = owner;
-        self.used += 1;
-    }
-}
-
-/// All devices go to INIT and forget what they were told.
-fn reset(writer: &mut FrameWriter<'_>, index: u8, owners: &mut Owners<'_>) -> Result<(), WireError> {
-    let control = AlControl {
-        state: AlState::Init,
-        acknowledge: true,
-        ask_id: false,
-    };
-    let all = |register: u16| register::station(0, register);
-    writer.push_data(
-        Command::Bwr,
-        index,
-        all(register::AL_CONTROL),
-        &u16::from(control).to_le_bytes(),
-    )?;
-    writer.push(Command::Bwr, index, all(register::FMMU), Fmmu::LEN * FMMUS)?;
-    writer.push(
-        Command::Bwr,
-        index,
-        all(register::SYNC_MANAGER),
-        SyncManager::LEN * MANAGERS,
-    )?;
-    writer.push(Command::Bwr, index, all(register::DC_SYNC_OWNER), 2)?;
-    // Counters of errors and of lost links.
-    writer.push(Command::Bwr, index, all(register::RX_ERRORS), 20)?;
-    // Station addresses of a start before.
-    writer.push(Command::Bwr, index, all(register::STATION), 2)?;
-    for _ in 0..6 {
-        owners.push(Owner::Network);
-    }
-    Ok(())
 }

@@ -1,35 +1,28 @@
 //! A simulated device: the chip, and the firmware behind it.
 
-use super::application::{Application, Cycle};
+mod mailbox;
+mod process;
+mod state;
+
+use super::application::Application;
 use super::clock::ClockConfig;
-use super::coe::{Abilities, Mails, Server};
+use super::coe::{Abilities, Server};
 use super::eeprom::Eeprom;
-use super::esc::{Esc, Events, MEMORY_LEN, Parts};
+use super::esc::{Esc, Events, Parts};
 use super::objects::{ObjectStore, ProcessData};
-use crate::wire::coe::{Emergency, Message};
-use crate::wire::mailbox::{self, Mail, MailError, Protocol};
-use crate::wire::register::{self, AlControl, AlState, AlStatus, AlStatusCode, SyncManager, sync};
-use crate::wire::sii::{Area, Sii, SyncManagerEntry, Usage};
+use crate::wire::coe::Emergency;
+use crate::wire::register::{self, AlControl, AlState, AlStatus, AlStatusCode};
+use crate::wire::sii::{Sii, SyncManagerEntry};
 use crate::wire::{Addressing, Command};
+use mailbox::{MAILBOX_OUT, Mailbox};
+use state::ToOp;
 use std::boxed::Box;
-use std::collections::VecDeque;
-use std::vec;
 use std::vec::Vec;
 
-/// SyncManagers of the mailboxes.
-const MAILBOX_OUT: u8 = 0;
-const MAILBOX_IN: u8 = 1;
-/// How long a device waits for outputs and pulses on the way to OP where its watchdog says nothing.
-const OP_WAIT_NS: u64 = 1_000_000_000;
-/// Clocks that are farther apart than this are not together, ns.
-const LOCKED_NS: i32 = 10_000;
 /// SYNC0 pulses that are made up for at once after a pause.
 const CATCH_UP: u32 = 20;
 /// Period of a device that is told none, ns.
 const PERIOD_NS: u32 = 1_000_000;
-/// Answers that wait at most.
-const MAILS_MAX: usize = 64;
-
 /// What a device is made of.
 #[derive(Debug)]
 pub struct SubDeviceConfig {
@@ -98,40 +91,24 @@ pub struct Faults {
     pub garbage: u32,
 }
 
-/// A way to OP that is not at its end.
-#[derive(Clone, Copy, Debug)]
-struct ToOp {
-    until_ns: u64,
-}
-
 /// A device.
 #[derive(Debug)]
 pub struct SubDevice {
     config: SubDeviceConfig,
     esc: Esc,
     objects: ObjectStore,
-    server: Server,
+    mailbox: Mailbox,
     state: AlState,
     error: bool,
     request: Option<(u64, u16)>,
     to_op: Option<ToOp>,
     powered: bool,
     managers: Vec<SyncManagerEntry>,
-    receive: Area,
-    send: Area,
-    has_mailbox: bool,
     /// Process data of SAFE-OP and OP; those of devices without CoE lie as the EEPROM says.
     outputs: ProcessData,
     inputs: ProcessData,
     /// Those of the last cycle: memory that is kept for the next one.
     process_data: [Vec<u8>; 2],
-    mail_due_ns: Option<u64>,
-    queue: VecDeque<Vec<u8>>,
-    /// Counter of the last mail that came, and of the last that left.
-    counters: (u8, u8),
-    /// What is in the mailbox, and what was fetched from it last.
-    posted: Vec<u8>,
-    last_mail: Vec<u8>,
     pulses: u32,
     period_ns: u32,
     /// When the application had its last cycle.
@@ -151,24 +128,16 @@ impl SubDevice {
         SubDevice {
             esc: Esc::new(parts(&config), now_ns),
             objects: config.objects.clone(),
-            server: Server::new(config.abilities),
+            mailbox: Mailbox::new(mailboxes, config.abilities),
             state: AlState::Init,
             error: false,
             request: None,
             to_op: None,
             powered: true,
             managers,
-            receive: mailboxes.receive,
-            send: mailboxes.send,
-            has_mailbox: mailboxes.protocols != 0 && mailboxes.receive.length > 0,
             outputs: ProcessData::default(),
             inputs: ProcessData::default(),
             process_data: [Vec::new(), Vec::new()],
-            mail_due_ns: None,
-            queue: VecDeque::new(),
-            counters: (0, 0),
-            posted: Vec::new(),
-            last_mail: Vec::new(),
             pulses: 0,
             period_ns: config.period_ns,
             cycle_ns: now_ns,
@@ -190,10 +159,10 @@ impl SubDevice {
         self.config.eeprom = image;
         self.esc = Esc::new(parts(&self.config), now_ns);
         self.objects = self.config.objects.clone();
-        self.server = Server::new(self.config.abilities);
+        self.mailbox.server = Server::new(self.config.abilities);
         (self.state, self.error, self.powered) = (AlState::Init, false, true);
         (self.request, self.to_op) = (None, None);
-        self.clear_mails();
+        self.mailbox.clear();
         self.pulses = 0;
         self.cycle_ns = now_ns;
         self.fresh_outputs = false;
@@ -341,14 +310,14 @@ impl SubDevice {
         if process != 0 && matches!(self.state, AlState::SafeOp | AlState::Op) {
             self.fall(AlState::PreOp, AlStatusCode::SYNC_MANAGER);
         }
-        if events.emptied && !self.esc.is_full(MAILBOX_IN) && !self.posted.is_empty() {
-            self.last_mail = core::mem::take(&mut self.posted);
+        if events.emptied {
+            self.mailbox.emptied(&self.esc);
         }
         if events.repeat && self.state != AlState::Init {
-            self.repeat_mail();
+            self.mailbox.repeat(&mut self.esc);
         }
-        if events.written & 1 << MAILBOX_OUT != 0 && self.has_mailbox && self.state != AlState::Init {
-            self.mail_due_ns = Some(now_ns + self.config.mail_ns);
+        if events.written & 1 << MAILBOX_OUT != 0 && self.mailbox.exists && self.state != AlState::Init {
+            self.mailbox.due_ns = Some(now_ns + self.config.mail_ns);
         }
         if events.written & !0x03 != 0 {
             self.fresh_outputs = true;
@@ -417,7 +386,7 @@ impl SubDevice {
         let to_op = self.to_op.map(|to_op| to_op.until_ns);
         let free = (!self.is_emulated()).then(|| self.free_run_ns());
         // A mail is not taken while the answer to the one before waits to be fetched.
-        let mail = self.mail_due_ns.filter(|_| self.queue.is_empty());
+        let mail = self.mailbox.due_ns.filter(|_| self.mailbox.queue.is_empty());
         let all = if self.faults.hung {
             [sync, None, None, None, None, self.esc.next_ns()]
         } else {
@@ -435,389 +404,6 @@ impl SubDevice {
                 .as_ref()
                 .is_some_and(|clock| clock.next_sync_ns().is_some());
         self.cycle_ns + u64::from(self.period_ns) * if led { 2 } else { 1 }
-    }
-
-    // --- State machine ---
-
-    fn show(&mut self, code: AlStatusCode) {
-        let status = AlStatus {
-            state: self.state,
-            error: self.error,
-            id_loaded: false,
-        };
-        self.esc.set_al_status(status.into(), code.0);
-    }
-
-    /// Leaves a state by itself.
-    fn fall(&mut self, state: AlState, code: AlStatusCode) {
-        self.enter(state);
-        self.error = true;
-        self.show(code);
-    }
-
-    fn step(&mut self, now_ns: u64, control: AlControl) {
-        if self.error && !control.acknowledge && control.state != AlState::Init {
-            return;
-        }
-        self.error = false;
-        if control.ask_id {
-            let status = AlStatus {
-                state: self.state,
-                error: false,
-                id_loaded: true,
-            };
-            self.esc.set_al_status(status.into(), self.esc.u16(register::ALIAS));
-            if control.state == self.state {
-                return;
-            }
-        }
-        match self.check_step(control.state) {
-            Ok(()) if control.state == AlState::Op && self.state != AlState::Op => {
-                // Outputs have to come first, and pulses where they are asked for.
-                self.esc.starve();
-                self.disable_outputs(false);
-                self.pulses = 0;
-                let wait_ns = if self.waits_for_pulses() {
-                    None
-                } else {
-                    self.esc.watchdog_ns()
-                };
-                self.to_op = Some(ToOp {
-                    until_ns: now_ns + wait_ns.unwrap_or(OP_WAIT_NS),
-                });
-            }
-            Ok(()) => {
-                self.enter(control.state);
-                self.show(AlStatusCode::NONE);
-            }
-            Err(code) => {
-                self.error = true;
-                self.show(code);
-            }
-        }
-    }
-
-    fn check_step(&mut self, target: AlState) -> Result<(), AlStatusCode> {
-        if let Some((state, code)) = self.faults.refused
-            && state == target
-        {
-            return Err(code);
-        }
-        match (self.state, target) {
-            (_, AlState::Unknown(_)) => Err(AlStatusCode::UNKNOWN_STATE),
-            (_, AlState::Init) => Ok(()),
-            (AlState::Init, AlState::Boot) => Err(AlStatusCode::NO_BOOT),
-            (_, AlState::Boot) => Err(AlStatusCode::STEP),
-            (AlState::Init, AlState::PreOp) => self.check_mailboxes(),
-            (AlState::PreOp, AlState::SafeOp) => self.check_process_data(),
-            (AlState::PreOp | AlState::SafeOp | AlState::Op, AlState::PreOp) => Ok(()),
-            (AlState::SafeOp | AlState::Op, AlState::SafeOp) => Ok(()),
-            (AlState::SafeOp | AlState::Op, AlState::Op) => Ok(()),
-            _ => Err(AlStatusCode::STEP),
-        }
-    }
-
-    fn check_mailboxes(&self) -> Result<(), AlStatusCode> {
-        if !self.has_mailbox {
-            return Ok(());
-        }
-        let is_right = |number: u8, area: Area, write: bool| {
-            let manager = self.esc.sync_manager(number);
-            manager.is_active()
-                && manager.is_mailbox()
-                && manager.is_written() == write
-                && (manager.start, manager.length) == (area.start, area.length)
-        };
-        if is_right(MAILBOX_OUT, self.receive, true) && is_right(MAILBOX_IN, self.send, false) {
-            Ok(())
-        } else {
-            Err(AlStatusCode::MAILBOX)
-        }
-    }
-
-    /// The SyncManager of the outputs or of the inputs, by the EEPROM.
-    fn process_manager(&self, usage: Usage) -> Option<u8> {
-        let at = self.managers.iter().position(|manager| manager.usage == usage)?;
-        Some(at as u8)
-    }
-
-    fn check_process_data(&mut self) -> Result<(), AlStatusCode> {
-        if self.has_mailbox {
-            self.outputs = self
-                .objects
-                .process_data(true)
-                .map_err(|_| AlStatusCode::OUTPUT_MAPPING)?;
-            self.inputs = self
-                .objects
-                .process_data(false)
-                .map_err(|_| AlStatusCode::INPUT_MAPPING)?;
-        }
-        for (usage, wrong) in [
-            (Usage::Outputs, AlStatusCode::OUTPUT_SM),
-            (Usage::Inputs, AlStatusCode::INPUT_SM),
-        ] {
-            let Some(number) = self.process_manager(usage) else {
-                continue;
-            };
-            let expected = match (self.has_mailbox, usage) {
-                (false, _) => usize::from(self.managers[usize::from(number)].length),
-                (true, Usage::Outputs) => self.outputs.octets(),
-                (true, _) => self.inputs.octets(),
-            };
-            let manager = self.esc.sync_manager(number);
-            let is_off = expected == 0 && !manager.is_active();
-            let fits = expected > 0
-                && manager.is_active()
-                && usize::from(manager.length) == expected
-                && manager.is_written() == (usage == Usage::Outputs)
-                && self.has_room(number, &manager);
-            if !is_off && !fits {
-                return Err(wrong);
-            }
-        }
-        let activation = self.esc.octet(register::DC_SYNC_ACTIVATION);
-        let cycle_ns = self.esc.u32(register::DC_SYNC0_CYCLE);
-        if activation & sync::SYNC0 != 0 && cycle_ns == 0 {
-            return Err(AlStatusCode::DC_SETUP);
-        }
-        self.period_ns = if activation & sync::SYNC0 != 0 {
-            cycle_ns
-        } else {
-            self.config.period_ns
-        };
-        self.config.application.start(&mut self.objects, self.period_ns)
-    }
-
-    /// Three buffers lie behind each other, in front of the next SyncManager and of the end of the memory.
-    fn has_room(&self, number: u8, manager: &SyncManager) -> bool {
-        if manager.is_mailbox() || manager.start < register::MEMORY {
-            return true;
-        }
-        let end = u32::from(manager.start) + 3 * u32::from(manager.length);
-        (0..super::esc::SYNC_MANAGERS)
-            .filter(|other| *other != number)
-            .map(|other| self.esc.sync_manager(other))
-            .filter(|other| other.is_active() && other.start >= manager.start)
-            .map(|other| u32::from(other.start))
-            .chain([MEMORY_LEN as u32])
-            .all(|behind| end <= behind)
-    }
-
-    fn disable_outputs(&mut self, off: bool) {
-        if let Some(number) = self.process_manager(Usage::Outputs) {
-            self.esc.disable(number, off);
-        }
-    }
-
-    fn enter(&mut self, state: AlState) {
-        self.to_op = None;
-        if state != AlState::Op {
-            self.disable_outputs(true);
-            self.esc.starve();
-        }
-        if state == AlState::Init {
-            self.server.reset();
-            self.clear_mails();
-        }
-        if matches!(state, AlState::Init | AlState::PreOp) {
-            self.outputs = ProcessData::default();
-            self.inputs = ProcessData::default();
-        }
-        self.state = state;
-    }
-
-    fn waits_for_pulses(&self) -> bool {
-        self.esc.octet(register::DC_SYNC_ACTIVATION) & sync::SYNC0 != 0
-    }
-
-    /// On the way from SAFE-OP to OP.
-    fn come_to_op(&mut self, now_ns: u64) {
-        let Some(to_op) = self.to_op else { return };
-        let has_outputs = self.process_manager(Usage::Outputs).is_some_and(|number| {
-            let manager = self.esc.sync_manager(number);
-            manager.is_active()
-        });
-        let fed = !has_outputs || self.esc.is_fed();
-        let pulsed = !self.waits_for_pulses() || self.pulses >= self.config.pulses_before_op;
-        let difference = self.esc.clock.as_ref().map_or(0, |clock| clock.difference_ns());
-        let locked = !self.waits_for_pulses() || difference.abs() <= LOCKED_NS;
-        if fed && pulsed && locked {
-            self.enter(AlState::Op);
-            self.show(AlStatusCode::NONE);
-        } else if now_ns >= to_op.until_ns {
-            let code = match (fed, pulsed) {
-                (false, _) => AlStatusCode::WATCHDOG,
-                (true, false) => AlStatusCode::NO_SYNC0,
-                (true, true) => AlStatusCode::PLL,
-            };
-            self.fall(AlState::SafeOp, code);
-        }
-    }
-
-    // --- Process data ---
-
-    /// A cycle of its application beside those of its own, for whatever has changed around it.
-    pub fn run_application(&mut self) {
-        self.application_cycle(self.powered && self.state == AlState::Op);
-    }
-
-    fn cycle(&mut self, now_ns: u64) {
-        self.cycle_ns = now_ns;
-        self.application_cycle(self.state == AlState::Op);
-    }
-
-    fn area_of(&self, usage: Usage) -> (u16, u16) {
-        let number = self.process_manager(usage);
-        number.map_or((0, 0), |number| {
-            let manager = self.esc.sync_manager(number);
-            if manager.is_active() {
-                (manager.start, manager.length)
-            } else {
-                (0, 0)
-            }
-        })
-    }
-
-    /// Outputs to the application, inputs from it.
-    fn application_cycle(&mut self, led: bool) {
-        let [mut outputs, mut inputs] = core::mem::take(&mut self.process_data);
-        let (start, length) = self.area_of(Usage::Outputs);
-        outputs.clear();
-        outputs.extend_from_slice(self.esc.area(start, length));
-        if led && self.has_mailbox {
-            self.objects.scatter(&self.outputs, &outputs);
-        }
-        let (start, length) = self.area_of(Usage::Inputs);
-        inputs.clear();
-        inputs.resize(usize::from(length), 0);
-        let emergency = self.config.application.cycle(Cycle {
-            objects: &mut self.objects,
-            outputs: &outputs,
-            inputs: &mut inputs,
-            led,
-            powered: self.powered,
-        });
-        if self.has_mailbox {
-            self.objects.gather(&self.inputs, &mut inputs);
-        }
-        if self.state != AlState::Init && !(self.has_mailbox && self.state == AlState::PreOp) {
-            let area = self.esc.area_mut(start, length);
-            let octets = area.len().min(inputs.len());
-            area[..octets].copy_from_slice(&inputs[..octets]);
-        }
-        self.process_data = [outputs, inputs];
-        if let Some(emergency) = emergency {
-            self.report(emergency);
-        }
-    }
-
-    fn clear_outputs(&mut self) {
-        let (start, length) = self.area_of(Usage::Outputs);
-        self.esc.area_mut(start, length).fill(0);
-        self.application_cycle(false);
-    }
-
-    // --- Mailbox ---
-
-    /// Sends an emergency, unasked.
-    pub fn report(&mut self, emergency: Emergency) {
-        if self.has_mailbox && self.state != AlState::Init && self.queue.len() < MAILS_MAX {
-            let mut mail = vec![0; usize::from(self.send.length)];
-            if Message::Emergency(emergency).emit(0, &mut mail).is_ok() {
-                self.queue.push_back(mail);
-            }
-        }
-    }
-
-    fn mails(&mut self, now_ns: u64) {
-        if self.mail_due_ns.is_some_and(|due_ns| due_ns <= now_ns) && self.queue.is_empty() {
-            self.mail_due_ns = None;
-            self.take_mail();
-        }
-        if !self.faults.withholds
-            && !self.esc.is_full(MAILBOX_IN)
-            && self.esc.sync_manager(MAILBOX_IN).is_active()
-            && let Some(mut mail) = self.queue.pop_front()
-        {
-            // One that has made room for a repetition has its number.
-            if let Some(octet) = mail.get_mut(5).filter(|octet| **octet & 0x70 == 0) {
-                self.counters.1 = mailbox::next_counter(self.counters.1);
-                *octet |= self.counters.1 << 4;
-            }
-            self.put_mail(mail);
-        }
-    }
-
-    fn put_mail(&mut self, mail: Vec<u8>) {
-        let area = self.esc.area_mut(self.send.start, self.send.length);
-        let octets = area.len().min(mail.len());
-        area[..octets].copy_from_slice(&mail[..octets]);
-        self.esc.set_full(MAILBOX_IN, true);
-        self.posted = mail;
-    }
-
-    /// The mail that was fetched last comes once more, and behind it what is in the mailbox.
-    fn repeat_mail(&mut self) {
-        if !self.last_mail.is_empty() {
-            let waiting = core::mem::take(&mut self.posted);
-            if !waiting.is_empty() && waiting != self.last_mail {
-                self.queue.push_front(waiting);
-            }
-            self.put_mail(self.last_mail.clone());
-        }
-        self.esc.acknowledge_repeat(MAILBOX_IN);
-    }
-
-    fn clear_mails(&mut self) {
-        self.queue.clear();
-        self.mail_due_ns = None;
-        self.counters = (0, 0);
-        self.posted.clear();
-        self.last_mail.clear();
-    }
-
-    fn take_mail(&mut self) {
-        let octets = self.esc.area(self.receive.start, self.receive.length).to_vec();
-        self.esc.set_full(MAILBOX_OUT, false);
-        let answers = match Mail::parse(&octets) {
-            Ok(mail) => {
-                if mail.counter != 0 && mail.counter == self.counters.0 {
-                    return; // It was here before.
-                }
-                self.counters.0 = mail.counter;
-                self.answer(&mail)
-            }
-            Err(_) => self.complain(MailError::SIZE),
-        };
-        if self.faults.mute {
-            return;
-        }
-        if let Some(emergency) = self.faults.emergency.take() {
-            self.report(emergency);
-        }
-        self.queue.extend(answers);
-    }
-
-    fn complain(&self, error: MailError) -> Mails {
-        let mut mail = vec![0; usize::from(self.send.length)];
-        match error.emit(0, &mut mail) {
-            Ok(()) => vec![mail],
-            Err(_) => Vec::new(),
-        }
-    }
-
-    fn answer(&mut self, mail: &Mail<'_>) -> Mails {
-        if mail.protocol != Protocol::CoE {
-            return self.complain(MailError::PROTOCOL);
-        }
-        match Message::parse(mail.data) {
-            Ok(message) => {
-                let in_pre_op = self.state == AlState::PreOp;
-                let room = usize::from(self.send.length);
-                self.server.receive(message, &mut self.objects, in_pre_op, room)
-            }
-            Err(_) => self.complain(MailError::SERVICE),
-        }
     }
 }
 
