@@ -66,7 +66,7 @@
 //! |---|---|
 //! | what is on the wire, octet by octet; who may send what to whom | `wire/`; `wire/addresses.rs` |
 //! | the NMT states of both ends, as tables | `nmt/` |
-//! | what a cycle is made of: SoC, chain, polls, PRes of the managing node, SoA, slot | `mn/cycle.rs` |
+//! | what a cycle is made of: SoC, chain, polls, PRes of the managing node; SoA and slot | `mn/cycle.rs`; `mn/async_phase.rs` |
 //! | how one node boots, stage by stage; how it is configured | `mn/boot.rs`; `mn/configure.rs` |
 //! | who gets the asynchronous slot | `mn/async_scheduler.rs` |
 //! | when the network as a whole takes a step | `mn/network.rs` |

@@ -369,7 +369,7 @@ impl<L: Link, const NODES: usize> CyclicBus for Powerlink<'_, L, NODES> {
     fn node_state(&self, node: NodeIndex) -> NodeState {
         match self.mn.node_state(node) {
             mn::NodeState::Absent => NodeState::Absent,
-            mn::NodeState::Held | mn::NodeState::Configuring => NodeState::Configuring,
+            mn::NodeState::Configuring => NodeState::Configuring,
             mn::NodeState::Ready => NodeState::Ready,
             mn::NodeState::Operational => NodeState::Operational,
             mn::NodeState::Faulted | mn::NodeState::Stopped => NodeState::Faulted,

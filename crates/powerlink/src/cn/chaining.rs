@@ -70,7 +70,7 @@ impl<const E: usize, const B: usize> Cn<E, B> {
             pres_time_first_valid: chaining.pres_time_first_ns.is_some(),
             pres_time_second_valid: chaining.pres_time_second_ns.is_some(),
             mode_set: chaining.on,
-            latency_ns: self.dictionary.get(self.keys.pres_max_latency_ns),
+            latency_ns: self.dictionary.get(self.keys.timing.pres_max_latency_ns),
             sync_node: u32::from(sync_node),
             delay_ns,
             pres_time_first_ns: chaining.pres_time_first_ns.unwrap_or(0),

@@ -13,32 +13,26 @@ pub(super) struct Keys {
     pub(super) history_count: Key<u8>,
     pub(super) cycle_us: Key<u32>,
     pub(super) identity: [Key<u32>; 4],
-    pub(super) configuration_date: Key<u32>,
-    pub(super) configuration_time: Key<u32>,
-    pub(super) software_date: Key<u32>,
-    pub(super) software_time: Key<u32>,
+    pub(super) configuration: StampKeys,
+    pub(super) software: StampKeys,
     pub(super) telegrams: TelegramKeys,
     pub(super) statistics: StatisticsKeys,
     pub(super) receive: [PdoKeys; RPDOS],
     pub(super) transmit: PdoKeys,
-    pub(super) preq_limit: Key<u16>,
-    pub(super) pres_limit: Key<u16>,
-    pub(super) collision: CounterKeys,
-    pub(super) loss_of_soc: CounterKeys,
-    pub(super) loss_of_soa: CounterKeys,
-    pub(super) loss_of_preq: CounterKeys,
-    pub(super) crc: CounterKeys,
-    pub(super) soc_tolerance_ns: Key<u32>,
-    pub(super) ip_address: Key<u32>,
-    pub(super) subnet_mask: Key<u32>,
-    pub(super) default_gateway: Key<u32>,
+    pub(super) losses: LossKeys,
+    pub(super) ip: IpKeys,
     pub(super) feature_flags: Key<u32>,
     pub(super) nmt_state: Key<u8>,
-    pub(super) pres_max_latency_ns: Key<u32>,
-    pub(super) multiplexed_cycles: Key<u8>,
-    pub(super) async_mtu: Key<u16>,
+    pub(super) timing: TimingKeys,
     pub(super) chaining: ChainingKeys,
     pub(super) basic_ethernet_us: Key<u32>,
+}
+
+/// Date and time of a configuration (0x1020) or of the software (0x1F52).
+#[derive(Clone, Copy, Debug)]
+pub(super) struct StampKeys {
+    pub(super) date: Key<u32>,
+    pub(super) time: Key<u32>,
 }
 
 /// Objects of one PDO.
@@ -56,6 +50,35 @@ pub(super) struct CounterKeys {
     pub(super) cumulative: Key<u32>,
     pub(super) count: Key<u32>,
     pub(super) threshold: Key<u32>,
+}
+
+/// 0x1C0A..0x1C14: the watch over the cycle.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LossKeys {
+    pub(super) collision: CounterKeys,
+    pub(super) soc: CounterKeys,
+    pub(super) soa: CounterKeys,
+    pub(super) preq: CounterKeys,
+    pub(super) crc: CounterKeys,
+    pub(super) soc_tolerance_ns: Key<u32>,
+}
+
+/// 0x1E40: the node in an IP network.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct IpKeys {
+    pub(super) address: Key<u32>,
+    pub(super) subnet_mask: Key<u32>,
+    pub(super) default_gateway: Key<u32>,
+}
+
+/// 0x1F98/3..8: lengths and times of a cycle.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct TimingKeys {
+    pub(super) pres_max_latency_ns: Key<u32>,
+    pub(super) preq_limit: Key<u16>,
+    pub(super) pres_limit: Key<u16>,
+    pub(super) multiplexed_cycles: Key<u8>,
+    pub(super) async_mtu: Key<u16>,
 }
 
 /// 0x1101: what came and what was sent.
@@ -106,10 +129,8 @@ impl Keys {
                 key(d, 0x1018, 3)?,
                 key(d, 0x1018, 4)?,
             ],
-            configuration_date: key(d, 0x1020, 1)?,
-            configuration_time: key(d, 0x1020, 2)?,
-            software_date: key(d, 0x1F52, 1)?,
-            software_time: key(d, 0x1F52, 2)?,
+            configuration: StampKeys::find(d, 0x1020)?,
+            software: StampKeys::find(d, 0x1F52)?,
             telegrams: TelegramKeys {
                 cycles: key(d, 0x1101, 1)?,
                 isochronous_received: key(d, 0x1101, 2)?,
@@ -130,22 +151,28 @@ impl Keys {
             },
             receive: PdoKeys::find_receive(d)?,
             transmit: PdoKeys::find(d, 0x1800, 0x1A00)?,
-            preq_limit: key(d, 0x1F98, 4)?,
-            pres_limit: key(d, 0x1F98, 5)?,
-            collision: CounterKeys::find(d, 0x1C0A)?,
-            loss_of_soc: CounterKeys::find(d, 0x1C0B)?,
-            loss_of_soa: CounterKeys::find(d, 0x1C0C)?,
-            loss_of_preq: CounterKeys::find(d, 0x1C0D)?,
-            crc: CounterKeys::find(d, 0x1C0F)?,
-            soc_tolerance_ns: key(d, 0x1C14, 0)?,
-            ip_address: key(d, 0x1E40, 2)?,
-            subnet_mask: key(d, 0x1E40, 3)?,
-            default_gateway: key(d, 0x1E40, 5)?,
+            losses: LossKeys {
+                collision: CounterKeys::find(d, 0x1C0A)?,
+                soc: CounterKeys::find(d, 0x1C0B)?,
+                soa: CounterKeys::find(d, 0x1C0C)?,
+                preq: CounterKeys::find(d, 0x1C0D)?,
+                crc: CounterKeys::find(d, 0x1C0F)?,
+                soc_tolerance_ns: key(d, 0x1C14, 0)?,
+            },
+            ip: IpKeys {
+                address: key(d, 0x1E40, 2)?,
+                subnet_mask: key(d, 0x1E40, 3)?,
+                default_gateway: key(d, 0x1E40, 5)?,
+            },
             feature_flags: key(d, 0x1F82, 0)?,
             nmt_state: key(d, 0x1F8C, 0)?,
-            pres_max_latency_ns: key(d, 0x1F98, 3)?,
-            multiplexed_cycles: key(d, 0x1F98, 7)?,
-            async_mtu: key(d, 0x1F98, 8)?,
+            timing: TimingKeys {
+                pres_max_latency_ns: key(d, 0x1F98, 3)?,
+                preq_limit: key(d, 0x1F98, 4)?,
+                pres_limit: key(d, 0x1F98, 5)?,
+                multiplexed_cycles: key(d, 0x1F98, 7)?,
+                async_mtu: key(d, 0x1F98, 8)?,
+            },
             chaining: ChainingKeys {
                 mode: key(d, 0x1F98, 10)?,
                 pres_time_first_ns: key(d, 0x1F98, 11)?,
@@ -186,6 +213,15 @@ impl PdoKeys {
             *keys = PdoKeys::find(dictionary, 0x1400 + number, 0x1600 + number)?;
         }
         Ok(receive)
+    }
+}
+
+impl StampKeys {
+    fn find<const E: usize, const B: usize>(dictionary: &Dictionary<E, B>, index: u16) -> Result<StampKeys, CnError> {
+        Ok(StampKeys {
+            date: key(dictionary, index, 1)?,
+            time: key(dictionary, index, 2)?,
+        })
     }
 }
 

@@ -112,7 +112,7 @@ impl Pdos {
             };
         }
         let count = dictionary.get(keys.transmit.count);
-        pdos.transmit_limit = usize::from(dictionary.get(keys.pres_limit));
+        pdos.transmit_limit = usize::from(dictionary.get(keys.timing.pres_limit));
         pdos.transmit_version = dictionary.get(keys.transmit.version);
         let transmit = plan(
             dictionary,
@@ -122,7 +122,7 @@ impl Pdos {
             pdos.transmit_limit,
         );
         pdos.transmit = transmit.unwrap_or_default();
-        pdos.preq_limit = usize::from(dictionary.get(keys.preq_limit));
+        pdos.preq_limit = usize::from(dictionary.get(keys.timing.preq_limit));
         pdos
     }
 
@@ -196,7 +196,7 @@ const fn main_version(version: u8) -> u8 {
 /// Longest payload of a source in octets: 0x1F98/4 for the PReq, 0x1F8D/n for the PRes of node n.
 fn source_limit<const E: usize, const B: usize>(dictionary: &Dictionary<E, B>, keys: &Keys, source: Source) -> usize {
     let Source::Pres(from) = source else {
-        return usize::from(dictionary.get(keys.preq_limit));
+        return usize::from(dictionary.get(keys.timing.preq_limit));
     };
     // Sub-indices 1..=254 are those of the node ids that 0x1400/1 takes.
     match dictionary.read(0x1F8D, from) {
@@ -243,7 +243,7 @@ pub(super) fn check_write<const E: usize, const B: usize>(
             check_mapping(dictionary, rpdo, Direction::Receive, (sub, first), limit)
         }),
         (0x1A00, _) => {
-            let limit = usize::from(dictionary.get(keys.pres_limit));
+            let limit = usize::from(dictionary.get(keys.timing.pres_limit));
             check_mapping(dictionary, &keys.transmit, Direction::Transmit, (sub, first), limit)
         }
         (0x1F98, 5) => still_fits(dictionary, &keys.transmit, Direction::Transmit, octets_of(value)?),

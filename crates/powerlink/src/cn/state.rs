@@ -130,13 +130,15 @@ impl<const E: usize, const B: usize> Cn<E, B> {
     fn activate_configuration(&mut self) {
         let (dictionary, keys) = (&self.dictionary, &self.keys);
         self.pdos = Pdos::activate(dictionary, keys);
-        self.async_mtu = dictionary.get(keys.async_mtu);
+        self.async_mtu = dictionary.get(keys.timing.async_mtu);
         self.configuration = (
-            dictionary.get(keys.configuration_date),
-            dictionary.get(keys.configuration_time),
+            dictionary.get(keys.configuration.date),
+            dictionary.get(keys.configuration.time),
         );
-        self.watch
-            .configure(dictionary.get(keys.cycle_us), dictionary.get(keys.multiplexed_cycles));
+        self.watch.configure(
+            dictionary.get(keys.cycle_us),
+            dictionary.get(keys.timing.multiplexed_cycles),
+        );
     }
 
     fn watch_silence(&mut self, now_ns: u64) {

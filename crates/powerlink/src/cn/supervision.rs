@@ -21,7 +21,7 @@ impl<const E: usize, const B: usize> Cn<E, B> {
     pub fn report_crc_error(&mut self, now_ns: u64) -> Events {
         let mut events = Events::default();
         self.watch.crc_failed = true;
-        let counter = self.keys.crc;
+        let counter = self.keys.losses.crc;
         self.fail(counter, CycleError::Crc, now_ns, &mut events);
         events
     }
@@ -30,17 +30,17 @@ impl<const E: usize, const B: usize> Cn<E, B> {
     pub fn report_collision(&mut self, now_ns: u64) -> Events {
         let mut events = Events::default();
         self.watch.collided = true;
-        let counter = self.keys.collision;
+        let counter = self.keys.losses.collision;
         self.fail(counter, CycleError::Collision, now_ns, &mut events);
         events
     }
 
     /// A SoC came in a state that expects it: the last cycle is judged, the next one begins.
     pub(super) fn begin_cycle(&mut self, now_ns: u64, events: &mut Events) {
-        self.keys.loss_of_soc.good(&mut self.dictionary);
+        self.keys.losses.soc.good(&mut self.dictionary);
         for (failed, counter) in [
-            (core::mem::take(&mut self.watch.crc_failed), self.keys.crc),
-            (core::mem::take(&mut self.watch.collided), self.keys.collision),
+            (core::mem::take(&mut self.watch.crc_failed), self.keys.losses.crc),
+            (core::mem::take(&mut self.watch.collided), self.keys.losses.collision),
         ] {
             if !failed {
                 counter.good(&mut self.dictionary);
@@ -50,7 +50,7 @@ impl<const E: usize, const B: usize> Cn<E, B> {
         self.end_cycle(now_ns, events);
         let exchanges = matches!(self.state, NmtState::ReadyToOperate | NmtState::Operational);
         if self.watch.misses_preq() && exchanges && !self.chaining.is_enabled() {
-            let counter = self.keys.loss_of_preq;
+            let counter = self.keys.losses.preq;
             self.fail(counter, CycleError::LossOfPreq, now_ns, events);
         }
         self.watch.soa_due = self.expects_soc();
@@ -58,13 +58,13 @@ impl<const E: usize, const B: usize> Cn<E, B> {
 
     pub(super) fn take_soa(&mut self) {
         if core::mem::take(&mut self.watch.soa_due) {
-            self.keys.loss_of_soa.good(&mut self.dictionary);
+            self.keys.losses.soa.good(&mut self.dictionary);
         }
     }
 
     pub(super) fn take_preq(&mut self, multiplexed: bool) {
         self.watch.take_preq(multiplexed);
-        self.keys.loss_of_preq.good(&mut self.dictionary);
+        self.keys.losses.preq.good(&mut self.dictionary);
     }
 
     /// Counts the SoCs that are overdue.
@@ -79,7 +79,7 @@ impl<const E: usize, const B: usize> Cn<E, B> {
             }
             self.watch.soc_due_ns = Some(due_ns.saturating_add(self.watch.cycle_ns));
             events.soc_missed += 1;
-            let counter = self.keys.loss_of_soc;
+            let counter = self.keys.losses.soc;
             self.fail(counter, CycleError::LossOfSoc, now_ns, events);
             self.end_cycle(now_ns, events);
         }
@@ -88,13 +88,13 @@ impl<const E: usize, const B: usize> Cn<E, B> {
     /// The cycle is over, with or without its SoA.
     fn end_cycle(&mut self, now_ns: u64, events: &mut Events) {
         if core::mem::take(&mut self.watch.soa_due) {
-            let counter = self.keys.loss_of_soa;
+            let counter = self.keys.losses.soa;
             self.fail(counter, CycleError::LossOfSoa, now_ns, events);
         }
     }
 
     fn watch_soc(&mut self, now_ns: u64) {
-        let tolerance_ns = u64::from(self.dictionary.get(self.keys.soc_tolerance_ns));
+        let tolerance_ns = u64::from(self.dictionary.get(self.keys.losses.soc_tolerance_ns));
         let cycle_ns = self.watch.cycle_ns;
         self.watch.soc_due_ns = (cycle_ns > 0).then(|| now_ns.saturating_add(cycle_ns).saturating_add(tolerance_ns));
     }

@@ -47,7 +47,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     fn grant_node(&mut self, now_ns: u64, index: usize, service: RequestedService) -> Soa {
         let mut soa = Soa::new(self.state, service, 0);
         let network = self.network();
-        if let Some(Some(node)) = self.nodes.get_mut(index) {
+        if let Some(node) = self.nodes.get_mut(index) {
             soa.target = node.config.id;
             node.statistics.slots_granted += 1;
             if service == RequestedService::SyncRequest {
@@ -73,26 +73,29 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         {
             return grant;
         }
-        if let Some(PendingBroadcast { what, .. }) = self.pending_broadcast {
+        if let Some(PendingBroadcast { what, .. }) = self.slot.broadcast {
             return self.broadcast(what.command(), Own::Broadcast);
         }
-        if let Some(index) = self.find(self.round_robin.order, |node| node.order.is_some()) {
-            self.round_robin.order = index + 1;
+        if let Some(index) = self
+            .nodes
+            .find_from(self.slot.round_robin.order, |node| node.order.is_some())
+        {
+            self.slot.round_robin.order = index + 1;
             return self.order(index);
         }
-        if let Some(index) = self.find(0, |node| node.reject.is_some()) {
+        if let Some(index) = self.nodes.find_from(0, |node| node.reject.is_some()) {
             return self.reject(index);
         }
-        if !self.round_robin.nmt_request_last
+        if !self.slot.round_robin.nmt_request_last
             && let Some(grant) = self.invite_nmt_request()
         {
             return grant;
         }
-        self.round_robin.nmt_request_last = false;
+        self.slot.round_robin.nmt_request_last = false;
         for step in 0..SLOT_USES.len() {
-            let at = (self.round_robin.kind + step) % SLOT_USES.len();
+            let at = (self.slot.round_robin.kind + step) % SLOT_USES.len();
             if let Some(grant) = self.choose_use(SLOT_USES[at], at, now_ns) {
-                self.round_robin.kind = at + 1;
+                self.slot.round_robin.kind = at + 1;
                 return grant;
             }
         }
@@ -101,14 +104,10 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
 
     /// The start of PRE_OPERATIONAL_1; `None` once IdentRequests may go out.
     fn choose_reduced(&mut self, now_ns: u64) -> Option<Grant> {
-        match self.reduced {
+        match self.start.reduced {
             Reduced::Wake { left } => {
-                let keeps_alive = self
-                    .nodes
-                    .iter()
-                    .flatten()
-                    .any(|node| node.config.assignment.keep_alive);
-                self.reduced = if left > 1 {
+                let keeps_alive = self.nodes.iter().any(|node| node.config.assignment.keep_alive);
+                self.start.reduced = if left > 1 {
                     Reduced::Wake { left: left - 1 }
                 } else if keeps_alive {
                     Reduced::ResetEach { index: 0 }
@@ -121,7 +120,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             Reduced::Reset => Some(self.broadcast(NmtCommand::ResetNode, Own::ResetAll)),
             Reduced::Pause { until_ns } if now_ns < until_ns => Some(Grant::NoService),
             Reduced::Pause { .. } => {
-                self.reduced = Reduced::Ident;
+                self.start.reduced = Reduced::Ident;
                 None
             }
             Reduced::Ident => None,
@@ -131,7 +130,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     /// ResetNode to the next node that is not kept alive; a pause after the last one.
     fn reset_each(&mut self, now_ns: u64, from: usize) -> Grant {
         let next = (from..NODES).find_map(|index| {
-            let node = self.node(index)?;
+            let node = self.nodes.get(index)?;
             (!node.config.assignment.keep_alive).then_some((index, node.config.id))
         });
         let Some((index, id)) = next else {
@@ -143,28 +142,20 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     }
 
     fn pause_after_reset(&mut self, now_ns: u64) {
-        self.reduced = Reduced::Pause {
+        self.start.reduced = Reduced::Pause {
             until_ns: now_ns + us_to_ns(self.config.boot.reset_pause_us),
         };
-    }
-
-    /// The next node from `start` on, in a circle, for which `wants` holds.
-    fn find(&self, start: usize, wants: impl Fn(&Node<'a>) -> bool) -> Option<usize> {
-        let start = start % NODES.max(1);
-        (start..NODES)
-            .chain(0..start)
-            .find(|index| self.node(*index).is_some_and(&wants))
     }
 
     /// A mandatory node is missing: who is on the network that should not be? Each id is asked once, before the missing one is asked
     /// again.
     fn grant_stranger(&mut self) -> Option<Grant> {
         if self.state.is_isochronous() {
-            self.next_stranger = None;
+            self.slot.next_stranger = None;
         }
-        let from = self.next_stranger?;
-        let next = (from..=wire::node::CN_MAX).find(|id| self.index_of(*id).is_none());
-        self.next_stranger = next.map(|id| id + 1);
+        let from = self.slot.next_stranger?;
+        let next = (from..=wire::node::CN_MAX).find(|id| self.nodes.index_of(*id).is_none());
+        self.slot.next_stranger = next.map(|id| id + 1);
         next.map(|id| Grant::Stranger { id })
     }
 
@@ -172,9 +163,9 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         let wants = |node: &Node<'a>| {
             node.is_identified() && node.requests.count > 0 && node.requests.priority == Requests::PRIORITY_NMT
         };
-        let index = self.find(self.round_robin.nmt_request, wants)?;
-        self.round_robin.nmt_request = index + 1;
-        self.round_robin.nmt_request_last = true;
+        let index = self.nodes.find_from(self.slot.round_robin.nmt_request, wants)?;
+        self.slot.round_robin.nmt_request = index + 1;
+        self.slot.round_robin.nmt_request_last = true;
         self.count_down_requests(index);
         Some(Grant::Node {
             index,
@@ -184,77 +175,55 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
 
     /// One request fewer, until the node says again how many it has.
     fn count_down_requests(&mut self, index: usize) {
-        if let Some(Some(node)) = self.nodes.get_mut(index) {
+        if let Some(node) = self.nodes.get_mut(index) {
             node.requests.count = node.requests.count.saturating_sub(1);
         }
     }
 
     fn choose_use(&mut self, kind: SlotUse, at: usize, now_ns: u64) -> Option<Grant> {
-        let start = self.round_robin.node[at];
-        let (index, grant) = match kind {
-            SlotUse::Sync => {
-                let isochronous = self.state.is_isochronous();
-                let index = self.find(start, |node| isochronous && node.wants_sync(now_ns))?;
-                (
-                    index,
-                    Grant::Node {
-                        index,
-                        service: RequestedService::SyncRequest,
-                    },
-                )
-            }
-            SlotUse::Status => {
-                let isochronous = self.state.is_isochronous();
-                let index = self.find(start, |node| isochronous && node.wants_status(now_ns))?;
-                (
-                    index,
-                    Grant::Node {
-                        index,
-                        service: RequestedService::StatusRequest,
-                    },
-                )
-            }
-            SlotUse::Invite => {
-                let index = self.find(start, |node| node.wants_invitation(now_ns))?;
-                self.count_down_requests(index);
-                (
-                    index,
-                    Grant::Node {
-                        index,
-                        service: RequestedService::UnspecifiedInvite,
-                    },
-                )
-            }
-            SlotUse::Sdo => {
-                let index = self.find(start, |node| node.is_identified() && node.sdo.wants_to_transmit(now_ns))?;
-                (index, self.sdo(index, now_ns)?)
-            }
-            SlotUse::Ethernet => {
-                self.asnd_len = self.ethernet.pop(&mut self.asnd_frame)?;
-                return Some(Grant::Own(Own::Ethernet));
-            }
+        let start = self.slot.round_robin.node[at];
+        let isochronous = self.state.is_isochronous();
+        let (index, service) = match kind {
             SlotUse::Server => return self.grant_server(),
             SlotUse::Diagnostic => return self.grant_diagnostic(now_ns),
+            SlotUse::Ethernet => {
+                self.slot.len = self.slot.ethernet.pop(&mut self.slot.frame)?;
+                return Some(Grant::Own(Own::Ethernet));
+            }
+            SlotUse::Sdo => {
+                let wants = |node: &Node<'a>| node.is_identified() && node.sdo.wants_to_transmit(now_ns);
+                let index = self.nodes.find_from(start, wants)?;
+                let grant = self.sdo(index, now_ns)?;
+                self.slot.round_robin.node[at] = index + 1;
+                return Some(grant);
+            }
+            SlotUse::Sync => {
+                let wants = |node: &Node<'a>| isochronous && node.wants_sync(now_ns);
+                (self.nodes.find_from(start, wants)?, RequestedService::SyncRequest)
+            }
+            SlotUse::Status => {
+                let wants = |node: &Node<'a>| isochronous && node.wants_status(now_ns);
+                (self.nodes.find_from(start, wants)?, RequestedService::StatusRequest)
+            }
+            SlotUse::Invite => {
+                let index = self.nodes.find_from(start, |node| node.wants_invitation(now_ns))?;
+                self.count_down_requests(index);
+                (index, RequestedService::UnspecifiedInvite)
+            }
             SlotUse::Ident => {
                 if let Some(grant) = self.grant_stranger() {
                     return Some(grant);
                 }
-                let index = self.find(start, |node| node.wants_ident(now_ns))?;
+                let index = self.nodes.find_from(start, |node| node.wants_ident(now_ns))?;
                 let network = self.network();
-                if let Some(Some(node)) = self.nodes.get_mut(index) {
+                if let Some(node) = self.nodes.get_mut(index) {
                     node.ident_sent(now_ns, &network);
                 }
-                (
-                    index,
-                    Grant::Node {
-                        index,
-                        service: RequestedService::IdentRequest,
-                    },
-                )
+                (index, RequestedService::IdentRequest)
             }
         };
-        self.round_robin.node[at] = index + 1;
-        Some(grant)
+        self.slot.round_robin.node[at] = index + 1;
+        Some(Grant::Node { index, service })
     }
 
     /// Writes an ASnd of our own.
@@ -265,9 +234,9 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             destination_node,
             source_node: wire::node::MN,
         };
-        match asnd.emit(&header, &mut self.asnd_frame) {
+        match asnd.emit(&header, &mut self.slot.frame) {
             Ok(len) => {
-                self.asnd_len = len;
+                self.slot.len = len;
                 Grant::Own(own)
             }
             // The buffer holds the longest frame; what cannot be written is not sent.
@@ -285,7 +254,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
 
     /// The NMT command that a node waits for. Where others wait for the same, and all understand it, they get it in one frame.
     fn order(&mut self, index: usize) -> Grant {
-        let Some(node) = self.node(index) else {
+        let Some(node) = self.nodes.get(index) else {
             return Grant::NoService;
         };
         let (id, Some(order)) = (node.config.id, node.order) else {
@@ -310,7 +279,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     /// reason.
     fn with_the_same_order(&self, order: Order) -> (NodeList, usize) {
         let mut list = NodeList::default();
-        let same = self.nodes.iter().flatten().filter(|node| {
+        let same = self.nodes.iter().filter(|node| {
             node.order == Some(order) && order.reason == reset_reason::NONE && node.understands_extended_commands()
         });
         let count = same.map(|node| list.insert(node.config.id)).count();
@@ -318,7 +287,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     }
 
     fn reject(&mut self, index: usize) -> Grant {
-        let Some(Some(node)) = self.nodes.get_mut(index) else {
+        let Some(node) = self.nodes.get_mut(index) else {
             return Grant::NoService;
         };
         let Some(command) = node.reject.take() else {
@@ -338,7 +307,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     }
 
     fn sdo(&mut self, index: usize, now_ns: u64) -> Option<Grant> {
-        let node = self.nodes.get_mut(index)?.as_mut()?;
+        let node = self.nodes.get_mut(index)?;
         let mut data = [0; SERVICE_DATA_MAX];
         // `None`: the command has just run out of time; there is nothing to send.
         let len = node.transmit_sdo(now_ns, &mut data)?;
@@ -352,23 +321,23 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         match own {
             Own::Order { index } => {
                 let network = self.network();
-                if let Some(Some(node)) = self.nodes.get_mut(index) {
+                if let Some(node) = self.nodes.get_mut(index) {
                     node.order_sent(now_ns, &network);
                 }
             }
             Own::Orders { list } => {
                 let network = self.network();
-                let nodes = self.nodes.iter_mut().flatten();
+                let nodes = self.nodes.iter_mut();
                 for node in nodes.filter(|node| list.contains(node.config.id)) {
                     node.order_sent(now_ns, &network);
                 }
             }
             Own::ResetAll => self.pause_after_reset(now_ns),
-            Own::ResetEach { index } => self.reduced = Reduced::ResetEach { index: index + 1 },
+            Own::ResetEach { index } => self.start.reduced = Reduced::ResetEach { index: index + 1 },
             Own::Broadcast => self.broadcast_sent(now_ns),
             Own::ShutDown => {
                 self.shutdown = self.shutdown.next();
-                for node in self.nodes.iter_mut().flatten() {
+                for node in self.nodes.iter_mut() {
                     node.polled = false;
                 }
                 if self.shutdown == Shutdown::Done {
@@ -389,7 +358,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         let Grant::Node { index, service } = grant else { return };
         self.counters.async_timeouts += 1;
         let network = self.network();
-        if let Some(Some(node)) = self.nodes.get_mut(index) {
+        if let Some(node) = self.nodes.get_mut(index) {
             node.statistics.slots_unused += 1;
             if service == RequestedService::StatusRequest {
                 node.status_missed(now_ns, &network, &mut self.events);
@@ -402,15 +371,12 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
 
     /// A node asks for an NMT service: Ident- and StatusRequests to configured nodes are served, commands are not.
     pub(super) fn nmt_requested(&mut self, index: usize, request: &NmtRequestFrame) {
-        let target = self.index_of(request.target);
-        let target = target
-            .and_then(|index| self.nodes.get_mut(index))
-            .and_then(Option::as_mut);
+        let target = self.nodes.with_id_mut(request.target);
         match (request.command, target) {
             (NmtCommand::IdentRequest, Some(target)) => target.ident.asked = true,
             (NmtCommand::StatusRequest, Some(target)) => target.status.asked = true,
             (command, _) => {
-                if let Some(Some(node)) = self.nodes.get_mut(index) {
+                if let Some(node) = self.nodes.get_mut(index) {
                     node.reject = Some(command);
                 }
             }

@@ -16,7 +16,6 @@ use super::configure::timing;
 use super::event::{Events, MnEvent, NodeState};
 use super::fault::{Fault, reset_reason};
 use super::node::{Network, Node};
-use super::sdo_command::SdoError;
 use super::stage::{BootStage, Chain, Order};
 use crate::nmt::{NmtCommand, NmtState};
 use crate::wire::{IdentResponse, Mac};
@@ -47,13 +46,8 @@ impl<'a> Node<'a> {
         matches!(self.stage, BootStage::Refused { .. })
     }
 
-    /// The node holds its configuration.
+    /// The node holds its configuration, and the application may use its SDO client.
     pub(super) fn is_configured(&self) -> bool {
-        self.has_free_sdo_client() && self.stage != BootStage::Held
-    }
-
-    /// Identified, and the configuration manager is not at work with the node: the application may use its SDO client.
-    pub(super) fn has_free_sdo_client(&self) -> bool {
         self.is_identified() && !self.is_being_configured()
     }
 
@@ -156,30 +150,18 @@ impl<'a> Node<'a> {
         self.restart_signalling(now_ns);
         events.push(MnEvent::Identified { node: self.config.id });
         self.set_state(NodeState::Configuring, events);
-        let runs = ident.nmt_state == NmtState::Operational;
-        if !runs && !self.config.assignment.automatic_start && !core::mem::take(&mut self.boot_asked) {
-            self.stage = BootStage::Held;
-            self.set_state(NodeState::Held, events);
-        } else if self.begin_configuration(ident, network) {
+        if self.begin_configuration(ident, network) {
             self.stage = BootStage::Configuring {
                 written: 0,
                 index: 0,
                 sub: 0,
             };
-        } else if runs {
+        } else if ident.nmt_state == NmtState::Operational {
             self.stage = BootStage::TakenOver;
         } else {
             self.enable(now_ns, network);
         }
         self.reported(ident.nmt_state, network);
-    }
-
-    /// The application lets a held node boot; it is looked for once more, as it may have changed.
-    pub(super) fn boot_held(&mut self, now_ns: u64) {
-        self.boot_asked = true;
-        self.end_job(SdoError::NodeReset);
-        self.stage = BootStage::Searching { ident_due_ns: now_ns };
-        self.polled = false;
     }
 
     /// The isochronous cycle begins: what a node that was identified long ago has to do in time counts from now.
@@ -209,7 +191,6 @@ impl<'a> Node<'a> {
         // The wait for the slot does not count.
         if let BootStage::WaitingReadyToOperate { again_ns, .. }
         | BootStage::WaitingOperational { again_ns, .. }
-        | BootStage::BackInPreOperational2 { again_ns }
         | BootStage::Stopped { again_ns } = &mut self.stage
         {
             *again_ns = now_ns + command_retry_ns(network);
@@ -239,7 +220,7 @@ impl<'a> Node<'a> {
             return;
         }
         match self.stage {
-            BootStage::Searching { .. } | BootStage::Held => {}
+            BootStage::Searching { .. } => {}
             BootStage::Refused { until_ns } => {
                 if now_ns >= until_ns {
                     self.stage = BootStage::Searching { ident_due_ns: now_ns };
@@ -321,11 +302,6 @@ impl<'a> Node<'a> {
                     self.set_state(NodeState::Operational, events);
                 }
             }
-            BootStage::BackInPreOperational2 { again_ns } => {
-                if self.nmt_state != NmtState::PreOperational2 && now_ns >= again_ns {
-                    self.back_in_pre_operational_2(now_ns);
-                }
-            }
             BootStage::Stopped { again_ns } => {
                 if self.nmt_state.is_isochronous() && now_ns >= again_ns {
                     self.stop(now_ns);
@@ -366,16 +342,8 @@ impl<'a> Node<'a> {
         };
     }
 
-    /// Orders PRE_OPERATIONAL_2 after STOPPED or OPERATIONAL; again after a while.
-    pub(super) fn back_in_pre_operational_2(&mut self, now_ns: u64) {
-        self.command(NmtCommand::EnterPreOperational2);
-        self.stage = BootStage::BackInPreOperational2 {
-            again_ns: now_ns + COMMAND_RETRY_NS,
-        };
-    }
-
     /// Orders STOPPED; again after a while.
-    pub(super) fn stop(&mut self, now_ns: u64) {
+    fn stop(&mut self, now_ns: u64) {
         self.command(NmtCommand::StopNode);
         self.stopped(now_ns);
     }
@@ -392,11 +360,6 @@ impl<'a> Node<'a> {
         self.stage = BootStage::Stopped {
             again_ns: now_ns + COMMAND_RETRY_NS,
         };
-    }
-
-    /// The application lets a node go on that it had taken back to PRE_OPERATIONAL_2.
-    pub(super) fn enable_again(&mut self, now_ns: u64, network: &Network) {
-        self.ask_ready(now_ns, now_ns + us_to_ns(network.boot.timeout_pre_op_2_us));
     }
 
     /// Orders READY_TO_OPERATE; again after a while, as an NMT command is never acknowledged.

@@ -67,7 +67,7 @@ impl Node<'_> {
 impl<const NODES: usize> Mn<'_, NODES> {
     /// Our PRes is on the wire: the time until which the chain has to be through; `None` where no node of it is running.
     pub(super) fn chain_deadline_ns(&mut self, now_ns: u64) -> Option<u64> {
-        let nodes = self.nodes.iter_mut().flatten();
+        let nodes = self.nodes.iter_mut();
         nodes
             .filter(|node| node.is_chained() && node.polled)
             .map(|node| {
@@ -81,7 +81,8 @@ impl<const NODES: usize> Mn<'_, NODES> {
     /// The first chained node whose PRes of this cycle has not come.
     pub(super) fn first_unheard(&self) -> Option<usize> {
         (0..self.config.nodes.len()).find(|at| {
-            self.node(*at)
+            self.nodes
+                .get(*at)
                 .is_some_and(|node| node.is_chained() && node.polled && !node.chain.heard)
         })
     }
@@ -89,7 +90,7 @@ impl<const NODES: usize> Mn<'_, NODES> {
     /// The time of the chain is over: those that were not heard have missed their PRes.
     pub(super) fn chain_over(&mut self, now_ns: u64) {
         while let Some(index) = self.first_unheard() {
-            if let Some(Some(node)) = self.nodes.get_mut(index) {
+            if let Some(node) = self.nodes.get_mut(index) {
                 node.chain.heard = true;
             }
             self.poll_lost(now_ns, index);
@@ -98,7 +99,7 @@ impl<const NODES: usize> Mn<'_, NODES> {
 
     /// A node has answered a SyncRequest.
     pub(super) fn sync_response(&mut self, index: usize, response: &SyncResponse, now_ns: u64) {
-        let Some(Some(node)) = self.nodes.get_mut(index) else {
+        let Some(node) = self.nodes.get_mut(index) else {
             return;
         };
         if !node.is_chained() || !node.is_identified() {
@@ -114,7 +115,7 @@ impl<const NODES: usize> Mn<'_, NODES> {
                 node.chain.tries = 0;
                 if self.chain_fits() {
                     self.compute_pres_times(now_ns);
-                } else if let Some(Some(node)) = self.nodes.get_mut(index) {
+                } else if let Some(node) = self.nodes.get_mut(index) {
                     // Waiting for it would use up the cycle of all: it is asked again, and given up in the end.
                     node.chain = before;
                     self.counters.unexpected += 1;
@@ -134,23 +135,23 @@ impl<const NODES: usize> Mn<'_, NODES> {
     /// Whether the nodes whose latency is known would all be through, or their time-outs over, in what the cycle leaves for the
     /// chain.
     fn chain_fits(&self) -> bool {
+        let room_ns = self.chain_room_ns.unwrap_or(0);
         let mut next_ns = 0;
         let mut known = self
             .nodes
             .iter()
-            .flatten()
             .filter(|node| node.is_chained() && node.chain.step != ChainStep::Measure);
         known.all(|node| {
             let end_ns = u64::from(node.chain.latency_ns).max(next_ns) + u64::from(node.pres_wire_ns());
             next_ns = end_ns + u64::from(GUARD_NS);
-            end_ns + u64::from(node.config.pres_timeout_ns) <= self.chain_room_ns
+            end_ns + u64::from(node.config.pres_timeout_ns) <= room_ns
         })
     }
 
     /// One node behind the other, in the order of the configuration.
     fn compute_pres_times(&mut self, now_ns: u64) {
         let mut next_ns = 0;
-        for node in self.nodes.iter_mut().flatten().filter(|node| node.is_chained()) {
+        for node in self.nodes.iter_mut().filter(|node| node.is_chained()) {
             if node.chain.step == ChainStep::Measure {
                 continue;
             }
@@ -166,11 +167,11 @@ impl<const NODES: usize> Mn<'_, NODES> {
 
     /// Chained nodes that never take their time are given up; once a slot.
     pub(super) fn step_chain(&mut self, now_ns: u64) {
-        if !self.has_chain {
+        if self.chain_room_ns.is_none() {
             return;
         }
         let network = self.network();
-        for node in self.nodes.iter_mut().flatten() {
+        for node in self.nodes.iter_mut() {
             if node.chain.tries > TRIES_MAX {
                 let (requests, got) = (node.chain.tries, node.nmt_state);
                 node.fail(now_ns, &network, Fault::ChainFailed { requests, got }, &mut self.events);
@@ -183,11 +184,11 @@ impl<const NODES: usize> Mn<'_, NODES> {
         let sent_ns = if let Phase::AwaitChain { sent_ns, .. } = self.phase {
             sent_ns
         } else if self.phase == Phase::ChainSent {
-            self.cycle_started_ns?
+            self.clock.started_ns?
         } else {
             return None;
         };
-        let node = self.node(index)?;
+        let node = self.nodes.get(index)?;
         (node.is_chained() && node.polled && !node.chain.heard).then_some(sent_ns)
     }
 }

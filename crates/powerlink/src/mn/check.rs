@@ -8,7 +8,7 @@ use obd::cdc::{CdcError, CdcReader};
 
 use super::budget::{Budget, WorstCycle};
 use super::config::{Direction, MnConfig, NodeConfig, expected_stamp};
-use super::startup::{Assignment, StartUp};
+use super::startup::Assignment;
 use crate::wire::{self, Mac, PAYLOAD_MAX};
 
 /// What is wrong with a configuration.
@@ -215,10 +215,6 @@ pub(super) fn check(config: &MnConfig<'_>, most: usize) -> Result<(), MnConfigEr
         check_configuration(node)?;
         check_node(config, node).map_err(|reason| MnConfigError::Conflict { id, reason })?;
     }
-    check_network(&config.startup).map_err(|reason| MnConfigError::Conflict {
-        id: wire::node::MN,
-        reason,
-    })?;
     let worst = Budget::new(config, &[]).worst();
     if worst.total_ns() > u64::from(cycle_ns) {
         return Err(MnConfigError::CycleTooShort { worst, cycle_ns });
@@ -267,11 +263,15 @@ fn check_configuration(node: &NodeConfig<'_>) -> Result<(), MnConfigError> {
 /// What the bits of one node cannot ask for together.
 fn check_node(config: &MnConfig<'_>, node: &NodeConfig<'_>) -> Result<(), &'static str> {
     let Assignment {
+        automatic_start,
         keep_alive,
         check_software,
         async_only,
         ..
     } = node.assignment;
+    if !automatic_start {
+        return Err("a node that waits for the application to boot it (1F81h bit 2 is clear) is not served");
+    }
     if check_software && config.startup.check_software && node.software.is_none() {
         return Err("the software shall be checked (1F81h bit 5), and none is expected (1F53h, 1F54h)");
     }
@@ -287,14 +287,6 @@ fn check_node(config: &MnConfig<'_>, node: &NodeConfig<'_>) -> Result<(), &'stat
                 "a node that is kept alive (1F81h bit 4) needs date and time of its configuration (1F26h, 1F27h)",
             );
         }
-    }
-    Ok(())
-}
-
-/// What the bits of the network cannot ask for together.
-fn check_network(startup: &StartUp) -> Result<(), &'static str> {
-    if startup.broadcast_start && startup.application_starts_nodes {
-        return Err("nodes are started by a broadcast (1F80h bit 1), or by the application (bit 3), not by both");
     }
     Ok(())
 }

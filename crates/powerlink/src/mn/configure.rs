@@ -21,6 +21,45 @@ pub(super) const SDO_GIVE_UP_NS: u64 = 5_000_000_000;
 /// What a node may take for an answer without being asked again.
 const FIRST_TIMEOUT_MIN_NS: u64 = 10_000_000;
 
+/// The configuration manager of one node: what it has still to write and to read.
+#[derive(Debug)]
+pub(super) struct ConfigurationManager<'a> {
+    /// Writes of the concise DCF that are still to come; `None`: the node holds them already.
+    writes: Option<CdcReader<'a>>,
+    /// Value of the write under way.
+    written_value: &'a [u8],
+    /// Values of [`NodeConfig::expected`](super::NodeConfig::expected) that have been asked for, and the one that comes.
+    asked: usize,
+    read_value: [u8; 4],
+}
+
+impl<'a> ConfigurationManager<'a> {
+    pub(super) const IDLE: ConfigurationManager<'a> = ConfigurationManager {
+        writes: None,
+        written_value: &[],
+        asked: 0,
+        read_value: [0; 4],
+    };
+
+    fn is_reading(&self) -> bool {
+        self.asked > 0
+    }
+
+    /// What the SDO client sends.
+    pub(super) fn source(&self) -> &'a [u8] {
+        self.written_value
+    }
+
+    /// Where the SDO client puts what it receives.
+    pub(super) fn sink(&mut self) -> &mut [u8] {
+        if self.is_reading() {
+            &mut self.read_value
+        } else {
+            &mut []
+        }
+    }
+}
+
 impl<'a> Node<'a> {
     /// The first value of identity and software that is not as expected. What is compared is up to bits 9 and 10 of 0x1F80 and
     /// bit 5 of the assignment.
@@ -65,8 +104,11 @@ impl<'a> Node<'a> {
     pub(super) fn begin_configuration(&mut self, ident: &IdentResponse, network: &Network) -> bool {
         let is_current = self.configuration_is_current(ident, network);
         // Checked when the managing node was made; an empty one has nothing to read.
-        self.writes = CdcReader::new(self.config.configuration).ok().filter(|_| !is_current);
-        self.asked = 0;
+        let writes = CdcReader::new(self.config.configuration).ok();
+        self.manager = ConfigurationManager {
+            writes: writes.filter(|_| !is_current),
+            ..ConfigurationManager::IDLE
+        };
         // The connection of the last boot is void, also for the application.
         self.sdo = Client::new(timing(network));
         !is_current || !self.config.expected.is_empty()
@@ -100,61 +142,52 @@ impl<'a> Node<'a> {
         };
         let node = self.config.id;
         if self.sdo.is_busy() {
-            let aborted = match self.sdo.result() {
-                None => return,
-                Some(Ok(octets)) => {
-                    if let Some(fault) = self.wrong_value(octets) {
-                        self.refuse_configured(now_ns, network, fault, events);
-                        return;
-                    }
+            let Some(result) = self.sdo.result() else { return };
+            let reading = self.manager.is_reading();
+            let fault = match result {
+                Ok(octets) if reading => self.wrong_value(octets),
+                Ok(_) => {
+                    self.statistics.objects_written += 1;
                     None
                 }
-                Some(Err(ClientError::Aborted(code))) => Some(code),
-                Some(Err(error)) => {
-                    self.fail(
-                        now_ns,
-                        network,
-                        Fault::ConfigurationFailed { index, sub, error },
-                        events,
-                    );
-                    return;
+                Err(ClientError::Aborted(code)) => {
+                    let fault = Fault::ConfigurationRefused { index, sub, code };
+                    if reading {
+                        Some(fault).filter(|_| !is_missing(code))
+                    } else if may_be_refused(index, sub, code) {
+                        events.push(fault.event(node));
+                        None
+                    } else {
+                        Some(fault)
+                    }
+                }
+                Err(error) => {
+                    let fault = Fault::ConfigurationFailed { index, sub, error };
+                    return self.fail(now_ns, network, fault, events);
                 }
             };
-            if let Some(code) = aborted {
-                let fault = Fault::ConfigurationRefused { index, sub, code };
-                if self.asked > 0 {
-                    if !is_missing(code) {
-                        self.refuse_configured(now_ns, network, fault, events);
-                        return;
-                    }
-                } else if !may_be_refused(index, sub, code) {
-                    self.refuse_configured(now_ns, network, fault, events);
-                    return;
-                } else {
-                    events.push(fault.event(node));
-                }
-            } else if self.asked == 0 {
-                self.statistics.objects_written += 1;
+            if let Some(fault) = fault {
+                return self.refuse_configured(now_ns, network, fault, events);
             }
-            written += u32::from(self.asked == 0);
-        } else if written == 0 && self.writes.is_some() {
+            written += u32::from(!reading);
+        } else if written == 0 && self.manager.writes.is_some() {
             events.push(MnEvent::Configuring { node });
         }
         self.sdo.set_timing(timing(network));
-        let (index, sub, started) = match self.writes.as_mut().and_then(Iterator::next) {
+        let (index, sub, started) = match self.manager.writes.as_mut().and_then(Iterator::next) {
             Some(Ok(CdcWrite { index, sub, value })) => {
-                self.written_value = value;
+                self.manager.written_value = value;
                 (index, sub, self.sdo.start_write(index, sub, value.len()))
             }
-            Some(Err(_)) | None => match self.config.expected.get(self.asked) {
+            Some(Err(_)) | None => match self.config.expected.get(self.manager.asked) {
                 Some(&Expected { index, sub, .. }) => {
-                    self.asked += 1;
-                    self.written_value = &[];
+                    self.manager.asked += 1;
+                    self.manager.written_value = &[];
                     (index, sub, self.sdo.start_read(index, sub))
                 }
                 None => {
                     self.sdo.close();
-                    let was_current = self.writes.is_none();
+                    let was_current = self.manager.writes.is_none();
                     self.stage = BootStage::ClosingSdo { was_current };
                     return;
                 }
@@ -162,12 +195,8 @@ impl<'a> Node<'a> {
         };
         self.stage = BootStage::Configuring { written, index, sub };
         if let Err(error) = started {
-            self.fail(
-                now_ns,
-                network,
-                Fault::ConfigurationFailed { index, sub, error },
-                events,
-            );
+            let fault = Fault::ConfigurationFailed { index, sub, error };
+            self.fail(now_ns, network, fault, events);
         }
     }
 
@@ -178,9 +207,9 @@ impl<'a> Node<'a> {
             sub,
             mask,
             value,
-        } = *self.config.expected.get(self.asked.checked_sub(1)?)?;
+        } = *self.config.expected.get(self.manager.asked.checked_sub(1)?)?;
         let mut read = [0; 4];
-        for (octet, came) in read.iter_mut().zip(self.read_value.iter().take(octets)) {
+        for (octet, came) in read.iter_mut().zip(self.manager.read_value.iter().take(octets)) {
             *octet = *came;
         }
         let got = u32::from_le_bytes(read) & mask;

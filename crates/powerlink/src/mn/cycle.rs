@@ -1,4 +1,5 @@
-//! The cycle: SoC, the polls, SoA and the asynchronous slot, one step at a time; and the reduced cycle before.
+//! The cycle: its phases one after the other, and the isochronous ones: SoC, chain, polls, our own PRes. The rest is in
+//! `async_phase`.
 //!
 //! In:  the start of each cycle, the time. Out: frames in the order in which they may be on the wire.
 //! RT: no allocation, no locks, bounded by the number of nodes.
@@ -6,12 +7,9 @@
 use super::budget::wire_time_ns;
 use super::config::us_to_ns;
 use super::event::MnEvent;
-use super::state::{Grant, Mn, Phase};
+use super::state::{Mn, Phase};
 use crate::nmt::{MnTrigger, NmtState};
-use crate::wire::{
-    self, Header, NetTime, PAYLOAD_LIMIT_MIN, POLL_HEADER_LEN, Preq, Pres, RequestedService, Requests, SOA_LEN, Soa,
-    Soc, multicast,
-};
+use crate::wire::{self, Header, NetTime, PAYLOAD_LIMIT_MIN, POLL_HEADER_LEN, Preq, Pres, Requests, multicast};
 
 /// What the caller does next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,7 +51,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         self.done_due = true;
         self.counters.events_dropped = self.events.dropped;
         // Also where no cycle runs (any more): what came in an earlier one is old.
-        for node in self.nodes.iter_mut().flatten() {
+        for node in self.nodes.iter_mut() {
             node.data.fresh = false;
         }
         if !self.state.is_isochronous() {
@@ -68,23 +66,15 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             }
         }
         let cycle_ns = u64::from(self.config.cycle_ns);
-        let mut passed = 1;
-        if let Some(last_ns) = self.cycle_started_ns {
-            passed = (begin_ns.saturating_sub(last_ns) + cycle_ns / 2) / cycle_ns;
-            let skipped = if moved { passed } else { passed.saturating_sub(1) };
-            self.counters.cycles_skipped += skipped;
-        }
-        // The time base goes on along the grid, also over cycles that were left out.
-        self.relative_time_us += if moved { passed } else { passed.max(1) } * (cycle_ns / 1000);
-        self.cycle_started_ns = Some(begin_ns);
-        self.net_time = net_time;
+        self.counters.cycles_skipped += self.clock.go_to(begin_ns, net_time, cycle_ns, moved);
         if !moved {
-            for node in self.nodes.iter_mut().flatten() {
+            for node in self.nodes.iter_mut() {
                 node.chain.heard = false;
             }
             self.exceeded = false;
-            self.begin_round();
-            self.toggle_prescaled_slot();
+            self.clock.begin_round(self.config.multiplex_cycles);
+            self.clock
+                .toggle_prescaled_slot(self.counters.cycles, self.config.prescaler);
         }
         let len = self.write_soc().unwrap_or(0);
         self.phase = Phase::SocDue { len };
@@ -128,30 +118,17 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         self.cycle_exceeded();
     }
 
-    /// The next cycle of the multiplexed round.
-    fn begin_round(&mut self) {
-        if self.config.multiplex_cycles == 0 {
-            return;
-        }
-        if self.multiplex_cycle >= self.config.multiplex_cycles {
-            self.multiplex_cycle = 1;
-            self.round_toggle = !self.round_toggle;
-        } else {
-            self.multiplex_cycle += 1;
-        }
-    }
-
     /// The node at this position is polled in this cycle.
     fn is_polled_now(&self, index: usize) -> bool {
-        self.node(index).is_some_and(|node| {
+        self.nodes.get(index).is_some_and(|node| {
             let cycle = node.config.multiplex_cycle;
-            node.polled && !node.config.assignment.chained && (cycle == 0 || cycle == self.multiplex_cycle)
+            node.polled && !node.config.assignment.chained && (cycle == 0 || cycle == self.clock.multiplex_cycle)
         })
     }
 
     /// A cycle was not over when the next one began (E_DLL_CYCLE_EXCEED). It is counted and the network goes on, unless the
     /// configuration gives a threshold.
-    fn cycle_exceeded(&mut self) {
+    pub(super) fn cycle_exceeded(&mut self) {
         if core::mem::replace(&mut self.exceeded, true) {
             return;
         }
@@ -166,209 +143,167 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     pub fn poll(&mut self, now_ns: u64) -> Step<'_> {
         match self.advance(now_ns) {
             Action::Send(Buffer::Cycle, len) => Step::Send(&self.cycle_frame[..len]),
-            Action::Send(Buffer::Asnd, len) => Step::Send(&self.asnd_frame[..len]),
+            Action::Send(Buffer::Asnd, len) => Step::Send(&self.slot.frame[..len]),
             Action::WaitUntil(time_ns) => Step::WaitUntil(time_ns),
             Action::IsochronousDone => Step::IsochronousDone,
             Action::Idle => Step::Idle,
         }
     }
 
-    pub(super) fn advance(&mut self, now_ns: u64) -> Action {
-        // Each turn of the loop leaves one phase; a poll walks over all nodes at most once.
+    /// Goes from phase to phase until there is something to do. Each turn of the loop leaves one phase; a poll walks over all
+    /// nodes at most once.
+    fn advance(&mut self, now_ns: u64) -> Action {
         loop {
-            match self.phase {
-                Phase::Idle => match self.between_cycles(now_ns) {
-                    Some(action) => return action,
-                    None => self.phase = Phase::SoaDue,
-                },
-                // The network has started again since the cycle was made ready.
-                Phase::SocDue { .. } if !self.state.is_isochronous() => {
-                    self.soa_owed = false;
-                    self.phase = Phase::Idle;
-                }
-                Phase::SocDue { .. } if self.soa_owed => {
-                    self.soa_owed = false;
-                    if let Some(len) = self.write_owed_soa() {
-                        return Action::Send(Buffer::Asnd, len);
-                    }
-                }
-                Phase::SocDue { len } => {
-                    self.phase = Phase::SocSent;
-                    self.counters.cycles += 1;
-                    if len > 0 {
-                        return Action::Send(Buffer::Cycle, len);
-                    }
-                }
-                Phase::SocSent => {
-                    let wait_ns = u64::from(self.config.soc_preq_wait_ns);
-                    self.phase = if wait_ns == 0 {
-                        self.first_phase()
-                    } else {
-                        let until_ns = now_ns + wait_ns;
-                        Phase::AfterSoc { until_ns }
-                    };
-                }
-                Phase::AfterSoc { until_ns } => {
-                    if now_ns < until_ns {
-                        return Action::WaitUntil(until_ns);
-                    }
-                    self.phase = self.first_phase();
-                }
-                Phase::ChainDue => {
-                    self.phase = Phase::ChainSent;
-                    if let Some(len) = self.write_pres_mn() {
-                        return Action::Send(Buffer::Cycle, len);
-                    }
-                }
-                Phase::ChainSent => {
-                    self.phase = match self.chain_deadline_ns(now_ns) {
-                        Some(deadline_ns) => Phase::AwaitChain {
-                            sent_ns: now_ns,
-                            deadline_ns,
-                        },
-                        None => Phase::NextPreq { index: 0 },
-                    };
-                }
-                Phase::AwaitChain { deadline_ns, .. } => {
-                    if now_ns < deadline_ns && self.first_unheard().is_some() {
-                        return Action::WaitUntil(deadline_ns);
-                    }
-                    self.chain_over(now_ns);
-                    self.phase = Phase::NextPreq { index: 0 };
-                }
-                Phase::NextPreq { index } => {
-                    let Some(index) = (index..self.config.nodes.len()).find(|at| self.is_polled_now(*at)) else {
-                        self.phase = Phase::PresMnDue;
-                        continue;
-                    };
-                    let poll_ns = self.node(index).map_or(0, |node| {
-                        let payload = usize::from(node.config.preq_bytes).max(PAYLOAD_LIMIT_MIN);
-                        wire_time_ns(POLL_HEADER_LEN + payload) + u64::from(node.config.pres_timeout_ns)
-                    });
-                    if !self.fits(now_ns, poll_ns) {
-                        // The caller came late: a poll now would meet the next SoC on the wire.
-                        self.cycle_exceeded();
-                        self.phase = Phase::SoaDue;
-                        continue;
-                    }
-                    self.phase = Phase::PreqSent { index };
-                    if let Some(len) = self.write_preq(index) {
-                        return Action::Send(Buffer::Cycle, len);
-                    }
-                }
-                Phase::PreqSent { index } => {
-                    let timeout_ns = self
-                        .node(index)
-                        .map_or(0, |node| u64::from(node.config.pres_timeout_ns));
-                    let deadline_ns = now_ns + timeout_ns;
-                    self.phase = Phase::AwaitPres {
-                        index,
-                        sent_ns: now_ns,
-                        deadline_ns,
-                    };
-                }
-                Phase::AwaitPres { index, deadline_ns, .. } => {
-                    if now_ns < deadline_ns {
-                        return Action::WaitUntil(deadline_ns);
-                    }
-                    self.poll_lost(now_ns, index);
-                    self.phase = Phase::NextPreq { index: index + 1 };
-                }
-                Phase::PresMnDue => {
-                    self.phase = Phase::SoaDue;
-                    // With a chain it went out before the polls.
-                    if !self.has_chain
-                        && let Some(len) = self.write_pres_mn()
-                    {
-                        return Action::Send(Buffer::Cycle, len);
-                    }
-                }
-                Phase::SoaDue => {
-                    if self.state.is_isochronous() && !self.fits(now_ns, wire_time_ns(SOA_LEN)) {
-                        // Late, but never left out.
-                        self.cycle_exceeded();
-                        if !self.state.is_isochronous() {
-                            self.phase = Phase::Idle;
-                            continue;
-                        }
-                    }
-                    let (grant, len) = self.write_soa(now_ns);
-                    self.phase = Phase::SoaSent { grant };
-                    if let Some(len) = len {
-                        return Action::Send(Buffer::Cycle, len);
-                    }
-                }
-                Phase::SoaSent { grant } => match grant {
-                    Grant::Own(own) => {
-                        self.phase = Phase::AsndSent;
-                        self.own_sent(now_ns, own);
-                        self.counters.asnd_sent += 1;
-                        return Action::Send(Buffer::Asnd, self.asnd_len);
-                    }
-                    Grant::NoService if self.state.is_isochronous() => self.phase = Phase::Idle,
-                    Grant::NoService | Grant::Node { .. } | Grant::Diagnostic { .. } | Grant::Stranger { .. } => {
-                        let deadline_ns = now_ns + u64::from(self.config.async_slot_timeout_ns);
-                        self.phase = Phase::AwaitAsnd {
-                            grant,
-                            deadline_ns,
-                            looked: false,
-                        };
-                    }
-                },
-                Phase::AsndSent => {
-                    self.phase = if self.state.is_isochronous() {
-                        Phase::Idle
-                    } else {
-                        // The slot is ours to its end: no second ASnd may meet this one.
-                        let deadline_ns = now_ns + u64::from(self.config.async_slot_timeout_ns);
-                        Phase::AwaitAsnd {
-                            grant: Grant::NoService,
-                            deadline_ns,
-                            looked: false,
-                        }
-                    };
-                }
+            let action = match self.phase {
+                Phase::Idle => self.between_cycles(now_ns),
+                Phase::SocDue { len } => self.soc_due(len),
+                Phase::SocSent => self.soc_sent(now_ns),
+                Phase::AfterSoc { until_ns } => self.after_soc(now_ns, until_ns),
+                Phase::ChainDue => self.chain_due(),
+                Phase::ChainSent => self.chain_sent(now_ns),
+                Phase::AwaitChain { deadline_ns, .. } => self.await_chain(now_ns, deadline_ns),
+                Phase::NextPreq { index } => self.next_preq(now_ns, index),
+                Phase::PreqSent { index } => self.preq_sent(now_ns, index),
+                Phase::AwaitPres { index, deadline_ns, .. } => self.await_pres(now_ns, index, deadline_ns),
+                Phase::PresMnDue => self.pres_mn_due(),
+                Phase::SoaDue => self.soa_due(now_ns),
+                Phase::SoaSent { grant } => self.soa_sent(now_ns, grant),
+                Phase::AsndSent => self.asnd_sent(now_ns),
                 Phase::AwaitAsnd {
                     grant,
                     deadline_ns,
                     looked,
-                } => {
-                    if let Some(action) = self.isochronous_done() {
-                        return action;
-                    }
-                    // The caller may have computed since the SoA: it looks at the wire before the slot counts as unused.
-                    if now_ns < deadline_ns || !looked {
-                        self.phase = Phase::AwaitAsnd {
-                            grant,
-                            deadline_ns,
-                            looked: now_ns >= deadline_ns,
-                        };
-                        return Action::WaitUntil(deadline_ns);
-                    }
-                    self.slot_over(now_ns, grant);
-                    self.phase = Phase::Idle;
-                }
+                } => self.await_asnd(now_ns, grant, deadline_ns, looked),
+            };
+            if let Some(action) = action {
+                return action;
             }
         }
     }
 
+    fn soc_due(&mut self, len: usize) -> Option<Action> {
+        if !self.state.is_isochronous() {
+            // The network has started again since the cycle was made ready.
+            self.soa_owed = false;
+            self.phase = Phase::Idle;
+            return None;
+        }
+        if core::mem::take(&mut self.soa_owed) {
+            return self.write_owed_soa().map(|len| Action::Send(Buffer::Asnd, len));
+        }
+        self.phase = Phase::SocSent;
+        self.counters.cycles += 1;
+        (len > 0).then_some(Action::Send(Buffer::Cycle, len))
+    }
+
+    fn soc_sent(&mut self, now_ns: u64) -> Option<Action> {
+        let wait_ns = u64::from(self.config.soc_preq_wait_ns);
+        self.phase = if wait_ns == 0 {
+            self.first_phase()
+        } else {
+            let until_ns = now_ns + wait_ns;
+            Phase::AfterSoc { until_ns }
+        };
+        None
+    }
+
+    fn after_soc(&mut self, now_ns: u64, until_ns: u64) -> Option<Action> {
+        if now_ns < until_ns {
+            return Some(Action::WaitUntil(until_ns));
+        }
+        self.phase = self.first_phase();
+        None
+    }
+
+    fn chain_due(&mut self) -> Option<Action> {
+        self.phase = Phase::ChainSent;
+        self.write_pres_mn().map(|len| Action::Send(Buffer::Cycle, len))
+    }
+
+    fn chain_sent(&mut self, now_ns: u64) -> Option<Action> {
+        self.phase = match self.chain_deadline_ns(now_ns) {
+            Some(deadline_ns) => Phase::AwaitChain {
+                sent_ns: now_ns,
+                deadline_ns,
+            },
+            None => Phase::NextPreq { index: 0 },
+        };
+        None
+    }
+
+    fn await_chain(&mut self, now_ns: u64, deadline_ns: u64) -> Option<Action> {
+        if now_ns < deadline_ns && self.first_unheard().is_some() {
+            return Some(Action::WaitUntil(deadline_ns));
+        }
+        self.chain_over(now_ns);
+        self.phase = Phase::NextPreq { index: 0 };
+        None
+    }
+
+    /// Polls the next node of this cycle, from this position on.
+    fn next_preq(&mut self, now_ns: u64, from: usize) -> Option<Action> {
+        let Some(index) = (from..self.config.nodes.len()).find(|at| self.is_polled_now(*at)) else {
+            self.phase = Phase::PresMnDue;
+            return None;
+        };
+        let poll_ns = self.nodes.get(index).map_or(0, |node| {
+            let payload = usize::from(node.config.preq_bytes).max(PAYLOAD_LIMIT_MIN);
+            wire_time_ns(POLL_HEADER_LEN + payload) + u64::from(node.config.pres_timeout_ns)
+        });
+        if !self.fits(now_ns, poll_ns) {
+            // The caller came late: a poll now would meet the next SoC on the wire.
+            self.cycle_exceeded();
+            self.phase = Phase::SoaDue;
+            return None;
+        }
+        self.phase = Phase::PreqSent { index };
+        self.write_preq(index).map(|len| Action::Send(Buffer::Cycle, len))
+    }
+
+    fn preq_sent(&mut self, now_ns: u64, index: usize) -> Option<Action> {
+        let node = self.nodes.get(index);
+        let timeout_ns = node.map_or(0, |node| u64::from(node.config.pres_timeout_ns));
+        self.phase = Phase::AwaitPres {
+            index,
+            sent_ns: now_ns,
+            deadline_ns: now_ns + timeout_ns,
+        };
+        None
+    }
+
+    fn await_pres(&mut self, now_ns: u64, index: usize, deadline_ns: u64) -> Option<Action> {
+        if now_ns < deadline_ns {
+            return Some(Action::WaitUntil(deadline_ns));
+        }
+        self.poll_lost(now_ns, index);
+        self.phase = Phase::NextPreq { index: index + 1 };
+        None
+    }
+
+    fn pres_mn_due(&mut self) -> Option<Action> {
+        self.phase = Phase::SoaDue;
+        if self.chain_room_ns.is_some() {
+            // With a chain it went out before the polls.
+            return None;
+        }
+        self.write_pres_mn().map(|len| Action::Send(Buffer::Cycle, len))
+    }
+
     /// What takes `length_ns` from now on is over before the next cycle is due.
-    fn fits(&self, now_ns: u64, length_ns: u64) -> bool {
-        let cycle_ns = u64::from(self.config.cycle_ns);
-        self.cycle_started_ns
-            .is_none_or(|started_ns| now_ns.saturating_add(length_ns) <= started_ns.saturating_add(cycle_ns))
+    pub(super) fn fits(&self, now_ns: u64, length_ns: u64) -> bool {
+        self.clock.fits(now_ns, length_ns, self.config.cycle_ns.into())
     }
 
     /// What follows the SoC.
     fn first_phase(&self) -> Phase {
-        if self.has_chain {
+        if self.chain_room_ns.is_some() {
             Phase::ChainDue
         } else {
             Phase::NextPreq { index: 0 }
         }
     }
 
-    /// In [`Phase::Idle`]: an action, or `None` where a SoA of the reduced cycle is due.
+    /// In [`Phase::Idle`]: nothing to do before the next cycle, or the SoA of the reduced cycle is due.
     fn between_cycles(&mut self, now_ns: u64) -> Option<Action> {
         if let Some(action) = self.isochronous_done() {
             return Some(action);
@@ -376,7 +311,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         match self.state {
             NmtState::NotActive => {
                 let wait_ns = us_to_ns(self.config.boot.wait_not_active_us);
-                let until_ns = *self.listen_until_ns.get_or_insert(now_ns + wait_ns);
+                let until_ns = *self.start.listen_until_ns.get_or_insert(now_ns + wait_ns);
                 if now_ns < until_ns {
                     return Some(Action::WaitUntil(until_ns));
                 }
@@ -385,19 +320,16 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                     return Some(Action::Idle);
                 }
                 self.trigger(MnTrigger::ListenOver);
-                self.pre_op_1_since_ns = now_ns;
-                for node in self.nodes.iter_mut().flatten() {
+                self.start.pre_op_1_since_ns = now_ns;
+                for node in self.nodes.iter_mut() {
                     node.record.searched_since_ns = now_ns;
                 }
-                None
             }
             NmtState::PreOperational1 => {
                 self.step_network(now_ns);
-                // PRE_OPERATIONAL_2 begins with the next cycle's SoC.
-                if self.state == NmtState::PreOperational1 {
-                    None
-                } else {
-                    Some(Action::Idle)
+                if self.state != NmtState::PreOperational1 {
+                    // PRE_OPERATIONAL_2 begins with the next cycle's SoC.
+                    return Some(Action::Idle);
                 }
             }
             NmtState::PreOperational2
@@ -410,42 +342,31 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             | NmtState::ResetConfiguration
             | NmtState::BasicEthernet
             | NmtState::Stopped
-            | NmtState::Unknown(_) => Some(Action::Idle),
+            | NmtState::Unknown(_) => return Some(Action::Idle),
         }
+        self.phase = Phase::SoaDue;
+        None
     }
 
-    fn isochronous_done(&mut self) -> Option<Action> {
+    pub(super) fn isochronous_done(&mut self) -> Option<Action> {
         self.done_due.then(|| {
             self.done_due = false;
             Action::IsochronousDone
         })
     }
 
-    /// The PS flag of the SoC toggles every so many cycles.
-    fn toggle_prescaled_slot(&mut self) {
-        let prescaler = u64::from(self.config.prescaler);
-        // A multiple of 0 is only 0 itself: without a prescaler the flag stays as it is after the first cycle.
-        if self.counters.cycles.is_multiple_of(prescaler) {
-            self.prescaled_slot = !self.prescaled_slot;
-        }
-    }
-
     fn write_soc(&mut self) -> Option<usize> {
-        let soc = Soc {
-            multiplexed_cycle: self.round_toggle,
-            prescaled_slot: self.prescaled_slot,
-            net_time: self.net_time,
-            relative_time_us: self.relative_time_us,
-        };
-        soc.emit(
-            &Header::multicast(multicast::SOC, self.config.mac, wire::node::MN),
-            &mut self.cycle_frame,
-        )
-        .ok()
+        self.clock
+            .soc()
+            .emit(
+                &Header::multicast(multicast::SOC, self.config.mac, wire::node::MN),
+                &mut self.cycle_frame,
+            )
+            .ok()
     }
 
     fn write_preq(&mut self, index: usize) -> Option<usize> {
-        let node = self.nodes.get_mut(index)?.as_mut()?;
+        let node = self.nodes.get_mut(index)?;
         node.statistics.preq_sent += 1;
         let header = Header {
             destination: node.mac,
@@ -481,36 +402,5 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         let header = Header::multicast(multicast::PRES, self.config.mac, wire::node::MN);
         pres.emit(&header, octets.max(PAYLOAD_LIMIT_MIN), &mut self.cycle_frame)
             .ok()
-    }
-
-    /// Decides who gets the slot and writes the SoA that says so.
-    fn write_soa(&mut self, now_ns: u64) -> (Grant, Option<usize>) {
-        if self.state.is_isochronous() {
-            self.step_network(now_ns);
-            self.step_chain(now_ns);
-        }
-        let slot_ns = u64::from(self.config.async_slot_timeout_ns);
-        let (grant, soa) = if self.state.is_isochronous() && !self.fits(now_ns, slot_ns) {
-            (Grant::NoService, Soa::new(self.state, RequestedService::NoService, 0))
-        } else {
-            self.grant(now_ns)
-        };
-        self.counters.soa_sent += 1;
-        self.soa_showed = Some(self.state);
-        if !self.exceeded {
-            self.counters.cycle_exceeded.count_good();
-        }
-        self.counters.crc_errors.count_good();
-        let header = Header::multicast(multicast::SOA, self.config.mac, wire::node::MN);
-        (grant, soa.emit(&header, &mut self.cycle_frame).ok())
-    }
-
-    /// The SoA of a cycle that was cut off; it grants no slot. The SoC lies ready in the buffer of the cycle.
-    fn write_owed_soa(&mut self) -> Option<usize> {
-        self.counters.soa_sent += 1;
-        self.soa_showed = Some(self.state);
-        let header = Header::multicast(multicast::SOA, self.config.mac, wire::node::MN);
-        let soa = Soa::new(self.state, RequestedService::NoService, 0);
-        soa.emit(&header, &mut self.asnd_frame).ok()
     }
 }

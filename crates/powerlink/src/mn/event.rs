@@ -491,8 +491,6 @@ pub struct NodeStatistics {
 pub enum NodeState {
     /// Not heard of yet.
     Absent,
-    /// Identified; boots when the application lets it (0x1F81 bit 2 is clear).
-    Held,
     /// Identified; being booted.
     Configuring,
     /// READY_TO_OPERATE, communication checked; waits for the network.

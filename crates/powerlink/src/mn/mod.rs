@@ -21,12 +21,13 @@
 //! A node that is lost is reset and booted again while the others go on (NMT_StartUp object 0x1F80, bit 12 set, the default);
 //! what a lost mandatory node means for the machine is up to the application. Bits 4, 6 and 12 choose otherwise: see `network`.
 
-mod application;
+mod async_phase;
 mod async_scheduler;
 mod boot;
 mod budget;
 mod chaining;
 mod check;
+mod clock;
 mod config;
 mod configure;
 mod cycle;
@@ -36,6 +37,7 @@ mod fault;
 mod image;
 mod network;
 mod node;
+mod nodes;
 mod objects;
 mod reason;
 mod receive;
@@ -49,7 +51,6 @@ mod startup;
 mod state;
 mod threshold;
 
-pub use application::NodeCommandError;
 pub use budget::{Budget, BudgetLine, Part, WorstCycle, wire_time_ns};
 pub use check::MnConfigError;
 pub use config::{BootTimes, DeviceInfo, Direction, Identity, MnConfig, NodeConfig, Stamp};
@@ -72,8 +73,8 @@ pub use threshold::Threshold;
 pub use crate::ethernet_queue::{ETHERNET_FRAMES, QueueError};
 use crate::nmt::{self, MnTrigger, NmtState};
 use crate::wire;
-use node::{Network, Node};
-use state::{Grant, NO_NODE, Phase, Shutdown};
+use node::Network;
+use state::{Grant, Phase, Shutdown};
 
 /// Input data of one node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -91,18 +92,13 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     /// chained node; empty for a position without a node.
     pub fn output_mut(&mut self, node: usize) -> &mut [u8] {
         match self.nodes.get_mut(node) {
-            Some(Some(node)) if node.config.assignment.chained => {
+            Some(node) if node.config.assignment.chained => {
                 let start = usize::from(node.config.pres_mn_offset);
                 &mut self.pres_mn[start..start + usize::from(node.config.preq_bytes)]
             }
-            Some(Some(node)) => &mut node.data.output[..usize::from(node.config.preq_bytes)],
-            Some(None) | None => &mut [],
+            Some(node) => &mut node.data.output[..usize::from(node.config.preq_bytes)],
+            None => &mut [],
         }
-    }
-
-    /// Payload of the managing node's own PRes, which all nodes may read; empty where it sends none.
-    pub fn pres_mn_output_mut(&mut self) -> &mut [u8] {
-        &mut self.pres_mn[..usize::from(self.config.pres_mn_bytes.unwrap_or(0))]
     }
 
     /// The driver has seen a frame with a wrong check sum (E_DLL_CRC). It is counted; what a threshold does is the
@@ -127,7 +123,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
 
     /// Input data of a node, by its position in the configuration; empty for a position without a node.
     pub fn input(&self, node: usize) -> Input<'_> {
-        match self.node(node) {
+        match self.nodes.get(node) {
             Some(node) => {
                 let (data, fresh) = node.input();
                 Input {
@@ -146,7 +142,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
 
     /// State of a node, by its position in the configuration; Absent for a position without a node.
     pub fn node_state(&self, node: usize) -> NodeState {
-        self.node(node).map_or(NodeState::Absent, |node| node.state)
+        self.nodes.get(node).map_or(NodeState::Absent, |node| node.state)
     }
 
     /// State of the managing node.
@@ -173,7 +169,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             objects_written: 0,
             faults: 0,
         };
-        self.node(node).map_or(NONE, |node| &node.statistics)
+        self.nodes.get(node).map_or(NONE, |node| &node.statistics)
     }
 
     /// What happened on the wire.
@@ -188,13 +184,20 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         event
     }
 
-    /// Resets a node, by its position in the configuration, and boots it again.
-    pub fn reset_node(&mut self, node: usize) {
-        let network = self.network();
-        let now_ns = self.cycle_started_ns.unwrap_or(0);
-        if let Some(Some(node)) = self.nodes.get_mut(node) {
-            node.reset(now_ns, &network, &mut self.events);
-        }
+    /// Has an Ethernet frame that is not POWERLINK (IP, for instance) sent in an asynchronous slot of our own. Short frames are
+    /// padded; what waits at the end of the network is forgotten.
+    ///
+    /// # Errors
+    /// [`QueueError`] when all places are taken, or for a frame that is POWERLINK or longer than the AsyncMTU (0x1F98/8).
+    pub fn send_ethernet(&mut self, frame: &[u8]) -> Result<(), QueueError> {
+        self.slot.ethernet.push(frame, self.config.async_mtu)
+    }
+
+    /// Lets the network take the step it waits for ([`MnEvent::WaitsForApplication`]); whether it does wait. Each step is let
+    /// through once.
+    pub fn go_on(&mut self) -> bool {
+        self.gate.open = self.gate.next.is_some();
+        self.gate.open
     }
 
     /// Takes the network down in order: StopNode to all, ResetNode to all, then silence. Cycles go on until
@@ -225,7 +228,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         } else {
             return None;
         };
-        Some((self.node(index)?.config.id, deadline_ns))
+        Some((self.nodes.get(index)?.config.id, deadline_ns))
     }
 
     /// The node (id) that has the asynchronous slot of this cycle and when the slot is over; for a thread that watches this one.
@@ -235,23 +238,12 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             return None;
         };
         let id = match grant {
-            Grant::Node { index, .. } => self.node(index)?.config.id,
+            Grant::Node { index, .. } => self.nodes.get(index)?.config.id,
             Grant::Diagnostic { .. } => wire::node::DIAGNOSTIC,
             Grant::Stranger { id } => id,
             Grant::NoService | Grant::Own(_) => return None,
         };
         self.state.is_isochronous().then_some((id, deadline_ns))
-    }
-
-    fn node(&self, index: usize) -> Option<&Node<'a>> {
-        self.nodes.get(index).and_then(Option::as_ref)
-    }
-
-    fn index_of(&self, id: u8) -> Option<usize> {
-        match self.index_of[usize::from(id)] {
-            NO_NODE => None,
-            index => Some(usize::from(index)),
-        }
     }
 
     fn network(&self) -> Network {
@@ -267,14 +259,14 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             boot: self.config.boot,
             startup: self.config.startup,
             // After an error that stopped all, nothing starts before the application says so.
-            starts_nodes: !self.config.startup.application_starts_nodes && self.gate.next.is_none(),
+            starts_nodes: self.gate.next.is_none(),
         }
     }
 
     /// Takes the managing node to the state the standard's table gives, if any.
     fn trigger(&mut self, trigger: MnTrigger) {
         if let Some(state) = nmt::mn_next(self.state, trigger) {
-            self.entered_pre_op_1 = self.state.is_isochronous() && state == NmtState::PreOperational1;
+            self.start.entered_pre_op_1 = self.state.is_isochronous() && state == NmtState::PreOperational1;
             self.state = state;
             self.events.push(MnEvent::NmtStateChanged { state });
         }
@@ -282,7 +274,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
 
     fn poll_lost(&mut self, now_ns: u64, index: usize) {
         let network = self.network();
-        if let Some(Some(node)) = self.nodes.get_mut(index) {
+        if let Some(node) = self.nodes.get_mut(index) {
             node.poll_lost(now_ns, self.config.pres_lost_max, &network, &mut self.events);
         }
     }

@@ -17,13 +17,13 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         if self.shutdown != Shutdown::No {
             return;
         }
-        if core::mem::take(&mut self.entered_pre_op_1) {
+        if core::mem::take(&mut self.start.entered_pre_op_1) {
             self.begin_pre_op_1(now_ns);
         }
         let network = self.network();
         let mut dropped_out = false;
         self.being_configured = 0;
-        for node in self.nodes.iter_mut().flatten() {
+        for node in self.nodes.iter_mut() {
             node.step(now_ns, &network, &mut self.events);
             self.being_configured += u32::from(node.is_being_configured());
             dropped_out |= core::mem::take(&mut node.dropped_out) && node.config.assignment.mandatory;
@@ -33,11 +33,11 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         }
         let startup = self.config.startup;
         match self.state {
-            NmtState::PreOperational1 if self.reduced == Reduced::Ident => {
-                let stayed_ns = now_ns.saturating_sub(self.pre_op_1_since_ns);
+            NmtState::PreOperational1 if self.start.reduced == Reduced::Ident => {
+                let stayed_ns = now_ns.saturating_sub(self.start.pre_op_1_since_ns);
                 if self.mandatory(Node::is_identified) {
                     // A node that takes no configuration here gets it in PRE_OPERATIONAL_2.
-                    let since_ns = *self.identified_since_ns.get_or_insert(now_ns);
+                    let since_ns = *self.start.identified_since_ns.get_or_insert(now_ns);
                     let waited = now_ns.saturating_sub(since_ns) >= us_to_ns(self.config.boot.timeout_pre_op_1_us);
                     if stayed_ns >= us_to_ns(self.config.boot.wait_pre_op_1_us)
                         && (waited || self.mandatory(|node| !node.is_being_configured()))
@@ -45,12 +45,12 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                     {
                         self.trigger(MnTrigger::MandatoryIdentified);
                         let network = self.network();
-                        for node in self.nodes.iter_mut().flatten() {
+                        for node in self.nodes.iter_mut() {
                             node.cycle_begins(now_ns, &network);
                         }
                     }
-                } else if stayed_ns >= us_to_ns(self.config.boot.timeout_pre_op_1_us) && !self.missing_reported {
-                    self.missing_reported = true;
+                } else if stayed_ns >= us_to_ns(self.config.boot.timeout_pre_op_1_us) && !self.start.missing_reported {
+                    self.start.missing_reported = true;
                     self.report_missing();
                 }
             }
@@ -92,17 +92,13 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
 
     /// Whether this holds for every mandatory node.
     fn mandatory(&self, is: impl Fn(&Node<'a>) -> bool) -> bool {
-        let mut mandatory = self
-            .nodes
-            .iter()
-            .flatten()
-            .filter(|node| node.config.assignment.mandatory);
+        let mut mandatory = self.nodes.iter().filter(|node| node.config.assignment.mandatory);
         mandatory.all(is)
     }
 
     fn report_missing(&mut self) {
-        self.next_stranger = Some(1);
-        for node in self.nodes.iter().flatten() {
+        self.slot.next_stranger = Some(1);
+        for node in self.nodes.iter() {
             // One that answers and is another device has been told as that.
             if node.config.assignment.mandatory && !node.is_identified() && !node.is_refused() {
                 self.events.push(MnEvent::Missing { node: node.config.id });
@@ -131,7 +127,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     }
 
     fn order_broadcast(&mut self, what: Broadcast, left: u8) {
-        self.pending_broadcast = Some(PendingBroadcast { what, left });
+        self.slot.broadcast = Some(PendingBroadcast { what, left });
     }
 
     /// A mandatory node that was ready has failed while the network was OPERATIONAL; it is reset and booted again in any case.
@@ -147,7 +143,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             self.order_broadcast(Broadcast::Stop, BROADCAST_REPEAT);
             self.wait_for_application(self.state_after_error());
         } else if !startup.stay_operational {
-            self.reduced = Reduced::Ident;
+            self.start.reduced = Reduced::Ident;
             self.trigger(MnTrigger::MandatoryLost);
         }
     }
@@ -165,7 +161,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         if self.config.startup.stay_operational {
             self.order_broadcast(Broadcast::Reset, BROADCAST_REPEAT);
         } else {
-            self.reduced = Reduced::Reset;
+            self.start.reduced = Reduced::Reset;
             self.trigger(MnTrigger::MandatoryLost);
         }
     }
@@ -173,18 +169,16 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     /// PRE_OPERATIONAL_1 begins: every node is looked for. Nodes that a lost mandatory node or an error of our own has left
     /// without SoC are asked what they are, and reset where they still run.
     fn begin_pre_op_1(&mut self, now_ns: u64) {
-        self.pre_op_1_since_ns = now_ns;
-        self.missing_reported = false;
-        self.identified_since_ns = None;
-        self.cycle_started_ns = None;
-        self.pending_broadcast = None;
+        self.start.begin_pre_op_1(now_ns);
+        self.clock.started_ns = None;
+        self.slot.broadcast = None;
         self.gate = Gate::default();
         self.forget_all(now_ns);
     }
 
     fn forget_all(&mut self, now_ns: u64) {
         let network = self.network();
-        for node in self.nodes.iter_mut().flatten() {
+        for node in self.nodes.iter_mut() {
             node.forget(now_ns, &network);
             node.dropped_out = false;
             // A ResetNode that is due says why; every other order is void.
@@ -197,27 +191,22 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
 
     /// A command to all is on the wire.
     pub(super) fn broadcast_sent(&mut self, now_ns: u64) {
-        let Some(PendingBroadcast { what, left }) = self.pending_broadcast else {
+        let Some(PendingBroadcast { what, left }) = self.slot.broadcast else {
             return;
         };
-        self.pending_broadcast = (left > 1).then_some(PendingBroadcast {
+        self.slot.broadcast = (left > 1).then_some(PendingBroadcast {
             what,
             left: left.saturating_sub(1),
         });
         let network = self.network();
         match what {
             Broadcast::Start => {
-                for node in self
-                    .nodes
-                    .iter_mut()
-                    .flatten()
-                    .filter(|node| node.stage == BootStage::Ready)
-                {
+                for node in self.nodes.iter_mut().filter(|node| node.stage == BootStage::Ready) {
                     node.started(now_ns, &network);
                 }
             }
             Broadcast::Stop => {
-                for node in self.nodes.iter_mut().flatten().filter(|node| node.is_configured()) {
+                for node in self.nodes.iter_mut().filter(|node| node.is_configured()) {
                     node.stopped(now_ns);
                     node.order = None;
                     node.stop_polling();

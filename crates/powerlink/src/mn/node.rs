@@ -4,9 +4,8 @@
 //! Out: input data, whether it needs an IdentRequest or a StatusRequest, events.
 //! RT: no allocation, no locks, bounded. The way through the boot-up is in `boot`, what is written into it in `configure`.
 
-use obd::cdc::CdcReader;
-
 use super::config::{BootTimes, NodeConfig};
+use super::configure::ConfigurationManager;
 use super::event::{Events, MnEvent, NodeState, NodeStatistics};
 use super::fault::Fault;
 use super::record::Record;
@@ -101,20 +100,12 @@ pub(super) struct Node<'a> {
     pub(super) signalling: Signalling,
     pub(super) status: StatusRequests,
     pub(super) ident: IdentRequests,
-    /// The application lets the node boot (bit 2 of its assignment is clear).
-    pub(super) boot_asked: bool,
     /// It was ready, and failed in an OPERATIONAL network.
     pub(super) dropped_out: bool,
     pub(super) invitation: Invitation,
-    /// Writes of the concise DCF that are still to come.
-    pub(super) writes: Option<CdcReader<'a>>,
-    /// Value of the write under way.
-    pub(super) written_value: &'a [u8],
-    /// Values of [`NodeConfig::expected`] that have been asked for, and the one that comes.
-    pub(super) asked: usize,
-    pub(super) read_value: [u8; 4],
+    pub(super) manager: ConfigurationManager<'a>,
     pub(super) sdo: Client,
-    /// What the application does with it.
+    /// What the application does with the SDO client.
     pub(super) job: Option<Job<'a>>,
     pub(super) wrong_state: u32,
     pub(super) data: ProcessData,
@@ -138,13 +129,9 @@ impl<'a> Node<'a> {
             signalling: Signalling::new(),
             status: StatusRequests::default(),
             ident: IdentRequests::default(),
-            boot_asked: false,
             dropped_out: false,
             invitation: Invitation::default(),
-            writes: None,
-            written_value: &[],
-            asked: 0,
-            read_value: [0; 4],
+            manager: ConfigurationManager::IDLE,
             sdo: Client::new(Timing::default()),
             job: None,
             wrong_state: 0,
@@ -196,7 +183,7 @@ impl<'a> Node<'a> {
         self.ident.open = false;
         self.wrong_state = 0;
         self.status.unanswered = 0;
-        self.writes = None;
+        self.manager = ConfigurationManager::IDLE;
         self.nmt_state = NmtState::Off;
         self.restart_signalling(now_ns);
     }
@@ -354,7 +341,7 @@ impl<'a> Node<'a> {
         }
         let waits = matches!(
             self.stage,
-            BootStage::Held | BootStage::Ready | BootStage::Operational | BootStage::TakenOver
+            BootStage::Ready | BootStage::Operational | BootStage::TakenOver
         );
         waits && self.config.assignment.async_only && !self.signalling.wants_status()
     }
@@ -408,16 +395,11 @@ impl<'a> Node<'a> {
                 (NmtState::Operational, true)
             }
             BootStage::Searching { .. } | BootStage::Refused { .. } | BootStage::Reidentifying { .. } => return,
-            BootStage::Held
-            | BootStage::Configuring { .. }
+            BootStage::Configuring { .. }
             | BootStage::ClosingSdo { .. }
             | BootStage::ResettingConfiguration { .. }
             | BootStage::WaitingPreOperational2 { .. } => (NmtState::PreOperational2, got == NmtState::PreOperational2),
             // Ordered again until it happens.
-            BootStage::BackInPreOperational2 { .. } => (
-                NmtState::PreOperational2,
-                got.is_isochronous() || got == NmtState::Stopped,
-            ),
             BootStage::Stopped { .. } => (NmtState::Stopped, got.is_isochronous() || got == NmtState::Stopped),
             BootStage::WaitingReadyToOperate { .. } => (
                 NmtState::ReadyToOperate,

@@ -16,13 +16,11 @@ impl Node<'_> {
     pub(super) fn expected_nmt_state(&self, network: NmtState) -> NmtState {
         match self.stage {
             BootStage::Searching { .. } | BootStage::Refused { .. } => NmtState::NotActive,
-            BootStage::Held
-            | BootStage::Configuring { .. }
+            BootStage::Configuring { .. }
             | BootStage::ClosingSdo { .. }
             | BootStage::ResettingConfiguration { .. }
             | BootStage::Reidentifying { .. }
-            | BootStage::WaitingPreOperational2 { .. }
-            | BootStage::BackInPreOperational2 { .. } => {
+            | BootStage::WaitingPreOperational2 { .. } => {
                 if network.is_isochronous() {
                     NmtState::PreOperational2
                 } else {
@@ -43,7 +41,7 @@ impl Node<'_> {
 impl<'a, const NODES: usize> Mn<'a, NODES> {
     /// All that is known of a node, by its position in the configuration; `None` for a position without a node.
     pub fn diagnosis(&self, node: usize) -> Option<Diagnosis> {
-        let node = self.node(node)?;
+        let node = self.nodes.get(node)?;
         Some(Diagnosis {
             node: node.config.id,
             assignment: node.config.assignment,
@@ -64,7 +62,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         NetworkDiagnosis {
             state: self.state,
             reason: self.network_reason(),
-            foreign_mn: self.foreign.map(|(heard_ns, sign)| ForeignMn {
+            foreign_mn: self.foreign.last.map(|(heard_ns, sign)| ForeignMn {
                 sign,
                 heard_ns,
                 frames: self.counters.foreign_mn_frames,
@@ -97,9 +95,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             BootStage::Ready | BootStage::TakenOver if self.state != NmtState::Operational => {
                 self.waiting_for(NmtState::Operational)
             }
-            BootStage::Held
-            | BootStage::TakenOver
-            | BootStage::BackInPreOperational2 { .. }
+            BootStage::TakenOver
             | BootStage::Stopped { .. }
             | BootStage::Configuring { .. }
             | BootStage::ClosingSdo { .. }
@@ -153,7 +149,6 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         let mut holding = self
             .nodes
             .iter()
-            .flatten()
             .filter(|node| node.config.assignment.mandatory && !far_enough(node));
         let first = holding.next()?;
         // At most 239 nodes.
@@ -168,16 +163,16 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             return Some(NetworkReason::ShuttingDown);
         }
         let Some(state) = self.next_state() else {
-            return Some(match (self.state, self.foreign) {
+            return Some(match (self.state, self.foreign.last) {
                 (NmtState::NotActive, Some((_, sign))) => NetworkReason::ForeignMn(sign),
                 (NmtState::NotActive, None) => NetworkReason::Listening {
-                    until_ns: self.listen_until_ns.unwrap_or(0),
+                    until_ns: self.start.listen_until_ns.unwrap_or(0),
                 },
                 (state, _) => NetworkReason::NotRunning { state },
             });
         };
         let in_reduced_cycle = self.state == NmtState::PreOperational1;
-        if in_reduced_cycle && self.reduced != Reduced::Ident {
+        if in_reduced_cycle && self.start.reduced != Reduced::Ident {
             return Some(NetworkReason::Starting);
         }
         if let Some((node, others)) = self.holding()
@@ -199,7 +194,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             startup.application_enters_operational
         };
         Some(if in_reduced_cycle && !by_application {
-            let until_ns = self.pre_op_1_since_ns + us_to_ns(self.config.boot.wait_pre_op_1_us);
+            let until_ns = self.start.pre_op_1_since_ns + us_to_ns(self.config.boot.wait_pre_op_1_us);
             NetworkReason::MinimumStay { until_ns }
         } else {
             NetworkReason::Due { state, by_application }

@@ -20,9 +20,6 @@ use super::state::{Grant, Mn, Phase};
 use crate::nmt::NmtState;
 use crate::wire::{self, Asnd, Frame, Header, Pres};
 
-/// Another managing node is reported again after it was silent for this time.
-const FOREIGN_SILENCE_NS: u64 = 1_000_000_000;
-
 impl<'a, const NODES: usize> Mn<'a, NODES> {
     /// Hands in a frame that arrived. Garbage is counted by reason and does nothing else; never panics.
     pub fn receive(&mut self, now_ns: u64, frame: &[u8]) {
@@ -38,7 +35,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             return self.foreign_mn(now_ns, &header);
         }
         if self.state == NmtState::NotActive {
-            if self.unasked.is_sign(header.source_node) {
+            if self.foreign.unasked.is_sign(header.source_node) {
                 return self.foreign_mn(now_ns, &header);
             }
             self.counters.unexpected += 1;
@@ -55,29 +52,25 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
 
     fn foreign_mn(&mut self, now_ns: u64, header: &Header) {
         self.counters.foreign_mn_frames += 1;
-        let silent = self
-            .foreign
-            .is_none_or(|(heard_ns, _)| now_ns >= heard_ns + FOREIGN_SILENCE_NS);
         let sign = ForeignSign {
             id: header.source_node,
             mac: header.source,
         };
-        self.foreign = Some((now_ns, sign));
-        if silent {
+        if self.foreign.heard(now_ns, sign) {
             self.events.push(MnEvent::ForeignMn(sign));
         }
         if self.state == NmtState::NotActive {
-            self.listen_until_ns = Some(now_ns + us_to_ns(self.config.boot.wait_not_active_us));
+            self.start.listen_until_ns = Some(now_ns + us_to_ns(self.config.boot.wait_not_active_us));
         }
     }
 
     fn receive_pres(&mut self, now_ns: u64, header: &Header, pres: &Pres<'_>) {
-        let Some(index) = self.index_of(header.source_node) else {
+        let Some(index) = self.nodes.index_of(header.source_node) else {
             self.counters.unknown_node += 1;
             return;
         };
         if let Some(sent_ns) = self.awaits_chained(index) {
-            if let Some(Some(node)) = self.nodes.get_mut(index) {
+            if let Some(node) = self.nodes.get_mut(index) {
                 node.chain.heard = true;
             }
             return self.polled_well(index, now_ns, sent_ns, pres);
@@ -94,7 +87,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             // It was faster than our return from sending.
             now_ns
         } else {
-            match self.nodes.get_mut(index).and_then(Option::as_mut) {
+            match self.nodes.get_mut(index) {
                 Some(node) if node.data.lost_in_row > 0 => node.statistics.pres_late += 1,
                 Some(_) | None => self.counters.unexpected += 1,
             }
@@ -107,7 +100,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     /// The PRes of a node came in time; `sent_ns`: when it was asked for.
     fn polled_well(&mut self, index: usize, now_ns: u64, sent_ns: u64, pres: &Pres<'_>) {
         let network = self.network();
-        if let Some(node) = self.nodes.get_mut(index).and_then(Option::as_mut) {
+        if let Some(node) = self.nodes.get_mut(index) {
             let response_ns = u32::try_from(now_ns.saturating_sub(sent_ns)).unwrap_or(u32::MAX);
             node.statistics.response_ns_max = node.statistics.response_ns_max.max(response_ns);
             node.polled_well(now_ns, pres, &network, &mut self.events);
@@ -115,7 +108,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     }
 
     fn receive_asnd(&mut self, now_ns: u64, header: &Header, asnd: &Asnd<'_>) {
-        let Some(index) = self.index_of(header.source_node) else {
+        let Some(index) = self.nodes.index_of(header.source_node) else {
             if header.source_node == wire::node::DIAGNOSTIC && self.config.diagnostic_device {
                 return self.receive_diagnostic(now_ns, header.destination_node, asnd);
             }
@@ -142,7 +135,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             return;
         }
         let network = self.network();
-        let Some(node) = self.nodes.get_mut(index).and_then(Option::as_mut) else {
+        let Some(node) = self.nodes.get_mut(index) else {
             return;
         };
         match asnd {

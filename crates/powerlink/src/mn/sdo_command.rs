@@ -47,8 +47,6 @@ pub enum SdoError {
     },
     /// The node was lost or reset while the command was under way: a write may or may not have been carried out.
     NodeReset,
-    /// The application has cancelled the command.
-    Cancelled,
     /// The node refused the command, or did not answer it.
     Client(ClientError),
 }
@@ -63,7 +61,6 @@ impl fmt::Display for SdoError {
                 write!(f, "a value of {need} octets in a buffer of {got}")
             }
             SdoError::NodeReset => f.write_str("the node was lost or reset before it answered"),
-            SdoError::Cancelled => f.write_str("cancelled"),
             SdoError::Client(error) => error.fmt(f),
         }
     }

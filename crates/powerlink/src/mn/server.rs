@@ -39,11 +39,11 @@ pub(super) fn is_for_server(service_data: &[u8]) -> Option<bool> {
 impl<'a, const NODES: usize> Mn<'a, NODES> {
     /// An SDO frame of a configured node came: for our client of this node, or for our server.
     pub(super) fn receive_sdo(&mut self, now_ns: u64, index: usize, service_data: &[u8]) {
-        let Some(node) = self.nodes.get_mut(index).and_then(Option::as_mut) else {
+        let Some(node) = self.nodes.get_mut(index) else {
             return;
         };
         let id = node.config.id;
-        let ours = is_for_server(service_data).unwrap_or(self.server.serves(id) && !node.sdo.is_busy());
+        let ours = is_for_server(service_data).unwrap_or(self.slot.server.serves(id) && !node.sdo.is_busy());
         if ours {
             self.serve(now_ns, id, service_data);
         } else {
@@ -53,7 +53,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
 
     fn serve(&mut self, now_ns: u64, client: u8, service_data: &[u8]) {
         let mut objects = objects_of!(self, now_ns);
-        self.server.receive(client, service_data, &mut objects);
+        self.slot.server.receive(client, service_data, &mut objects);
     }
 
     /// An ASnd of the diagnostic device came.
@@ -76,9 +76,9 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     }
 
     fn diagnostic_reported(&mut self, now_ns: u64, requests: Requests) {
-        self.diagnostic = DiagnosticDevice {
+        self.slot.diagnostic = DiagnosticDevice {
             requests,
-            ask_ns: self.diagnostic.ask_ns.min(now_ns + ASK_NS),
+            ask_ns: self.slot.diagnostic.ask_ns.min(now_ns + ASK_NS),
             present: true,
             unanswered: 0,
         };
@@ -86,11 +86,11 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
 
     /// The next answer of the server.
     pub(super) fn grant_server(&mut self) -> Option<Grant> {
-        if self.server.pending() == 0 {
+        if self.slot.server.pending() == 0 {
             return None;
         }
         let mut data = [0; SERVICE_DATA_MAX];
-        let (client, len) = self.server.poll_transmit(&mut data)?;
+        let (client, len) = self.slot.server.poll_transmit(&mut data)?;
         Some(self.write_asnd(client, &Asnd::Sdo(&data[..len]), Own::Sdo))
     }
 
@@ -100,32 +100,37 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         if !self.config.diagnostic_device || !searching {
             return None;
         }
-        if self.diagnostic.requests.count > 0 {
-            self.diagnostic.requests.count -= 1;
+        if self.slot.diagnostic.requests.count > 0 {
+            self.slot.diagnostic.requests.count -= 1;
             let service = RequestedService::UnspecifiedInvite;
             // After the last one it may have more.
-            self.diagnostic.ask_ns = now_ns;
+            self.slot.diagnostic.ask_ns = now_ns;
             return Some(Grant::Diagnostic { service });
         }
-        if now_ns < self.diagnostic.ask_ns {
+        if now_ns < self.slot.diagnostic.ask_ns {
             return None;
         }
-        self.diagnostic.ask_ns = now_ns + if self.diagnostic.present { ASK_NS } else { SEARCH_NS };
+        self.slot.diagnostic.ask_ns = now_ns
+            + if self.slot.diagnostic.present {
+                ASK_NS
+            } else {
+                SEARCH_NS
+            };
         let service = RequestedService::IdentRequest;
         Some(Grant::Diagnostic { service })
     }
 
     /// The diagnostic device left its slot unused.
     pub(super) fn diagnostic_missed(&mut self) {
-        if !self.diagnostic.present {
+        if !self.slot.diagnostic.present {
             // It need not be there.
             return;
         }
         self.counters.async_timeouts += 1;
-        self.diagnostic.unanswered += 1;
-        if self.diagnostic.unanswered >= UNANSWERED_MAX {
-            self.diagnostic = DiagnosticDevice {
-                ask_ns: self.diagnostic.ask_ns,
+        self.slot.diagnostic.unanswered += 1;
+        if self.slot.diagnostic.unanswered >= UNANSWERED_MAX {
+            self.slot.diagnostic = DiagnosticDevice {
+                ask_ns: self.slot.diagnostic.ask_ns,
                 ..DiagnosticDevice::default()
             };
         }

@@ -20,7 +20,7 @@ impl<'a> Node<'a> {
     pub(super) fn transmit_sdo(&mut self, now_ns: u64, out: &mut [u8; SERVICE_DATA_MAX]) -> Option<usize> {
         let value = match &self.job {
             Some(job) if job.ended.is_none() => job.source(),
-            Some(_) | None => self.written_value,
+            Some(_) | None => self.manager.source(),
         };
         self.sdo.poll_transmit(now_ns, value, out)
     }
@@ -29,8 +29,7 @@ impl<'a> Node<'a> {
     pub(super) fn receive_sdo(&mut self, now_ns: u64, service_data: &[u8]) {
         let sink = match &mut self.job {
             Some(job) if job.ended.is_none() => job.sink(),
-            Some(_) | None if self.asked > 0 => &mut self.read_value,
-            Some(_) | None => &mut [],
+            Some(_) | None => self.manager.sink(),
         };
         self.sdo.receive(now_ns, service_data, sink);
     }
@@ -65,7 +64,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         let error = match self.sdo_refusal(node, command, buffer.len()) {
             Some(error) => error,
             None => match self.nodes.get_mut(node) {
-                Some(Some(node)) => {
+                Some(node) => {
                     let started = match command {
                         SdoCommand::Read { index, sub } => node.sdo.start_read(index, sub),
                         SdoCommand::Write { index, sub, octets } => node.sdo.start_write(index, sub, octets),
@@ -82,20 +81,20 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                         Err(error) => SdoError::Client(error),
                     }
                 }
-                Some(None) | None => SdoError::NoNode,
+                None => SdoError::NoNode,
             },
         };
         Err(SdoRefused { error, buffer })
     }
 
     fn sdo_refusal(&self, node: usize, command: SdoCommand, room: usize) -> Option<SdoError> {
-        let Some(node) = self.node(node) else {
+        let Some(node) = self.nodes.get(node) else {
             return Some(SdoError::NoNode);
         };
         if node.job.is_some() {
             return Some(SdoError::Busy);
         }
-        if !node.has_free_sdo_client() || !self.state.is_isochronous() {
+        if !node.is_configured() || !self.state.is_isochronous() {
             let why = self.reason(node).unwrap_or(Reason::Booting {
                 stage: BootStage::Operational,
             });
@@ -109,7 +108,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
 
     /// Takes the result of the command to a node; `None` while it runs, or when there is none.
     pub fn sdo_result(&mut self, node: usize) -> Option<SdoResult<'a>> {
-        let node = self.nodes.get_mut(node)?.as_mut()?;
+        let node = self.nodes.get_mut(node)?;
         let ended = node.job.as_ref()?.ended;
         let result = match ended {
             Some(result) => result,
@@ -121,18 +120,5 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             result,
             buffer,
         })
-    }
-
-    /// How far a long transfer is: octets that the node has, octets that came from it. `None`: none is under way.
-    pub fn sdo_transferred(&self, node: usize) -> Option<(usize, usize)> {
-        let node = self.node(node)?;
-        node.runs_job().then(|| node.sdo.transferred())
-    }
-
-    /// Gives up the command to a node; [`sdo_result`](Self::sdo_result) hands the buffer back.
-    pub fn sdo_cancel(&mut self, node: usize) {
-        if let Some(Some(node)) = self.nodes.get_mut(node) {
-            node.end_job(SdoError::Cancelled);
-        }
     }
 }

@@ -20,8 +20,6 @@ pub enum BootStage {
         /// It is looked for again from then on.
         until_ns: u64,
     },
-    /// Identified; waits for the application to let it boot (0x1F81 bit 2 is clear).
-    Held,
     /// Its configuration is being written.
     Configuring {
         /// Objects written so far.
@@ -82,12 +80,7 @@ pub enum BootStage {
     Operational,
     /// Found OPERATIONAL with the right configuration and kept alive (0x1F81 bit 4); waits for the network.
     TakenOver,
-    /// In PRE_OPERATIONAL_2 by order of the application, until it orders READY_TO_OPERATE.
-    BackInPreOperational2 {
-        /// The order is repeated then.
-        again_ns: u64,
-    },
-    /// Stopped, by order of the application or because a mandatory node dropped out (0x1F80 bit 6).
+    /// Stopped because a mandatory node dropped out (0x1F80 bit 6).
     Stopped {
         /// The order is repeated then.
         again_ns: u64,
@@ -99,7 +92,6 @@ impl fmt::Display for BootStage {
         match *self {
             BootStage::Searching { .. } => f.write_str("being looked for"),
             BootStage::Refused { .. } => f.write_str("refused"),
-            BootStage::Held => f.write_str("waits for the application to boot it (1F81h bit 2 is clear)"),
             BootStage::Configuring { index: 0, .. } => f.write_str("about to be configured"),
             BootStage::Configuring { written, index, sub } => write!(
                 f,
@@ -118,7 +110,6 @@ impl fmt::Display for BootStage {
             BootStage::WaitingOperational { .. } => f.write_str("ordered to OPERATIONAL"),
             BootStage::Operational => f.write_str("operational"),
             BootStage::TakenOver => f.write_str("taken over as it was"),
-            BootStage::BackInPreOperational2 { .. } => f.write_str("in PRE_OPERATIONAL_2 by order of the application"),
             BootStage::Stopped { .. } => f.write_str("stopped by order"),
         }
     }

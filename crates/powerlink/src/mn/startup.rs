@@ -51,8 +51,6 @@ pub struct StartUp {
     pub broadcast_start: bool,
     /// Bit 2: OPERATIONAL is entered only when the application says so.
     pub application_enters_operational: bool,
-    /// Bit 3: the application starts the nodes.
-    pub application_starts_nodes: bool,
     /// Bit 4: an error of a mandatory node resets all nodes.
     pub reset_all_on_error: bool,
     /// Bit 6: an error of a mandatory node stops all nodes. Bit 4 goes before it.
@@ -92,7 +90,6 @@ impl StartUp {
     pub const NONE: StartUp = StartUp {
         broadcast_start: false,
         application_enters_operational: false,
-        application_starts_nodes: false,
         reset_all_on_error: false,
         stop_all_on_error: false,
         application_enters_pre_operational_2: false,
@@ -104,13 +101,15 @@ impl StartUp {
         basic_ethernet: false,
     };
 
-    const REFUSED: [(u8, &'static str); 1] = [(14, "managing node redundancy")];
+    const REFUSED: [(u8, &'static str); 2] = [
+        (3, "start of the nodes by the application"),
+        (14, "managing node redundancy"),
+    ];
 
-    fn bits(&mut self) -> [(u8, &mut bool); 12] {
+    fn bits(&mut self) -> [(u8, &mut bool); 11] {
         [
             (1, &mut self.broadcast_start),
             (2, &mut self.application_enters_operational),
-            (3, &mut self.application_starts_nodes),
             (4, &mut self.reset_all_on_error),
             (6, &mut self.stop_all_on_error),
             (7, &mut self.application_enters_pre_operational_2),
@@ -265,7 +264,7 @@ mod tests {
             }
         }
         let served = (0..32).filter(|bit| StartUp::from_bits(1 << bit).is_ok());
-        assert!(served.eq([1, 2, 3, 4, 6, 7, 8, 9, 10, 11, 12, 13]));
+        assert!(served.eq([1, 2, 4, 6, 7, 8, 9, 10, 11, 12, 13]));
         assert_eq!(
             StartUp::from_bits(0x4800).unwrap_err().to_string(),
             "1F80h/00h bit 14 (managing node redundancy) is not served"

@@ -5,13 +5,14 @@
 
 use super::budget::Budget;
 use super::check::{MnConfigError, check};
+use super::clock::CycleClock;
 use super::config::MnConfig;
 use super::event::{Counters, Events, ForeignSign, UnaskedAnswers};
-use super::node::Node;
+use super::nodes::Nodes;
 use crate::ethernet_queue::EthernetQueue;
 use crate::nmt::{NmtCommand, NmtState, NodeList};
 use crate::sdo::Server;
-use crate::wire::{self, FRAME_LEN_MAX, NetTime, PAYLOAD_MAX, RequestedService, Requests};
+use crate::wire::{self, FRAME_LEN_MAX, PAYLOAD_MAX, RequestedService, Requests};
 
 /// A broadcast that matters is sent this many times, because it is not acknowledged.
 pub(super) const BROADCAST_REPEAT: u8 = 2;
@@ -21,8 +22,9 @@ const CLIENTS: usize = 2;
 const STAGING: usize = 1536;
 /// NoService SoAs at the start of PRE_OPERATIONAL_1 that wake the nodes (C_DLL_PREOP1_START_CYCLES).
 const WAKE_SOAS: u8 = 10;
-/// Marks a node id without a node in the table from id to position.
-pub(super) const NO_NODE: u8 = u8::MAX;
+
+/// Another managing node is reported again after it was silent for this time.
+const FOREIGN_SILENCE_NS: u64 = 1_000_000_000;
 
 /// Where the cycle stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,7 +74,7 @@ pub(super) enum Phase {
 pub(super) enum Grant {
     /// No one: NoService.
     NoService,
-    /// We; the frame lies in `asnd_frame`.
+    /// We; the frame lies in the [`AsyncSlot`].
     Own(Own),
     /// A controlled node, by position.
     Node { index: usize, service: RequestedService },
@@ -231,9 +233,6 @@ pub(super) struct PendingBroadcast {
     pub(super) left: u8,
 }
 
-/// The server of a managing node.
-pub(super) type OwnServer = Server<CLIENTS, STAGING>;
-
 /// The diagnostic device. It is no part of the configuration: it only may come and ask.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub(super) struct DiagnosticDevice {
@@ -250,17 +249,89 @@ pub(super) struct RequestCommand {
     pub(super) target: u8,
 }
 
+/// How far the start of the network has come: listening in NOT_ACTIVE, then PRE_OPERATIONAL_1.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct NetworkStart {
+    /// End of listening in NOT_ACTIVE; set by the first call that brings the time.
+    pub(super) listen_until_ns: Option<u64>,
+    /// The network fell back to PRE_OPERATIONAL_1; what that begins with is still to be done.
+    pub(super) entered_pre_op_1: bool,
+    pub(super) pre_op_1_since_ns: u64,
+    pub(super) reduced: Reduced,
+    /// Since when all mandatory nodes are identified.
+    pub(super) identified_since_ns: Option<u64>,
+    pub(super) missing_reported: bool,
+}
+
+impl NetworkStart {
+    /// PRE_OPERATIONAL_1 begins; where in `reduced`, is up to what led there.
+    pub(super) fn begin_pre_op_1(&mut self, now_ns: u64) {
+        self.pre_op_1_since_ns = now_ns;
+        self.missing_reported = false;
+        self.identified_since_ns = None;
+    }
+}
+
+/// What competes for the asynchronous slot beside the needs of the nodes, and the ASnd that we send in it.
+#[derive(Debug)]
+pub(super) struct AsyncSlot {
+    pub(super) round_robin: RoundRobin,
+    /// Command to all that waits for a slot.
+    pub(super) broadcast: Option<PendingBroadcast>,
+    /// Next node id that is asked who it is because a mandatory node is missing; `None`: all have been asked, or none is missing.
+    pub(super) next_stranger: Option<u8>,
+    pub(super) server: Server<CLIENTS, STAGING>,
+    pub(super) diagnostic: DiagnosticDevice,
+    /// Frames of the application.
+    pub(super) ethernet: EthernetQueue,
+    pub(super) frame: [u8; FRAME_LEN_MAX],
+    pub(super) len: usize,
+}
+
+/// Another managing node.
+#[derive(Debug)]
+pub(super) struct Foreign {
+    /// When it was heard last, and by what.
+    pub(super) last: Option<(u64, ForeignSign)>,
+    /// In NOT_ACTIVE: of nodes that we asked nothing.
+    pub(super) unasked: UnaskedAnswers,
+}
+
+impl Foreign {
+    /// It was heard; whether that is to be reported: it had been silent.
+    pub(super) fn heard(&mut self, now_ns: u64, sign: ForeignSign) -> bool {
+        let silent = self
+            .last
+            .is_none_or(|(heard_ns, _)| now_ns >= heard_ns + FOREIGN_SILENCE_NS);
+        self.last = Some((now_ns, sign));
+        silent
+    }
+}
+
+/// What others may change in our own objects.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct OwnObjects {
+    /// What 0x1F9F asks for.
+    pub(super) request: RequestCommand,
+    /// Faults before this time are no longer in the error history (0x1003).
+    pub(super) history_from_ns: u64,
+}
+
 /// Managing node with room for `NODES` controlled nodes (about 4 kB each).
 #[derive(Debug)]
 pub struct Mn<'a, const NODES: usize> {
     pub(super) config: MnConfig<'a>,
     pub(super) state: NmtState,
+    pub(super) nodes: Nodes<'a, NODES>,
+    pub(super) start: NetworkStart,
+    pub(super) gate: Gate,
+    pub(super) shutdown: Shutdown,
+    /// Nodes the configuration manager is at work with.
+    pub(super) being_configured: u32,
+    pub(super) foreign: Foreign,
+    pub(super) clock: CycleClock,
     pub(super) phase: Phase,
-    pub(super) reduced: Reduced,
-    pub(super) nodes: [Option<Node<'a>>; NODES],
-    /// Position of a node id in `nodes`.
-    pub(super) index_of: [u8; 256],
-    pub(super) outputs_valid: bool,
+    /// [`Step::IsochronousDone`](super::Step::IsochronousDone) of this cycle is still to come.
     pub(super) done_due: bool,
     /// This cycle has been counted as exceeded.
     pub(super) exceeded: bool,
@@ -268,54 +339,17 @@ pub struct Mn<'a, const NODES: usize> {
     pub(super) soa_owed: bool,
     /// The state that the last SoA showed.
     pub(super) soa_showed: Option<NmtState>,
-    /// End of listening in NOT_ACTIVE; set by the first call that brings the time.
-    pub(super) listen_until_ns: Option<u64>,
-    pub(super) pre_op_1_since_ns: u64,
-    pub(super) missing_reported: bool,
-    /// The network fell back to PRE_OPERATIONAL_1; what that begins with is still to be done.
-    pub(super) entered_pre_op_1: bool,
-    /// Since when all mandatory nodes are identified, in PRE_OPERATIONAL_1.
-    pub(super) identified_since_ns: Option<u64>,
-    /// Nodes the configuration manager is at work with.
-    pub(super) being_configured: u32,
-    pub(super) gate: Gate,
-    /// Command to all that waits for a slot.
-    pub(super) pending_broadcast: Option<PendingBroadcast>,
-    /// When another managing node was heard last, and by what.
-    pub(super) foreign: Option<(u64, ForeignSign)>,
-    /// In NOT_ACTIVE: of nodes that we asked nothing.
-    pub(super) unasked: UnaskedAnswers,
-    pub(super) cycle_started_ns: Option<u64>,
-    pub(super) net_time: NetTime,
-    pub(super) relative_time_us: u64,
-    pub(super) prescaled_slot: bool,
-    /// Cycle of the multiplexed round, from 1; 0 before the first.
-    pub(super) multiplex_cycle: u8,
-    /// MC of the SoC.
-    pub(super) round_toggle: bool,
-    pub(super) round_robin: RoundRobin,
-    /// Next node id that is asked who it is because a mandatory node is missing; `None`: all have been asked, or none is missing.
-    pub(super) next_stranger: Option<u8>,
-    pub(super) shutdown: Shutdown,
-    pub(super) events: Events,
-    pub(super) counters: Counters,
-    pub(super) server: OwnServer,
-    pub(super) diagnostic: DiagnosticDevice,
-    /// What 0x1F9F asks for.
-    pub(super) request: RequestCommand,
-    /// Faults before this time are no longer in the error history (0x1003).
-    pub(super) history_from_ns: u64,
-    /// Any node is chained: our PRes goes before the polls, to trigger the chain.
-    pub(super) has_chain: bool,
-    /// What the cycle leaves for it, in ns.
-    pub(super) chain_room_ns: u64,
+    pub(super) slot: AsyncSlot,
+    /// What the cycle leaves for the chain; `None`: no node is chained. With a chain our PRes, which triggers it, goes before
+    /// the polls.
+    pub(super) chain_room_ns: Option<u64>,
+    pub(super) outputs_valid: bool,
     /// Payload of our own PRes.
     pub(super) pres_mn: [u8; PAYLOAD_MAX],
     pub(super) cycle_frame: [u8; FRAME_LEN_MAX],
-    pub(super) asnd_frame: [u8; FRAME_LEN_MAX],
-    pub(super) asnd_len: usize,
-    /// Frames of the application that wait for a slot.
-    pub(super) ethernet: EthernetQueue,
+    pub(super) own: OwnObjects,
+    pub(super) events: Events,
+    pub(super) counters: Counters,
 }
 
 impl<'a, const NODES: usize> Mn<'a, NODES> {
@@ -325,55 +359,49 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     /// [`MnConfigError`]: the first thing that is wrong with the configuration.
     pub fn new(config: MnConfig<'a>) -> Result<Self, MnConfigError> {
         check(&config, NODES.min(usize::from(wire::node::CN_MAX)))?;
-        let mut index_of = [NO_NODE; 256];
-        for (index, node) in config.nodes.iter().enumerate() {
-            // At most 239 nodes, checked above.
-            index_of[usize::from(node.id)] = index as u8;
-        }
+        let has_chain = config.nodes.iter().any(|node| node.assignment.chained);
         Ok(Mn {
             config,
             state: NmtState::NotActive,
+            nodes: Nodes::new(config.nodes),
+            start: NetworkStart {
+                listen_until_ns: None,
+                entered_pre_op_1: false,
+                pre_op_1_since_ns: 0,
+                reduced: Reduced::Wake { left: WAKE_SOAS },
+                identified_since_ns: None,
+                missing_reported: false,
+            },
+            gate: Gate::default(),
+            shutdown: Shutdown::No,
+            being_configured: 0,
+            foreign: Foreign {
+                last: None,
+                unasked: UnaskedAnswers::new(),
+            },
+            clock: CycleClock::default(),
             phase: Phase::Idle,
-            reduced: Reduced::Wake { left: WAKE_SOAS },
-            nodes: core::array::from_fn(|index| config.nodes.get(index).map(|node| Node::new(*node))),
-            index_of,
-            outputs_valid: false,
             done_due: false,
             exceeded: false,
             soa_owed: false,
             soa_showed: None,
-            listen_until_ns: None,
-            pre_op_1_since_ns: 0,
-            missing_reported: false,
-            entered_pre_op_1: false,
-            identified_since_ns: None,
-            being_configured: 0,
-            gate: Gate::default(),
-            pending_broadcast: None,
-            foreign: None,
-            unasked: UnaskedAnswers::new(),
-            cycle_started_ns: None,
-            net_time: NetTime::default(),
-            relative_time_us: 0,
-            prescaled_slot: false,
-            multiplex_cycle: 0,
-            round_toggle: false,
-            round_robin: RoundRobin::default(),
-            next_stranger: None,
-            shutdown: Shutdown::No,
-            events: Events::new(),
-            counters: Counters::default(),
-            server: OwnServer::new(),
-            diagnostic: DiagnosticDevice::default(),
-            request: RequestCommand::default(),
-            history_from_ns: 0,
-            has_chain: config.nodes.iter().any(|node| node.assignment.chained),
-            chain_room_ns: Budget::new(&config, &[]).chain_room_ns(),
+            slot: AsyncSlot {
+                round_robin: RoundRobin::default(),
+                broadcast: None,
+                next_stranger: None,
+                server: Server::new(),
+                diagnostic: DiagnosticDevice::default(),
+                ethernet: EthernetQueue::new(),
+                frame: [0; FRAME_LEN_MAX],
+                len: 0,
+            },
+            chain_room_ns: has_chain.then(|| Budget::new(&config, &[]).chain_room_ns()),
+            outputs_valid: false,
             pres_mn: [0; PAYLOAD_MAX],
             cycle_frame: [0; FRAME_LEN_MAX],
-            asnd_frame: [0; FRAME_LEN_MAX],
-            asnd_len: 0,
-            ethernet: EthernetQueue::new(),
+            own: OwnObjects::default(),
+            events: Events::new(),
+            counters: Counters::default(),
         })
     }
 }

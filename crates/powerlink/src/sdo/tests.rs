@@ -412,7 +412,7 @@ fn a_transfer_that_breaks_off_leaves_the_old_value() {
         net.write(index, b"old").unwrap();
         let value = vec![7; 5000];
         net.client.start_write(index, 0, value.len()).unwrap();
-        while net.client.transferred().0 < 2000 {
+        while net.client.arrived() < 8 {
             net.step(&value, &mut []);
         }
         net.client.close();
@@ -424,7 +424,7 @@ fn a_transfer_that_breaks_off_leaves_the_old_value() {
     // Another client takes the place of the writer that was silent longest: its value is dropped, too.
     let value = vec![7; 5000];
     net.client.start_write(PARTS, 0, value.len()).unwrap();
-    while net.client.transferred().0 < 2000 {
+    while net.client.arrived() < 8 {
         net.step(&value, &mut []);
     }
     for client in [1, 2] {
@@ -467,7 +467,7 @@ fn the_second_writer_in_parts_makes_the_first_one_void() {
     let mut net = Net::new(5, Faults::default());
     let value = vec![7; 5000];
     net.client.start_write(PARTS, 0, value.len()).unwrap();
-    while net.client.transferred().0 < 2000 {
+    while net.client.arrived() < 8 {
         net.step(&value, &mut []);
     }
     let mut second = Client::new(Timing::default());

@@ -109,24 +109,6 @@ impl UdpClient {
         self.run(value, &mut []).map(|_| ())
     }
 
-    /// Reads several objects, see [`Client::start_read_multiple`]; returns the length of the answer.
-    ///
-    /// # Errors
-    /// [`UdpError`]: the socket, or how the command failed.
-    pub fn read_multiple(&mut self, request: &[u8], answer: &mut [u8]) -> Result<usize, UdpError> {
-        self.client.start_read_multiple(request.len())?;
-        self.run(request, answer)
-    }
-
-    /// Writes several objects, see [`Client::start_write_multiple`]; returns the length of the answer.
-    ///
-    /// # Errors
-    /// [`UdpError`]: the socket, or how the command failed.
-    pub fn write_multiple(&mut self, request: &[u8], answer: &mut [u8]) -> Result<usize, UdpError> {
-        self.client.start_write_multiple(request.len())?;
-        self.run(request, answer)
-    }
-
     /// Closes the connection.
     ///
     /// # Errors

@@ -24,7 +24,7 @@ fn shown(signalling: &Signalling) -> Vec<u16> {
 fn counters_weigh_errors_by_eight_and_start_again_at_the_threshold() {
     let mut dictionary =
         Dictionary::<COMMUNICATION_ENTRIES, COMMUNICATION_BYTES>::new(&[COMMUNICATION_PROFILE]).unwrap();
-    let counter = Keys::find(&dictionary).unwrap().loss_of_soc;
+    let counter = Keys::find(&dictionary).unwrap().losses.soc;
     let read = |dictionary: &Dictionary<_, _>| (dictionary.get(counter.cumulative), dictionary.get(counter.count));
     // The default of 15: two errors close together.
     assert!(!counter.error(&mut dictionary));

@@ -17,25 +17,23 @@ use super::configure::SDO_GIVE_UP_NS;
 use super::event::{Counters, Events, NodeState};
 use super::image::{ARRAYS, IMAGE_IN, IMAGE_OUT, octet_at};
 use super::node::{Network, Node};
+use super::nodes::Nodes;
 use super::startup::Assignment;
-use super::state::{Mn, NO_NODE, RequestCommand};
+use super::state::{Mn, OwnObjects, RequestCommand};
 use crate::nmt::{NmtCommand, NmtState};
 use crate::wire::{self, ERROR_ENTRY_LEN, ErrorEntry, NetTime, PAYLOAD_LIMIT_MIN};
 use table::CHANNEL_LAST;
 
 /// The dictionary of a managing node, for as long as one SDO frame or one look takes.
 #[derive(Debug)]
-pub struct MnObjects<'m, 'a> {
+pub struct MnObjects<'m, 'a, const NODES: usize> {
     pub(super) now_ns: u64,
     pub(super) network: Network,
     pub(super) config: &'m mut MnConfig<'a>,
-    pub(super) nodes: &'m mut [Option<Node<'a>>],
-    pub(super) index_of: &'m [u8; 256],
+    pub(super) nodes: &'m mut Nodes<'a, NODES>,
     pub(super) counters: &'m mut Counters,
     pub(super) events: &'m mut Events,
-    pub(super) request: &'m mut RequestCommand,
-    /// Faults up to this time are no longer in the history.
-    pub(super) history_from_ns: &'m mut u64,
+    pub(super) own: &'m mut OwnObjects,
 }
 
 /// Borrows the parts of a managing node that its objects show, so that the rest stays free.
@@ -47,11 +45,9 @@ macro_rules! objects_of {
             network,
             config: &mut $mn.config,
             nodes: &mut $mn.nodes,
-            index_of: &$mn.index_of,
             counters: &mut $mn.counters,
             events: &mut $mn.events,
-            request: &mut $mn.request,
-            history_from_ns: &mut $mn.history_from_ns,
+            own: &mut $mn.own,
         }
     }};
 }
@@ -59,7 +55,7 @@ pub(super) use objects_of;
 
 impl<'a, const NODES: usize> Mn<'a, NODES> {
     /// Its object dictionary, as an SDO sees it.
-    pub fn objects(&mut self, now_ns: u64) -> MnObjects<'_, 'a> {
+    pub fn objects(&mut self, now_ns: u64) -> MnObjects<'_, 'a, NODES> {
         objects_of!(self, now_ns)
     }
 }
@@ -86,7 +82,7 @@ fn base(index: u16) -> (u16, usize) {
 /// Sub-index 0 of an object that has no line for it: its highest sub-index.
 static NUMBER_OF_ENTRIES: EntryDef = EntryDef::constant(0, DataType::U8, "NumberOfEntries");
 
-impl<'a> MnObjects<'_, 'a> {
+impl<'a, const NODES: usize> MnObjects<'_, 'a, NODES> {
     fn find(&self, index: u16, sub: u8) -> Result<Found, AbortCode> {
         let (object, channel) = base(index);
         if channel > self.config.nodes.len() && object != IMAGE_OUT && object != IMAGE_IN {
@@ -105,30 +101,16 @@ impl<'a> MnObjects<'_, 'a> {
         }
     }
 
-    fn node(&self, id: u8) -> Option<&Node<'a>> {
-        match self.index_of[usize::from(id)] {
-            NO_NODE => None,
-            position => self.nodes.get(usize::from(position))?.as_ref(),
-        }
-    }
-
-    fn node_mut(&mut self, id: u8) -> Option<&mut Node<'a>> {
-        match self.index_of[usize::from(id)] {
-            NO_NODE => None,
-            position => self.nodes.get_mut(usize::from(position))?.as_mut(),
-        }
-    }
-
     /// The node of a channel of process data; channel 0 has none.
     fn node_of_channel(&self, channel: usize) -> Option<&Node<'a>> {
-        self.nodes.get(channel.checked_sub(1)?)?.as_ref()
+        self.nodes.get(channel.checked_sub(1)?)
     }
 
     /// Value of an object that is a number; `None`: the default of the table.
     fn number(&self, index: u16, channel: usize, sub: u8) -> Option<u64> {
         let config = &*self.config;
         let device = &config.device;
-        let node = || self.node(sub);
+        let node = || self.nodes.with_id(sub);
         let counter = match index {
             0x1C00 => self.counters.crc_errors,
             _ => self.counters.cycle_exceeded,
@@ -213,8 +195,8 @@ impl<'a> MnObjects<'_, 'a> {
             (0x1F98, 8) => config.async_mtu.into(),
             (0x1F98, 9) => config.prescaler.into(),
             (0x1F9B, _) => node()?.config.multiplex_cycle.into(),
-            (0x1F9F, 2) => self.request.command.into(),
-            (0x1F9F, 3) => self.request.target.into(),
+            (0x1F9F, 2) => self.own.request.command.into(),
+            (0x1F9F, 3) => self.own.request.target.into(),
             _ => return None,
         };
         Some(number.into())
@@ -228,7 +210,7 @@ impl<'a> MnObjects<'_, 'a> {
             (0x1009, _) => device.hardware_version.as_bytes(),
             (0x100A, _) => device.software_version.as_bytes(),
             (0x1030, 5) => &self.config.mac,
-            (0x1F22, _) => self.node(sub)?.config.configuration,
+            (0x1F22, _) => self.nodes.with_id(sub)?.config.configuration,
             (0x1F9A, _) => device.host_name.as_bytes(),
             _ => return None,
         })
@@ -236,7 +218,7 @@ impl<'a> MnObjects<'_, 'a> {
 
     /// Bit 0, generic, and bit 4, communication, as long as a node is missing or faulted that should run.
     fn error_register(&self) -> u8 {
-        let faulted = self.nodes.iter().flatten().any(|node| node.state == NodeState::Faulted);
+        let faulted = self.nodes.iter().any(|node| node.state == NodeState::Faulted);
         if faulted { 0x11 } else { 0 }
     }
 
@@ -254,9 +236,8 @@ impl<'a> MnObjects<'_, 'a> {
             let next = self
                 .nodes
                 .iter()
-                .flatten()
                 .filter_map(|node| Some((node.config.id, node.record.last_fault?)))
-                .filter(|(id, last)| last.at_ns >= *self.history_from_ns && (last.at_ns, *id) < before)
+                .filter(|(id, last)| last.at_ns >= self.own.history_from_ns && (last.at_ns, *id) < before)
                 .max_by_key(|(id, last)| (last.at_ns, *id));
             let Some((id, last)) = next else { break };
             before = (last.at_ns, id);
@@ -310,7 +291,7 @@ impl<'a> MnObjects<'_, 'a> {
     fn write_value(&mut self, index: u16, sub: u8, value: &[u8]) -> Result<(), AbortCode> {
         let number = le_number(value) as u32;
         match (index, sub) {
-            (0x1003, 0) => *self.history_from_ns = self.now_ns + 1,
+            (0x1003, 0) => self.own.history_from_ns = self.now_ns + 1,
             (0x1030, 8) => {}
             (0x1C00, 1) => self.counters.crc_errors.cumulative = number,
             (0x1C00, 3) => self.config.crc_threshold = number,
@@ -324,8 +305,8 @@ impl<'a> MnObjects<'_, 'a> {
             (0x1F9E, _) => return Err(AbortCode::LOCAL_CONTROL),
             (0x1F9F, 1) if number == 0 => {}
             (0x1F9F, 1) => return self.execute_request(),
-            (0x1F9F, 2) => self.request.command = number as u8,
-            (0x1F9F, 3) => self.request.target = number as u8,
+            (0x1F9F, 2) => self.own.request.command = number as u8,
+            (0x1F9F, 3) => self.own.request.target = number as u8,
             (_, _) => return Err(AbortCode::DEVICE_STATE),
         }
         Ok(())
@@ -341,27 +322,21 @@ impl<'a> MnObjects<'_, 'a> {
     }
 
     fn concise_dcf(&self, index: u16, sub: u8) -> Option<&'a [u8]> {
-        let node = self.node(sub).filter(|_| index == 0x1F22)?;
+        let node = self.nodes.with_id(sub).filter(|_| index == 0x1F22)?;
         Some(node.config.configuration)
     }
 
     /// A configured node; counters of others are not kept.
     fn configured_node(&mut self, id: u8) -> Result<&mut Node<'a>, AbortCode> {
-        self.node_mut(id).ok_or(AbortCode::DEVICE_STATE)
+        self.nodes.with_id_mut(id).ok_or(AbortCode::DEVICE_STATE)
     }
 
     /// 0x1F9F: a request to a node for its identity or its status; a reset, of a node that does not take part in the process.
     /// Everything else is up to the boot-up.
     fn execute_request(&mut self) -> Result<(), AbortCode> {
-        let RequestCommand { command, target } = *self.request;
+        let RequestCommand { command, target } = self.own.request;
         let (now_ns, network) = (self.now_ns, self.network);
-        let position = match self.index_of[usize::from(target)] {
-            NO_NODE => return Err(AbortCode::VALUE_RANGE),
-            position => usize::from(position),
-        };
-        let Some(Some(node)) = self.nodes.get_mut(position) else {
-            return Err(AbortCode::VALUE_RANGE);
-        };
+        let node = self.nodes.with_id_mut(target).ok_or(AbortCode::VALUE_RANGE)?;
         match NmtCommand::from(command) {
             NmtCommand::IdentRequest => node.ident.asked = true,
             NmtCommand::StatusRequest => node.status.asked = true,
@@ -373,7 +348,7 @@ impl<'a> MnObjects<'_, 'a> {
     }
 }
 
-impl Objects for MnObjects<'_, '_> {
+impl<const NODES: usize> Objects for MnObjects<'_, '_, NODES> {
     fn sdo_read(&mut self, index: u16, sub: u8, out: &mut [u8]) -> Result<usize, AbortCode> {
         let found = self.find(index, sub)?;
         if !found.def.access.readable() {

@@ -20,6 +20,10 @@ fn refused(change: impl FnOnce(&mut MnConfig<'_>, &mut NodeConfig<'_>)) -> Strin
 #[test]
 fn bits_that_cannot_go_together_are_refused_by_name() {
     assert_eq!(
+        refused(|_, node| node.assignment.automatic_start = false),
+        "node 1: a node that waits for the application to boot it (1F81h bit 2 is clear) is not served"
+    );
+    assert_eq!(
         refused(|_, node| node.assignment.async_only = true),
         "node 1: a node that is never polled (1F81h bit 8) has no process data"
     );
@@ -38,38 +42,6 @@ fn bits_that_cannot_go_together_are_refused_by_name() {
 
 fn optional_bits(bits: u32) -> Assignment {
     Assignment::from_bits(1, 0x8000_0003 | bits).unwrap().unwrap()
-}
-
-#[test]
-fn bit_2_clear_holds_a_node_until_the_application_boots_it() {
-    let configuration = configuration();
-    let nodes = [
-        NodeConfig {
-            assignment: optional_bits(0),
-            ..node_config(1, &configuration)
-        },
-        node_config(2, &configuration),
-    ];
-    let mut net = Net::new(&nodes);
-    net.until(600, |net| net.mn.node_state(1) == NodeState::Operational);
-    net.cycles(100);
-    assert_eq!(net.mn.node_state(0), NodeState::Held);
-    assert_eq!(net.mn.statistics(0).objects_written, 0);
-    assert!(net.mn.node_command(0, NmtCommand::StartNode).is_err());
-    assert_eq!(net.mn.boot_node(0), Ok(()));
-    net.boot();
-    assert_eq!(net.mn.statistics(0).objects_written, 9);
-    assert_eq!(
-        net.mn.boot_node(0),
-        Err(NodeCommandError::NotHeld {
-            state: NodeState::Operational
-        })
-    );
-    assert_eq!(net.mn.boot_node(7), Err(NodeCommandError::NoSuchNode { position: 7 }));
-    check_order(&net.log, 0);
-    // When it is lost, the application is asked again.
-    net.lose_pres.insert(1, 4);
-    net.until(500, |net| net.mn.node_state(0) == NodeState::Held);
 }
 
 #[test]
@@ -216,52 +188,4 @@ fn bit_8_boots_and_watches_a_node_without_polls() {
         .receive(now_ns, &octets[..len], &mut response);
     net.until(1000, |net| net.mn.node_state(0) == NodeState::Faulted);
     net.boot();
-}
-
-#[test]
-fn nodes_take_nmt_commands_of_the_application() {
-    let configuration = configuration_anew();
-    let nodes = [node_config(1, &configuration), node_config(2, &configuration)];
-    let mut net = Net::new(&nodes);
-    net.boot();
-    net.log.clear();
-    let give = |net: &mut Net<'_>, command, state, drive| {
-        assert_eq!(net.mn.node_command(0, command), Ok(()));
-        net.until(300, |net| {
-            net.mn.node_state(0) == state && net.drives[&1].nmt_state() == drive
-        });
-        net.cycles(200);
-        assert_eq!((net.mn.node_state(0), net.drives[&1].nmt_state()), (state, drive));
-    };
-    let (node, cn) = (NodeState::Operational, NmtState::Operational);
-    give(&mut net, NmtCommand::StopNode, NodeState::Stopped, NmtState::Stopped);
-    let refused = net.mn.node_command(0, NmtCommand::StartNode);
-    assert_eq!(
-        refused.unwrap_err().to_string(),
-        "StartNode means nothing to a node in Stopped while the network is Operational"
-    );
-    let back = NmtCommand::EnterPreOperational2;
-    give(&mut net, back, NodeState::Configuring, NmtState::PreOperational2);
-    give(&mut net, NmtCommand::EnableReadyToOperate, node, cn);
-    give(&mut net, back, NodeState::Configuring, NmtState::PreOperational2);
-    give(&mut net, NmtCommand::EnableReadyToOperate, node, cn);
-    for reset in [
-        NmtCommand::ResetNode,
-        NmtCommand::ResetCommunication,
-        NmtCommand::ResetConfiguration,
-        NmtCommand::SwReset,
-    ] {
-        let boots = net.mn.statistics(0).boots;
-        give(&mut net, reset, node, cn);
-        assert_eq!(net.mn.statistics(0).boots, boots + 1);
-        assert!(net.commands().contains(&(1, reset)));
-    }
-    let extended = NmtCommand::StopNodeEx;
-    assert_eq!(
-        net.mn.node_command(0, extended),
-        Err(NodeCommandError::NoStateCommand { command: extended })
-    );
-    assert_eq!(net.mn.statistics(0).faults, 0, "{:?}", net.events);
-    assert_eq!((net.mn.statistics(1).faults, net.mn.statistics(1).pres_lost), (0, 0));
-    check_order(&net.log, 0);
 }

@@ -137,7 +137,7 @@ fn a_configuration_that_is_there_is_not_written_again() {
         dictionary.set_default(handle, &value.to_le_bytes()).unwrap();
     }
     net.until(600, |net| {
-        net.mn.statistics(0).boots == 1 && net.mn.nodes[0].as_ref().unwrap().is_configured()
+        net.mn.statistics(0).boots == 1 && net.mn.nodes.get(0).unwrap().is_configured()
     });
     assert_eq!(net.mn.statistics(0).objects_written, 0);
     assert_eq!(net.commands(), [(255, NmtCommand::ResetNode)], "no ResetConfiguration");
@@ -170,7 +170,7 @@ fn a_node_that_holds_its_configuration_is_read_all_the_same() {
             dictionary.set_default(handle, &value.to_le_bytes()).unwrap();
         }
         net.until(600, |net| match comes_up {
-            true => net.mn.nodes[0].as_ref().unwrap().is_configured(),
+            true => net.mn.nodes.get(0).unwrap().is_configured(),
             false => net.mn.node_state(0) == NodeState::Faulted,
         });
         assert_eq!(net.mn.statistics(0).objects_written, 0);

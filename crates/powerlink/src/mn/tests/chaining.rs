@@ -178,24 +178,3 @@ fn an_unasked_sync_response_of_a_node_that_was_not_found_does_nothing() {
     net.boot();
     assert_eq!(net.mn.statistics(0).faults, 0);
 }
-
-#[test]
-fn a_chained_node_that_was_stopped_is_set_up_again_when_it_goes_on() {
-    let configuration = chained_configuration(0);
-    let nodes = [chained(1, 0, &configuration)];
-    let mut net = Net::with(config(&nodes));
-    net.boot();
-    for command in [
-        NmtCommand::StopNode,
-        NmtCommand::EnterPreOperational2,
-        NmtCommand::EnableReadyToOperate,
-    ] {
-        net.mn.node_command(0, command).unwrap();
-        // A stopped node is asked every 100 ms only.
-        net.cycles(150);
-    }
-    net.until(50, Net::all_operational);
-    assert_eq!(net.mn.statistics(0).faults, 0);
-    net.cycle();
-    assert!(net.mn.input(0).fresh);
-}

@@ -101,7 +101,7 @@ fn the_own_pres_carries_data_for_all_behind_the_polls() {
         ..mn_config(&nodes)
     });
     net.mn.set_outputs_valid(true);
-    net.mn.pres_mn_output_mut().copy_from_slice(&[7, 8, 9]);
+    net.mn.pres_mn[..3].copy_from_slice(&[7, 8, 9]);
     net.boot();
     net.log.clear();
     net.cycle();

@@ -158,7 +158,7 @@ fn the_object_that_is_written_at_the_moment_is_named() {
     };
     // In the running network a write takes two cycles.
     net.boot();
-    net.mn.reset_node(0);
+    net.reset_node(0);
     net.until(1000, writes);
     let stage = BootStage::Configuring {
         written: 4,

@@ -172,7 +172,7 @@ fn lost_sdo_frames_and_commands_only_cost_time() {
     assert!(
         net.all_operational(),
         "{:?} {:?}",
-        net.mn.nodes[0].as_ref().unwrap().stage,
+        net.mn.nodes.get(0).unwrap().stage,
         net.events
     );
     assert_eq!(net.mn.statistics(0).objects_written, 9);
@@ -282,12 +282,11 @@ fn a_pres_that_comes_late_is_counted_and_thrown_away() {
 }
 
 #[test]
-fn a_node_can_be_reset_by_the_application() {
+fn a_node_can_be_reset() {
     let configuration = configuration();
     let nodes = [node_config(1, &configuration), node_config(2, &configuration)];
     let mut net = running(&nodes);
-    net.mn.reset_node(0);
-    net.mn.reset_node(5);
+    net.reset_node(0);
     assert_eq!(net.mn.node_state(0), NodeState::Absent);
     net.until(500, Net::all_operational);
     assert_eq!((net.mn.statistics(0).boots, net.mn.statistics(0).faults), (2, 0));

@@ -136,14 +136,12 @@ fn drive(id: u8, now_ns: u64) -> Drive {
         host_name: "drive",
         pres_max_latency_ns: ANSWER_NS as u32,
     };
-    let mut drive = Drive::new(
+    Drive::new(
         &config,
         Dictionary::new(&[COMMUNICATION_PROFILE, DEVICE]).unwrap(),
         now_ns,
     )
-    .unwrap();
-    drive.set_application_ready(now_ns, true);
-    drive
+    .unwrap()
 }
 
 /// A frame that was on the wire, and who sent it.
@@ -250,6 +248,13 @@ impl<'a> Net<'a> {
         while let Some(event) = self.mn.pop_event() {
             self.events.push(event);
         }
+    }
+
+    /// The node at this position is reset, as 0x1F9F asks for.
+    fn reset_node(&mut self, node: usize) {
+        let network = self.mn.network();
+        let node = self.mn.nodes.get_mut(node).unwrap();
+        node.reset(self.now_ns, &network, &mut self.mn.events);
     }
 
     /// Hands in the next frame that arrives by `until_ns`.
@@ -375,7 +380,6 @@ impl<'a> Net<'a> {
             self.mn
                 .nodes
                 .iter()
-                .flatten()
                 .map(|node| (node.config.id, node.stage))
                 .collect::<Vec<_>>(),
             self.events

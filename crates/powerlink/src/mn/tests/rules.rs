@@ -64,7 +64,7 @@ fn an_nmt_request_that_is_not_served_is_answered() {
     net.boot();
     net.cycles(60);
     net.log.clear();
-    net.mn.nodes[0].as_mut().unwrap().requests = Requests {
+    net.mn.nodes.get_mut(0).unwrap().requests = Requests {
         count: 1,
         priority: Requests::PRIORITY_NMT,
     };
@@ -127,7 +127,7 @@ fn a_node_that_always_wants_the_slot_starves_nobody() {
     let mut net = Net::new(&nodes);
     for _ in 0..600 {
         for priority in [Requests::PRIORITY_NMT, Requests::PRIORITY_GENERIC] {
-            if let Some(node) = net.mn.nodes[0].as_mut()
+            if let Some(node) = net.mn.nodes.get_mut(0)
                 && node.is_identified()
             {
                 node.requests = Requests { count: 7, priority };
@@ -138,7 +138,7 @@ fn a_node_that_always_wants_the_slot_starves_nobody() {
             return;
         }
     }
-    panic!("node 2 is {:?}", net.mn.nodes[1].as_ref().unwrap().stage);
+    panic!("node 2 is {:?}", net.mn.nodes.get(1).unwrap().stage);
 }
 
 /// Frames that look right, from any node, at any time.

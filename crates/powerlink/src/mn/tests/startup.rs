@@ -111,7 +111,7 @@ fn bit_11_decides_whether_a_current_configuration_is_written_again() {
     // The stamp is the expected one.
     let mut net = network(&nodes, STAY | CHECK_CONFIGURATION);
     stamp_drive(&mut net, 1, stamp);
-    net.until(400, |net| net.mn.nodes[0].as_ref().unwrap().is_configured());
+    net.until(400, |net| net.mn.nodes.get(0).unwrap().is_configured());
     assert_eq!(net.mn.statistics(0).objects_written, 0);
     // Another one.
     let mut net = network(&nodes, STAY | CHECK_CONFIGURATION);
@@ -129,18 +129,6 @@ fn bit_11_decides_whether_a_current_configuration_is_written_again() {
 }
 
 #[test]
-fn a_start_by_broadcast_and_by_the_application_is_refused() {
-    let config = MnConfig {
-        startup: StartUp::from_bits(1 << 1 | 1 << 3).unwrap(),
-        ..mn_config(&[])
-    };
-    assert_eq!(
-        Mn::<NODES>::new(config).unwrap_err().to_string(),
-        "node 240: nodes are started by a broadcast (1F80h bit 1), or by the application (bit 3), not by both"
-    );
-}
-
-#[test]
 fn bit_1_starts_all_ready_nodes_by_one_broadcast() {
     let configuration = configuration();
     let nodes = [1, 2, 3].map(|id| node_config(id, &configuration));
@@ -153,7 +141,7 @@ fn bit_1_starts_all_ready_nodes_by_one_broadcast() {
         .collect();
     assert_eq!(starts, [(255, NmtCommand::StartNode)]);
     // One that comes later is started alone.
-    net.mn.reset_node(1);
+    net.reset_node(1);
     net.log.clear();
     net.boot();
     assert_eq!(net.commands().last(), Some(&(2, NmtCommand::StartNode)));
@@ -171,42 +159,17 @@ fn bits_7_8_and_2_let_the_application_take_the_steps_of_the_network() {
         (NmtState::PreOperational2, NmtState::ReadyToOperate),
         (NmtState::ReadyToOperate, NmtState::Operational),
     ] {
-        net.until(600, |net| net.mn.waits_for_application() == Some(next));
+        let waits = |net: &Net<'_>| net.count_events(|event| *event == MnEvent::WaitsForApplication { next });
+        net.until(600, |net| waits(net) > 0);
         net.cycles(50);
         assert_eq!(net.mn.nmt_state(), stays);
-        assert_eq!(
-            net.count_events(|event| *event == MnEvent::WaitsForApplication { next }),
-            1
-        );
+        assert_eq!(waits(&net), 1);
         assert!(net.mn.go_on());
         net.cycles(2);
         assert_eq!(net.mn.nmt_state(), next);
     }
     net.boot();
     assert_eq!(net.mn.statistics(0).faults, 0);
-}
-
-#[test]
-fn bit_3_leaves_the_start_of_nodes_to_the_application() {
-    let configuration = configuration();
-    let nodes = [node_config(1, &configuration), node_config(2, &configuration)];
-    let mut net = network(&nodes, STAY | 1 << 3);
-    net.until(600, |net| net.mn.nmt_state() == NmtState::Operational);
-    net.cycles(100);
-    assert_eq!(net.mn.node_state(0), NodeState::Ready);
-    assert!(
-        net.commands()
-            .iter()
-            .all(|(_, command)| *command != NmtCommand::StartNode)
-    );
-    assert_eq!(net.mn.node_command(1, NmtCommand::StartNode), Ok(()));
-    net.cycles(20);
-    assert_eq!(net.mn.node_state(0), NodeState::Ready);
-    assert_eq!(net.mn.node_state(1), NodeState::Operational);
-    assert_eq!(
-        net.mn.node_command(1, NmtCommand::StartNode).unwrap_err().to_string(),
-        "StartNode means nothing to a node in Operational while the network is Operational"
-    );
 }
 
 /// Node 1 is dead from now on; runs until it is given up.
@@ -304,7 +267,10 @@ fn bit_6_stops_all_nodes_when_a_mandatory_one_is_lost_until_the_application_goes
                 .iter()
                 .all(|(_, command)| *command != NmtCommand::StartNode)
         );
-        assert_eq!(net.mn.waits_for_application(), Some(after));
+        assert_eq!(
+            net.count_events(|event| *event == MnEvent::WaitsForApplication { next: after }),
+            1
+        );
         assert!(net.mn.go_on());
         net.boot();
         assert_eq!(net.mn.nmt_state(), NmtState::Operational);

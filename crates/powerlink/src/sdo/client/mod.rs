@@ -19,7 +19,7 @@ mod transmit;
 
 use obd::AbortCode;
 
-use super::command::{self, Address, CommandId, Content};
+use super::command::{Address, CommandId, Content};
 use super::sequence::{self, Arrival, Con, Flow, Number, Sequence};
 pub use error::ClientError;
 pub use state::{Client, Timing};
@@ -112,14 +112,10 @@ impl Client {
         Some(result)
     }
 
-    /// Octets of the request that the node has and octets of the answer that have come, to show how far a long transfer is.
-    pub fn transferred(&self) -> (usize, usize) {
-        let request = &self.request;
-        let sent = match request.arrived.checked_sub(1) {
-            Some(last) => command::segment(request.prefix() + request.len, last).1.end - request.prefix(),
-            None => 0,
-        };
-        (sent, self.incoming.map_or(0, |incoming| incoming.done))
+    /// Segments of the request that the node has.
+    #[cfg(test)]
+    pub(super) fn arrived(&self) -> usize {
+        self.request.arrived
     }
 
     /// Gives up the command that runs, if any, and closes the connection with the next frames.
