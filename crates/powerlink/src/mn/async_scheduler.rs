@@ -46,12 +46,12 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
 
     fn grant_node(&mut self, now_ns: u64, index: usize, service: RequestedService) -> Soa {
         let mut soa = Soa::new(self.state, service, 0);
-        let network = self.network();
+        let network = self.network(now_ns);
         if let Some(node) = self.nodes.get_mut(index) {
             soa.target = node.config.id;
             node.statistics.slots_granted += 1;
             if service == RequestedService::SyncRequest {
-                soa.sync = node.sync_request(now_ns, &network);
+                soa.sync = node.sync_request(&network);
             }
             if service == RequestedService::StatusRequest {
                 soa.exception_reset = node.signalling.exception_reset();
@@ -215,9 +215,9 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                     return Some(grant);
                 }
                 let index = self.nodes.find_from(start, |node| node.wants_ident(now_ns))?;
-                let network = self.network();
+                let network = self.network(now_ns);
                 if let Some(node) = self.nodes.get_mut(index) {
-                    node.ident_sent(now_ns, &network);
+                    node.ident_sent(&network);
                 }
                 (index, RequestedService::IdentRequest)
             }
@@ -320,16 +320,16 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     pub(super) fn own_sent(&mut self, now_ns: u64, own: Own) {
         match own {
             Own::Order { index } => {
-                let network = self.network();
+                let network = self.network(now_ns);
                 if let Some(node) = self.nodes.get_mut(index) {
-                    node.order_sent(now_ns, &network);
+                    node.order_sent(&network);
                 }
             }
             Own::Orders { list } => {
-                let network = self.network();
+                let network = self.network(now_ns);
                 let nodes = self.nodes.iter_mut();
                 for node in nodes.filter(|node| list.contains(node.config.id)) {
-                    node.order_sent(now_ns, &network);
+                    node.order_sent(&network);
                 }
             }
             Own::ResetAll => self.pause_after_reset(now_ns),
@@ -357,14 +357,14 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         }
         let Grant::Node { index, service } = grant else { return };
         self.counters.async_timeouts += 1;
-        let network = self.network();
+        let network = self.network(now_ns);
         if let Some(node) = self.nodes.get_mut(index) {
             node.statistics.slots_unused += 1;
             if service == RequestedService::StatusRequest {
-                node.status_missed(now_ns, &network, &mut self.events);
+                node.status_missed(&network, &mut self.events);
             }
             if service == RequestedService::UnspecifiedInvite {
-                node.invitation_unused(now_ns, &network);
+                node.invitation_unused(&network);
             }
         }
     }

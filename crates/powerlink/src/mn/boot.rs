@@ -76,35 +76,28 @@ impl<'a> Node<'a> {
     }
 
     /// The node must not go on as it is; it stays out for some seconds.
-    pub(super) fn refuse(&mut self, now_ns: u64, network: &Network, fault: Fault, events: &mut Events) {
-        self.give_up(now_ns, network, fault, events);
+    pub(super) fn refuse(&mut self, network: &Network, fault: Fault, events: &mut Events) {
+        self.give_up(network, fault, events);
         self.stage = BootStage::Refused {
-            until_ns: now_ns + REFUSED_RETRY_NS,
+            until_ns: network.now_ns + REFUSED_RETRY_NS,
         };
         self.set_state(NodeState::Faulted, events);
     }
 
     /// An IdentResponse came.
-    pub(super) fn identified(
-        &mut self,
-        now_ns: u64,
-        mac: Mac,
-        ident: &IdentResponse,
-        network: &Network,
-        events: &mut Events,
-    ) {
+    pub(super) fn identified(&mut self, mac: Mac, ident: &IdentResponse, network: &Network, events: &mut Events) {
         if !core::mem::take(&mut self.ident.open) {
             return;
         }
-        self.record.identified(now_ns, ident);
+        self.record.identified(network.now_ns, ident);
         if let BootStage::Reidentifying { sent, .. } = self.stage {
             if sent < RESET_CONFIGURATION_MAX && self.missed_its_reset(ident) {
                 self.order_reset_configuration(sent);
                 return;
             }
             self.requests = ident.requests;
-            self.restart_signalling(now_ns);
-            self.enable(now_ns, network);
+            self.restart_signalling(network.now_ns);
+            self.enable(network);
             self.reported(ident.nmt_state, network);
             return;
         }
@@ -116,7 +109,7 @@ impl<'a> Node<'a> {
             return;
         }
         if let Some(fault) = self.mismatch(ident, network) {
-            self.refuse(now_ns, network, fault, events);
+            self.refuse(network, fault, events);
             return;
         }
         let keep_alive = self.config.assignment.keep_alive && self.configuration_is_current(ident, network);
@@ -147,7 +140,7 @@ impl<'a> Node<'a> {
         self.statistics.boots += 1;
         self.status.unanswered = 0;
         self.data.lost_in_row = 0;
-        self.restart_signalling(now_ns);
+        self.restart_signalling(network.now_ns);
         events.push(MnEvent::Identified { node: self.config.id });
         self.set_state(NodeState::Configuring, events);
         if self.begin_configuration(ident, network) {
@@ -159,15 +152,15 @@ impl<'a> Node<'a> {
         } else if ident.nmt_state == NmtState::Operational {
             self.stage = BootStage::TakenOver;
         } else {
-            self.enable(now_ns, network);
+            self.enable(network);
         }
         self.reported(ident.nmt_state, network);
     }
 
     /// The isochronous cycle begins: what a node that was identified long ago has to do in time counts from now.
-    pub(super) fn cycle_begins(&mut self, now_ns: u64, network: &Network) {
+    pub(super) fn cycle_begins(&mut self, network: &Network) {
         if matches!(self.stage, BootStage::WaitingPreOperational2 { .. }) {
-            self.enable(now_ns, network);
+            self.enable(network);
         }
         self.sdo.set_timing(timing(network));
         if self.stage == BootStage::TakenOver {
@@ -175,25 +168,25 @@ impl<'a> Node<'a> {
         }
     }
 
-    pub(super) fn enable(&mut self, now_ns: u64, network: &Network) {
+    pub(super) fn enable(&mut self, network: &Network) {
         self.stage = BootStage::WaitingPreOperational2 {
-            deadline_ns: now_ns + us_to_ns(network.boot.timeout_pre_op_2_us),
+            deadline_ns: network.now_ns + us_to_ns(network.boot.timeout_pre_op_2_us),
         };
     }
 
     /// The ordered NMT command is on the wire.
-    pub(super) fn order_sent(&mut self, now_ns: u64, network: &Network) {
+    pub(super) fn order_sent(&mut self, network: &Network) {
         let Some(order) = self.order.take() else { return };
         if matches!(self.stage, BootStage::Stopped { .. }) {
             self.stop_polling();
-            self.status.due_ns = now_ns;
+            self.status.due_ns = network.now_ns;
         }
         // The wait for the slot does not count.
         if let BootStage::WaitingReadyToOperate { again_ns, .. }
         | BootStage::WaitingOperational { again_ns, .. }
         | BootStage::Stopped { again_ns } = &mut self.stage
         {
-            *again_ns = now_ns + command_retry_ns(network);
+            *again_ns = network.now_ns + command_retry_ns(network);
         }
         if let (NmtCommand::ResetConfiguration, BootStage::ResettingConfiguration { sent }) =
             (order.command, self.stage)
@@ -205,15 +198,15 @@ impl<'a> Node<'a> {
                 return;
             }
             self.stage = BootStage::Reidentifying {
-                ident_due_ns: now_ns + RESTART_NS,
-                deadline_ns: now_ns + us_to_ns(network.boot.timeout_pre_op_2_us),
+                ident_due_ns: network.now_ns + RESTART_NS,
+                deadline_ns: network.now_ns + us_to_ns(network.boot.timeout_pre_op_2_us),
                 sent,
             };
         }
     }
 
     /// The next step of the boot-up, once a slot.
-    pub(super) fn step(&mut self, now_ns: u64, network: &Network, events: &mut Events) {
+    pub(super) fn step(&mut self, network: &Network, events: &mut Events) {
         // In the reduced cycle nodes are looked for and configured, as its slots follow each other without a pause.
         let reduced = !network.state.is_isochronous();
         if reduced && !self.is_being_configured() && !matches!(self.stage, BootStage::Refused { .. }) {
@@ -222,47 +215,49 @@ impl<'a> Node<'a> {
         match self.stage {
             BootStage::Searching { .. } => {}
             BootStage::Refused { until_ns } => {
-                if now_ns >= until_ns {
-                    self.stage = BootStage::Searching { ident_due_ns: now_ns };
+                if network.now_ns >= until_ns {
+                    self.stage = BootStage::Searching {
+                        ident_due_ns: network.now_ns,
+                    };
                 }
             }
             // In the cycle a node that is not polled yet is about to be.
             BootStage::Configuring { .. } => {
                 if self.takes_part() || reduced {
-                    self.configure(now_ns, network, events);
+                    self.configure(network, events);
                 }
             }
             BootStage::ClosingSdo { was_current } => {
-                if self.sdo.wants_to_transmit(now_ns) {
+                if self.sdo.wants_to_transmit(network.now_ns) {
                 } else if was_current && self.nmt_state == NmtState::Operational {
                     self.stage = BootStage::TakenOver;
                     self.polled = !reduced && !self.config.assignment.async_only;
                 } else if was_current {
-                    self.enable(now_ns, network);
+                    self.enable(network);
                 } else {
                     self.order_reset_configuration(0);
                 }
             }
             BootStage::ResettingConfiguration { .. } => {}
             BootStage::Reidentifying { deadline_ns, .. } => {
-                self.check_time(now_ns, deadline_ns, NmtState::PreOperational1, network, events)
+                self.check_time(deadline_ns, NmtState::PreOperational1, network, events)
             }
             BootStage::WaitingPreOperational2 { deadline_ns } => {
                 if self.takes_part() && self.nmt_state == NmtState::PreOperational2 {
-                    self.ask_ready(now_ns, deadline_ns);
+                    self.ask_ready(network.now_ns, deadline_ns);
                 } else {
-                    self.check_time(now_ns, deadline_ns, NmtState::PreOperational2, network, events);
+                    self.check_time(deadline_ns, NmtState::PreOperational2, network, events);
                 }
             }
             BootStage::WaitingReadyToOperate { deadline_ns, again_ns } => {
                 if self.nmt_state == NmtState::ReadyToOperate {
                     self.order = None;
-                    let deadline_ns = now_ns + us_to_ns(network.boot.timeout_ready_to_operate_us);
+                    let deadline_ns = network.now_ns + us_to_ns(network.boot.timeout_ready_to_operate_us);
                     self.stage = BootStage::CheckingCommunication { deadline_ns, good: 0 };
-                } else if now_ns >= again_ns && now_ns < deadline_ns {
-                    self.ask_ready(now_ns, deadline_ns);
+                } else if network.now_ns >= again_ns && network.now_ns < deadline_ns {
+                    self.ask_ready(network.now_ns, deadline_ns);
                 } else {
-                    self.check_time(now_ns, deadline_ns, NmtState::ReadyToOperate, network, events);
+                    self.check_time(deadline_ns, NmtState::ReadyToOperate, network, events);
                 }
             }
             BootStage::CheckingCommunication { deadline_ns, good } => {
@@ -271,13 +266,13 @@ impl<'a> Node<'a> {
                     self.stage = BootStage::Ready;
                     self.set_state(NodeState::Ready, events);
                 } else {
-                    self.check_time(now_ns, deadline_ns, NmtState::ReadyToOperate, network, events);
+                    self.check_time(deadline_ns, NmtState::ReadyToOperate, network, events);
                 }
             }
             BootStage::Ready => {
                 if network.state == NmtState::Operational && network.starts_nodes {
                     self.command(NmtCommand::StartNode);
-                    self.started(now_ns, network);
+                    self.started(network);
                 }
             }
             BootStage::WaitingOperational { deadline_ns, again_ns } => {
@@ -285,14 +280,14 @@ impl<'a> Node<'a> {
                     self.order = None;
                     self.stage = BootStage::Operational;
                     self.set_state(NodeState::Operational, events);
-                } else if now_ns >= again_ns && now_ns < deadline_ns {
+                } else if network.now_ns >= again_ns && network.now_ns < deadline_ns {
                     self.command(NmtCommand::StartNode);
                     self.stage = BootStage::WaitingOperational {
                         deadline_ns,
-                        again_ns: now_ns + COMMAND_RETRY_NS,
+                        again_ns: network.now_ns + COMMAND_RETRY_NS,
                     };
                 } else {
-                    self.check_time(now_ns, deadline_ns, NmtState::Operational, network, events);
+                    self.check_time(deadline_ns, NmtState::Operational, network, events);
                 }
             }
             BootStage::Operational => {}
@@ -303,8 +298,8 @@ impl<'a> Node<'a> {
                 }
             }
             BootStage::Stopped { again_ns } => {
-                if self.nmt_state.is_isochronous() && now_ns >= again_ns {
-                    self.stop(now_ns);
+                if self.nmt_state.is_isochronous() && network.now_ns >= again_ns {
+                    self.stop(network.now_ns);
                 }
             }
         }
@@ -335,10 +330,10 @@ impl<'a> Node<'a> {
     }
 
     /// StartNode is on its way, to this node alone or to all.
-    pub(super) fn started(&mut self, now_ns: u64, network: &Network) {
+    pub(super) fn started(&mut self, network: &Network) {
         self.stage = BootStage::WaitingOperational {
-            deadline_ns: now_ns + us_to_ns(network.boot.timeout_ready_to_operate_us),
-            again_ns: now_ns + command_retry_ns(network),
+            deadline_ns: network.now_ns + us_to_ns(network.boot.timeout_ready_to_operate_us),
+            again_ns: network.now_ns + command_retry_ns(network),
         };
     }
 
@@ -371,17 +366,10 @@ impl<'a> Node<'a> {
         };
     }
 
-    fn check_time(
-        &mut self,
-        now_ns: u64,
-        deadline_ns: u64,
-        expected: NmtState,
-        network: &Network,
-        events: &mut Events,
-    ) {
-        if now_ns >= deadline_ns {
+    fn check_time(&mut self, deadline_ns: u64, expected: NmtState, network: &Network, events: &mut Events) {
+        if network.now_ns >= deadline_ns {
             let got = self.nmt_state;
-            self.fail(now_ns, network, Fault::BootTimeout { expected, got }, events);
+            self.fail(network, Fault::BootTimeout { expected, got }, events);
         }
     }
 }

@@ -38,8 +38,8 @@ impl Node<'_> {
     }
 
     /// What the SyncRequest says, which is sent now.
-    pub(super) fn sync_request(&mut self, now_ns: u64, network: &Network) -> SyncRequest {
-        self.chain.due_ns = now_ns + RETRY_CYCLES * network.cycle_ns;
+    pub(super) fn sync_request(&mut self, network: &Network) -> SyncRequest {
+        self.chain.due_ns = network.now_ns + RETRY_CYCLES * network.cycle_ns;
         self.chain.tries += 1;
         match self.chain.step {
             ChainStep::Measure => SyncRequest {
@@ -170,11 +170,11 @@ impl<const NODES: usize> Mn<'_, NODES> {
         if self.chain_room_ns.is_none() {
             return;
         }
-        let network = self.network();
+        let network = self.network(now_ns);
         for node in self.nodes.iter_mut() {
             if node.chain.tries > TRIES_MAX {
                 let (requests, got) = (node.chain.tries, node.nmt_state);
-                node.fail(now_ns, &network, Fault::ChainFailed { requests, got }, &mut self.events);
+                node.fail(&network, Fault::ChainFailed { requests, got }, &mut self.events);
             }
         }
     }

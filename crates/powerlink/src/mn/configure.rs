@@ -131,7 +131,7 @@ impl<'a> Node<'a> {
     }
 
     /// Takes the result of the last write or read and starts the next one.
-    pub(super) fn configure(&mut self, now_ns: u64, network: &Network, events: &mut Events) {
+    pub(super) fn configure(&mut self, network: &Network, events: &mut Events) {
         let BootStage::Configuring {
             mut written,
             index,
@@ -163,11 +163,11 @@ impl<'a> Node<'a> {
                 }
                 Err(error) => {
                     let fault = Fault::ConfigurationFailed { index, sub, error };
-                    return self.fail(now_ns, network, fault, events);
+                    return self.fail(network, fault, events);
                 }
             };
             if let Some(fault) = fault {
-                return self.refuse_configured(now_ns, network, fault, events);
+                return self.refuse_configured(network, fault, events);
             }
             written += u32::from(!reading);
         } else if written == 0 && self.manager.writes.is_some() {
@@ -196,7 +196,7 @@ impl<'a> Node<'a> {
         self.stage = BootStage::Configuring { written, index, sub };
         if let Err(error) = started {
             let fault = Fault::ConfigurationFailed { index, sub, error };
-            self.fail(now_ns, network, fault, events);
+            self.fail(network, fault, events);
         }
     }
 
@@ -222,8 +222,8 @@ impl<'a> Node<'a> {
     }
 
     /// It is reset, so that it forgets what was written.
-    fn refuse_configured(&mut self, now_ns: u64, network: &Network, fault: Fault, events: &mut Events) {
-        self.refuse(now_ns, network, fault, events);
+    fn refuse_configured(&mut self, network: &Network, fault: Fault, events: &mut Events) {
+        self.refuse(network, fault, events);
         self.order = Some(Order {
             command: NmtCommand::ResetNode,
             reason: fault.error_code(),

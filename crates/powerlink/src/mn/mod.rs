@@ -246,8 +246,9 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         self.state.is_isochronous().then_some((id, deadline_ns))
     }
 
-    fn network(&self) -> Network {
+    fn network(&self, now_ns: u64) -> Network {
         Network {
+            now_ns,
             state: self.state,
             cycle_ns: u64::from(self.config.cycle_ns),
             slot_ns: u64::from(if self.state.is_isochronous() {
@@ -273,9 +274,9 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     }
 
     fn poll_lost(&mut self, now_ns: u64, index: usize) {
-        let network = self.network();
+        let network = self.network(now_ns);
         if let Some(node) = self.nodes.get_mut(index) {
-            node.poll_lost(now_ns, self.config.pres_lost_max, &network, &mut self.events);
+            node.poll_lost(self.config.pres_lost_max, &network, &mut self.events);
         }
     }
 }

@@ -20,11 +20,11 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         if core::mem::take(&mut self.start.entered_pre_op_1) {
             self.begin_pre_op_1(now_ns);
         }
-        let network = self.network();
+        let network = self.network(now_ns);
         let mut dropped_out = false;
         self.being_configured = 0;
         for node in self.nodes.iter_mut() {
-            node.step(now_ns, &network, &mut self.events);
+            node.step(&network, &mut self.events);
             self.being_configured += u32::from(node.is_being_configured());
             dropped_out |= core::mem::take(&mut node.dropped_out) && node.config.assignment.mandatory;
         }
@@ -44,9 +44,9 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                         && self.may_enter(startup.application_enters_pre_operational_2, NmtState::PreOperational2)
                     {
                         self.trigger(MnTrigger::MandatoryIdentified);
-                        let network = self.network();
+                        let network = self.network(now_ns);
                         for node in self.nodes.iter_mut() {
-                            node.cycle_begins(now_ns, &network);
+                            node.cycle_begins(&network);
                         }
                     }
                 } else if stayed_ns >= us_to_ns(self.config.boot.timeout_pre_op_1_us) && !self.start.missing_reported {
@@ -177,9 +177,9 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     }
 
     fn forget_all(&mut self, now_ns: u64) {
-        let network = self.network();
+        let network = self.network(now_ns);
         for node in self.nodes.iter_mut() {
-            node.forget(now_ns, &network);
+            node.forget(&network);
             node.dropped_out = false;
             // A ResetNode that is due says why; every other order is void.
             node.order = node.order.filter(|order| order.command == NmtCommand::ResetNode);
@@ -198,11 +198,11 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             what,
             left: left.saturating_sub(1),
         });
-        let network = self.network();
+        let network = self.network(now_ns);
         match what {
             Broadcast::Start => {
                 for node in self.nodes.iter_mut().filter(|node| node.stage == BootStage::Ready) {
-                    node.started(now_ns, &network);
+                    node.started(&network);
                 }
             }
             Broadcast::Stop => {

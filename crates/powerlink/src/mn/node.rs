@@ -28,9 +28,10 @@ const INVITE_PAUSE_SLOTS: u64 = 16;
 /// Cycles between two requests to a node that does not answer.
 const RETRY_CYCLES: u64 = 5;
 
-/// What a node needs to know of the network to take its next step.
+/// What a node needs to know to take its next step: the time, and of the network.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Network {
+    pub(super) now_ns: u64,
     pub(super) state: NmtState,
     pub(super) cycle_ns: u64,
     /// From one asynchronous slot to the next.
@@ -167,13 +168,13 @@ impl<'a> Node<'a> {
     }
 
     /// Everything that was learned from the node is void.
-    pub(super) fn forget(&mut self, now_ns: u64, network: &Network) {
+    pub(super) fn forget(&mut self, network: &Network) {
         self.end_job(SdoError::NodeReset);
         // The ResetNode goes out first; a node that restarts answers nothing for a while anyway.
         self.stage = BootStage::Searching {
-            ident_due_ns: now_ns + 2 * network.cycle_ns,
+            ident_due_ns: network.now_ns + 2 * network.cycle_ns,
         };
-        self.record.searched_since_ns = now_ns;
+        self.record.searched_since_ns = network.now_ns;
         self.polled = false;
         self.chain = Chain::NEW;
         self.requests = Requests::default();
@@ -185,7 +186,7 @@ impl<'a> Node<'a> {
         self.status.unanswered = 0;
         self.manager = ConfigurationManager::IDLE;
         self.nmt_state = NmtState::Off;
-        self.restart_signalling(now_ns);
+        self.restart_signalling(network.now_ns);
     }
 
     pub(super) fn restart_signalling(&mut self, now_ns: u64) {
@@ -194,8 +195,8 @@ impl<'a> Node<'a> {
     }
 
     /// Gives the node up; it is reset and booted from the start.
-    pub(super) fn fail(&mut self, now_ns: u64, network: &Network, fault: Fault, events: &mut Events) {
-        self.give_up(now_ns, network, fault, events);
+    pub(super) fn fail(&mut self, network: &Network, fault: Fault, events: &mut Events) {
+        self.give_up(network, fault, events);
         self.order = Some(Order {
             command: NmtCommand::ResetNode,
             reason: fault.error_code(),
@@ -203,17 +204,17 @@ impl<'a> Node<'a> {
         self.set_state(NodeState::Faulted, events);
     }
 
-    pub(super) fn give_up(&mut self, now_ns: u64, network: &Network, fault: Fault, events: &mut Events) {
-        self.record.fault(now_ns, fault);
+    pub(super) fn give_up(&mut self, network: &Network, fault: Fault, events: &mut Events) {
+        self.record.fault(network.now_ns, fault);
         events.push(fault.event(self.config.id));
         self.dropped_out |= self.is_ready() && network.state == NmtState::Operational;
-        self.forget(now_ns, network);
+        self.forget(network);
         self.statistics.faults += 1;
     }
 
     /// As `fail`, but by wish of the application.
-    pub(super) fn reset(&mut self, now_ns: u64, network: &Network, events: &mut Events) {
-        self.forget(now_ns, network);
+    pub(super) fn reset(&mut self, network: &Network, events: &mut Events) {
+        self.forget(network);
         self.command(NmtCommand::ResetNode);
         self.set_state(NodeState::Absent, events);
     }
@@ -228,7 +229,7 @@ impl<'a> Node<'a> {
     }
 
     /// An IdentRequest was sent. In the reduced cycle it may be repeated at once, later after a few cycles.
-    pub(super) fn ident_sent(&mut self, now_ns: u64, network: &Network) {
+    pub(super) fn ident_sent(&mut self, network: &Network) {
         self.ident.asked = false;
         self.ident.open = true;
         let pause_cycles = if network.state == NmtState::PreOperational1 {
@@ -239,7 +240,7 @@ impl<'a> Node<'a> {
             RETRY_CYCLES
         };
         if let BootStage::Searching { ident_due_ns } | BootStage::Reidentifying { ident_due_ns, .. } = &mut self.stage {
-            *ident_due_ns = now_ns + pause_cycles * network.cycle_ns;
+            *ident_due_ns = network.now_ns + pause_cycles * network.cycle_ns;
         }
     }
 
@@ -270,15 +271,15 @@ impl<'a> Node<'a> {
     }
 
     /// The node was invited and sent nothing.
-    pub(super) fn invitation_unused(&mut self, now_ns: u64, network: &Network) {
+    pub(super) fn invitation_unused(&mut self, network: &Network) {
         self.invitation.pause_ns =
             (2 * self.invitation.pause_ns).clamp(network.slot_ns, INVITE_PAUSE_SLOTS * network.slot_ns);
-        self.invitation.due_ns = now_ns + self.invitation.pause_ns;
+        self.invitation.due_ns = network.now_ns + self.invitation.pause_ns;
     }
 
     /// The StatusRequest got no answer.
-    pub(super) fn status_missed(&mut self, now_ns: u64, network: &Network, events: &mut Events) {
-        self.status.due_ns = now_ns + RETRY_CYCLES * network.cycle_ns;
+    pub(super) fn status_missed(&mut self, network: &Network, events: &mut Events) {
+        self.status.due_ns = network.now_ns + RETRY_CYCLES * network.cycle_ns;
         self.status.asked = false;
         self.status.unanswered = self.status.unanswered.saturating_add(1);
         if !self.statistics.loss_of_status.count_error(self.config.status_threshold) {
@@ -290,7 +291,7 @@ impl<'a> Node<'a> {
             self.status.unanswered = 0;
         } else {
             let in_row = self.status.unanswered;
-            self.fail(now_ns, network, Fault::StatusLost { in_row }, events);
+            self.fail(network, Fault::StatusLost { in_row }, events);
         }
     }
 
@@ -311,17 +312,17 @@ impl<'a> Node<'a> {
     }
 
     /// A StatusResponse came.
-    pub(super) fn status(&mut self, now_ns: u64, status: &StatusResponse<'_>, network: &Network, events: &mut Events) {
+    pub(super) fn status(&mut self, status: &StatusResponse<'_>, network: &Network, events: &mut Events) {
         self.status.unanswered = 0;
         self.statistics.loss_of_status.count_good();
         self.status.asked = false;
         self.requests = status.requests;
         self.reported(status.nmt_state, network);
         let pause_ns = if self.is_settled() { SUPERVISION_NS } else { 0 };
-        self.status.due_ns = now_ns + pause_ns;
+        self.status.due_ns = network.now_ns + pause_ns;
         if self.signalling.status(status) {
             for entry in status.entries.iter() {
-                self.record.error(now_ns, entry);
+                self.record.error(network.now_ns, entry);
                 events.push(MnEvent::ErrorEntry {
                     node: self.config.id,
                     entry,
@@ -330,7 +331,7 @@ impl<'a> Node<'a> {
         }
         let stopped = matches!(self.stage, BootStage::Stopped { .. });
         if network.state.is_isochronous() && (self.config.assignment.async_only || stopped) {
-            self.check_state(now_ns, network, events);
+            self.check_state(network, events);
         }
     }
 
@@ -347,7 +348,7 @@ impl<'a> Node<'a> {
     }
 
     /// The PRes of this cycle came in time.
-    pub(super) fn polled_well(&mut self, now_ns: u64, pres: &Pres<'_>, network: &Network, events: &mut Events) {
+    pub(super) fn polled_well(&mut self, pres: &Pres<'_>, network: &Network, events: &mut Events) {
         self.statistics.pres_received += 1;
         self.data.lost_in_row = 0;
         self.nmt_state = pres.nmt_state;
@@ -381,11 +382,11 @@ impl<'a> Node<'a> {
         {
             *good += 1;
         }
-        self.check_state(now_ns, network, events);
+        self.check_state(network, events);
     }
 
     /// Compares the NMT state with what the boot-up has led to; a few cycles of difference are tolerated.
-    pub(super) fn check_state(&mut self, now_ns: u64, network: &Network, events: &mut Events) {
+    pub(super) fn check_state(&mut self, network: &Network, events: &mut Events) {
         let got = self.nmt_state;
         let (expected, right) = match self.stage {
             // What it holds is read while it goes on.
@@ -420,12 +421,12 @@ impl<'a> Node<'a> {
         }
         self.wrong_state += 1;
         if self.wrong_state > STATE_TOLERANCE_CYCLES {
-            self.fail(now_ns, network, Fault::WrongState { expected, got }, events);
+            self.fail(network, Fault::WrongState { expected, got }, events);
         }
     }
 
     /// The PRes of this cycle did not come in time.
-    pub(super) fn poll_lost(&mut self, now_ns: u64, lost_max: u32, network: &Network, events: &mut Events) {
+    pub(super) fn poll_lost(&mut self, lost_max: u32, network: &Network, events: &mut Events) {
         self.statistics.pres_lost += 1;
         self.data.lost_in_row = self.data.lost_in_row.saturating_add(1);
         self.statistics.lost_in_row_max = self.statistics.lost_in_row_max.max(self.data.lost_in_row);
@@ -435,7 +436,7 @@ impl<'a> Node<'a> {
         let threshold_reached = self.statistics.loss_of_pres.count_error(self.config.pres_threshold);
         if self.data.lost_in_row > lost_max || threshold_reached {
             let in_row = self.data.lost_in_row;
-            self.fail(now_ns, network, Fault::PresLost { in_row }, events);
+            self.fail(network, Fault::PresLost { in_row }, events);
             // The application still sees how long the data have been old.
             self.data.lost_in_row = in_row;
         }

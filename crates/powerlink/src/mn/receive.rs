@@ -99,11 +99,11 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
 
     /// The PRes of a node came in time; `sent_ns`: when it was asked for.
     fn polled_well(&mut self, index: usize, now_ns: u64, sent_ns: u64, pres: &Pres<'_>) {
-        let network = self.network();
+        let network = self.network(now_ns);
         if let Some(node) = self.nodes.get_mut(index) {
             let response_ns = u32::try_from(now_ns.saturating_sub(sent_ns)).unwrap_or(u32::MAX);
             node.statistics.response_ns_max = node.statistics.response_ns_max.max(response_ns);
-            node.polled_well(now_ns, pres, &network, &mut self.events);
+            node.polled_well(pres, &network, &mut self.events);
         }
     }
 
@@ -134,15 +134,15 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         if !matches!(header.destination_node, wire::node::MN | wire::node::BROADCAST) {
             return;
         }
-        let network = self.network();
+        let network = self.network(now_ns);
         let Some(node) = self.nodes.get_mut(index) else {
             return;
         };
         match asnd {
             Asnd::IdentResponse(ident) => {
-                node.identified(now_ns, header.source, ident, &network, &mut self.events);
+                node.identified(header.source, ident, &network, &mut self.events);
             }
-            Asnd::StatusResponse(status) => node.status(now_ns, status, &network, &mut self.events),
+            Asnd::StatusResponse(status) => node.status(status, &network, &mut self.events),
             Asnd::Sdo(data) => self.receive_sdo(now_ns, index, data),
             Asnd::NmtRequest(request) => self.nmt_requested(index, request),
             Asnd::SyncResponse(response) => self.sync_response(index, response, now_ns),

@@ -27,7 +27,6 @@ use table::CHANNEL_LAST;
 /// The dictionary of a managing node, for as long as one SDO frame or one look takes.
 #[derive(Debug)]
 pub struct MnObjects<'m, 'a, const NODES: usize> {
-    pub(super) now_ns: u64,
     pub(super) network: Network,
     pub(super) config: &'m mut MnConfig<'a>,
     pub(super) nodes: &'m mut Nodes<'a, NODES>,
@@ -39,9 +38,8 @@ pub struct MnObjects<'m, 'a, const NODES: usize> {
 /// Borrows the parts of a managing node that its objects show, so that the rest stays free.
 macro_rules! objects_of {
     ($mn:expr, $now_ns:expr) => {{
-        let network = $mn.network();
+        let network = $mn.network($now_ns);
         $crate::mn::objects::MnObjects {
-            now_ns: $now_ns,
             network,
             config: &mut $mn.config,
             nodes: &mut $mn.nodes,
@@ -291,7 +289,7 @@ impl<'a, const NODES: usize> MnObjects<'_, 'a, NODES> {
     fn write_value(&mut self, index: u16, sub: u8, value: &[u8]) -> Result<(), AbortCode> {
         let number = le_number(value) as u32;
         match (index, sub) {
-            (0x1003, 0) => self.own.history_from_ns = self.now_ns + 1,
+            (0x1003, 0) => self.own.history_from_ns = self.network.now_ns + 1,
             (0x1030, 8) => {}
             (0x1C00, 1) => self.counters.crc_errors.cumulative = number,
             (0x1C00, 3) => self.config.crc_threshold = number,
@@ -335,13 +333,13 @@ impl<'a, const NODES: usize> MnObjects<'_, 'a, NODES> {
     /// Everything else is up to the boot-up.
     fn execute_request(&mut self) -> Result<(), AbortCode> {
         let RequestCommand { command, target } = self.own.request;
-        let (now_ns, network) = (self.now_ns, self.network);
+        let network = self.network;
         let node = self.nodes.with_id_mut(target).ok_or(AbortCode::VALUE_RANGE)?;
         match NmtCommand::from(command) {
             NmtCommand::IdentRequest => node.ident.asked = true,
             NmtCommand::StatusRequest => node.status.asked = true,
             NmtCommand::ResetNode if node.state == NodeState::Operational => return Err(AbortCode::DEVICE_STATE),
-            NmtCommand::ResetNode => node.reset(now_ns, &network, self.events),
+            NmtCommand::ResetNode => node.reset(&network, self.events),
             _ => return Err(AbortCode::LOCAL_CONTROL),
         }
         Ok(())

@@ -252,9 +252,9 @@ impl<'a> Net<'a> {
 
     /// The node at this position is reset, as 0x1F9F asks for.
     fn reset_node(&mut self, node: usize) {
-        let network = self.mn.network();
+        let network = self.mn.network(self.now_ns);
         let node = self.mn.nodes.get_mut(node).unwrap();
-        node.reset(self.now_ns, &network, &mut self.mn.events);
+        node.reset(&network, &mut self.mn.events);
     }
 
     /// Hands in the next frame that arrives by `until_ns`.
