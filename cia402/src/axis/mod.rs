@@ -170,11 +170,6 @@ impl Axis {
         }
     }
 
-    /// The drive's state as its last statusword showed it; `None`: offline or a pattern that is no state.
-    pub fn drive_state(&self) -> Option<State> {
-        self.drive
-    }
-
     /// Actual position in counts, unwrapped from the 32 bits of 6064. It restarts at the drive's own value when
     /// the drive comes on line and when it has homed.
     #[inline]
