@@ -1,7 +1,7 @@
 //! All that the managing node holds from one call to the next: itself, and where each of its parts stands.
 //!
-//! Values only; what happens to them is in the file of each part: `cycle` (the phases), `async_scheduler` (the slot), `network`
-//! (all nodes together), `server` (its own objects for others), `objects`.
+//! Values only; what happens to them is in the file of each part: `cycle` and `async_phase` (the phases), `clock` (what the SoC
+//! says), `async_scheduler` (the slot), `nodes`, `network` (all nodes together), `server` (its own objects for others), `objects`.
 
 use super::budget::Budget;
 use super::check::{MnConfigError, check};
@@ -22,7 +22,6 @@ const CLIENTS: usize = 2;
 const STAGING: usize = 1536;
 /// NoService SoAs at the start of PRE_OPERATIONAL_1 that wake the nodes (C_DLL_PREOP1_START_CYCLES).
 const WAKE_SOAS: u8 = 10;
-
 /// Another managing node is reported again after it was silent for this time.
 const FOREIGN_SILENCE_NS: u64 = 1_000_000_000;
 
@@ -272,7 +271,7 @@ impl NetworkStart {
     }
 }
 
-/// What competes for the asynchronous slot beside the needs of the nodes, and the ASnd that we send in it.
+/// What competes for the asynchronous slot in addition to the needs of the nodes, and the ASnd that we send in it.
 #[derive(Debug)]
 pub(super) struct AsyncSlot {
     pub(super) round_robin: RoundRobin,
