@@ -1,9 +1,9 @@
 //! What a controlled node sends in the asynchronous slot.
 //!
-//! In:  invitations of the managing node (SoA), answers of the SDO server, NMT requests and Ethernet frames of the application.
+//! In:  invitations of the managing node (SoA), answers of the SDO server, Ethernet frames of the application.
 //! Out: exactly one frame for an invitation, or none where nothing waits; RS and PR, by which the node asks for invitations.
 //!
-//! NMT requests go before everything else (PR 7); SDO answers and the application's frames take turns.
+//! SDO answers and the application's frames take turns. The node asks for no NMT services.
 
 use super::access::Access;
 use super::controlled_node::Cn;
@@ -13,20 +13,11 @@ use crate::ethernet_queue::QueueError;
 use crate::nmt::NmtState;
 use crate::sdo::SERVICE_DATA_MAX;
 use crate::wire::{
-    Asnd, ErrorEntries, FRAME_LEN_MAX, Header, IdentResponse, NmtRequestFrame, RequestedService, Requests, Soa,
-    StatusResponse, multicast, node,
+    Asnd, ErrorEntries, FRAME_LEN_MAX, Header, IdentResponse, RequestedService, Requests, Soa, StatusResponse,
+    multicast, node,
 };
 
 impl<const E: usize, const B: usize> Cn<E, B> {
-    /// Asks the managing node for an NMT service: the request is sent when the node is invited to. Requests that still wait at
-    /// a ResetConfiguration or a deeper reset are forgotten.
-    ///
-    /// # Errors
-    /// [`QueueError::Full`] when all places are taken.
-    pub fn request_nmt(&mut self, request: NmtRequestFrame) -> Result<(), QueueError> {
-        self.outbox.push_request(request)
-    }
-
     /// Has an Ethernet frame that is not POWERLINK sent (IP, for instance): in an asynchronous slot when the node is invited
     /// to, or at once in BASIC_ETHERNET (see [`poll_transmit`](Self::poll_transmit)). Short frames are padded. Frames that still
     /// wait at a ResetConfiguration or a deeper reset are forgotten. RT: no allocation, no locks, bounded.
@@ -37,17 +28,14 @@ impl<const E: usize, const B: usize> Cn<E, B> {
         self.outbox.frames.push(frame, self.async_mtu)
     }
 
-    /// RS and PR: how many requests of the highest priority wait.
+    /// RS and PR: how many frames wait.
     pub(super) fn requests(&self) -> Requests {
-        let generic = self.sdo.pending() + self.outbox.frames.len();
-        let (waiting, priority) = match (self.outbox.requests_len, generic) {
-            (0, 0) => return Requests::default(),
-            (0, generic) => (generic, Requests::PRIORITY_GENERIC),
-            (requests, _) => (requests, Requests::PRIORITY_NMT),
-        };
-        Requests {
-            count: waiting.min(7) as u8,
-            priority,
+        match self.sdo.pending() + self.outbox.frames.len() {
+            0 => Requests::default(),
+            waiting => Requests {
+                count: waiting.min(7) as u8,
+                priority: Requests::PRIORITY_GENERIC,
+            },
         }
     }
 
@@ -61,10 +49,9 @@ impl<const E: usize, const B: usize> Cn<E, B> {
                 self.take_status_request(soa);
                 len
             }
-            RequestedService::NmtRequestInvite => self.emit_nmt_request(response),
             RequestedService::UnspecifiedInvite => self.emit_generic(response),
             RequestedService::SyncRequest => self.emit_sync(response),
-            RequestedService::NoService | RequestedService::Unknown(_) => None,
+            RequestedService::NoService | RequestedService::NmtRequestInvite | RequestedService::Unknown(_) => None,
         };
         if len.is_some() {
             self.count(self.keys.telegrams.asynchronous_sent);
@@ -143,11 +130,6 @@ impl<const E: usize, const B: usize> Cn<E, B> {
             entries: ErrorEntries(self.signalling.entries()),
         };
         self.emit_asnd(node::BROADCAST, &Asnd::StatusResponse(status), response)
-    }
-
-    fn emit_nmt_request(&mut self, response: &mut [u8; FRAME_LEN_MAX]) -> Option<usize> {
-        let request = self.outbox.pop_request()?;
-        self.emit_asnd(node::MN, &Asnd::NmtRequest(request), response)
     }
 
     fn emit_generic(&mut self, response: &mut [u8; FRAME_LEN_MAX]) -> Option<usize> {

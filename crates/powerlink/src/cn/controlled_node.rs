@@ -38,10 +38,6 @@ pub struct Cn<const E: usize, const B: usize> {
     pub(super) configuration: (u32, u32),
     /// When NOT_ACTIVE ends for lack of frames.
     pub(super) silent_at_ns: Option<u64>,
-    /// The device may go to READY_TO_OPERATE.
-    pub(super) application_ready: bool,
-    /// EnableReadyToOperate came before the device was ready.
-    pub(super) ready_requested: bool,
     /// A reset asked for by 0x1F9E, carried out when the SDO answer is on its way.
     pub(super) reset_requested: Option<Reset>,
     /// Last ER of the managing node.
@@ -96,8 +92,6 @@ impl<const E: usize, const B: usize> Cn<E, B> {
             async_mtu: 0,
             configuration: (0, 0),
             silent_at_ns: None,
-            application_ready: true,
-            ready_requested: false,
             reset_requested: None,
             exception_reset: false,
             net_time: NetTime::default(),
@@ -112,7 +106,6 @@ impl<const E: usize, const B: usize> Cn<E, B> {
     /// RT: no allocation.
     pub fn power_on(&mut self, now_ns: u64) {
         self.watch = Watch::NONE;
-        self.application_ready = true;
         self.exception_reset = false;
         self.net_time = NetTime::default();
         // Through all resets, which do the rest.

@@ -3,7 +3,7 @@
 use obd::{AbortCode, Dictionary};
 
 use super::watch::CycleError;
-use crate::nmt::{NmtCommand, NmtState, Reset};
+use crate::nmt::{NmtState, Reset};
 use crate::wire::Soc;
 
 /// Which parameters 0x1010 or 0x1011 mean: their sub-index.
@@ -63,8 +63,6 @@ pub struct Events {
     pub written_several: bool,
     /// An SDO asks for parameters to be stored or restored.
     pub storage: Option<Storage>,
-    /// The managing node does not serve this NMT request of the node (InvalidService).
-    pub nmt_rejected: Option<NmtCommand>,
 }
 
 /// Answer of [`Cn::receive`](super::Cn::receive).

@@ -51,7 +51,6 @@ pub use controlled_node::Cn;
 pub use error::code as error_code;
 use error::{Signalling, TYPE_OCCURRED};
 pub use event::{Events, Reaction, Storage, StorageGroup, WriteCheck};
-pub use outbox::NMT_REQUESTS;
 pub use watch::CycleError;
 
 impl<const E: usize, const B: usize> Cn<E, B> {

@@ -12,29 +12,14 @@ use crate::nmt::{self, CnEvent, NmtCommand, NmtState};
 use crate::wire::NmtCommandFrame;
 
 impl<const E: usize, const B: usize> Cn<E, B> {
-    /// Says whether the device is ready for operation (true from the start). READY_TO_OPERATE is entered when the managing
-    /// node allows it and this is true.
-    pub fn set_application_ready(&mut self, now_ns: u64, ready: bool) -> Events {
-        let mut events = Events::default();
-        self.application_ready = ready;
-        if ready && self.ready_requested {
-            self.event(CnEvent::ReadyToOperate, now_ns, &mut events);
-        }
-        events
-    }
-
     pub(super) fn receive_nmt_command(&mut self, now_ns: u64, frame: &NmtCommandFrame, events: &mut Events) {
         if frame.command.plain().is_some() && !frame.nodes().contains(self.node_id) {
             return;
         }
-        match (frame.command, frame.command.cn_event()) {
-            (_, Some(CnEvent::ReadyToOperate)) if !self.application_ready => {
-                self.ready_requested = self.state == NmtState::PreOperational2;
-            }
-            (_, Some(event)) => self.event(event, now_ns, events),
-            (NmtCommand::NetHostNameSet, None) => self.set_host_name(&frame.data),
-            (NmtCommand::InvalidService, None) => events.nmt_rejected = Some(NmtCommand::from(frame.data[0])),
-            (_, None) => {}
+        if let Some(event) = frame.command.cn_event() {
+            self.event(event, now_ns, events);
+        } else if frame.command == NmtCommand::NetHostNameSet {
+            self.set_host_name(&frame.data);
         }
     }
 
@@ -78,7 +63,6 @@ impl<const E: usize, const B: usize> Cn<E, B> {
 
     /// Enters a state and runs through the reset cascade from there.
     pub(super) fn enter(&mut self, first: NmtState, now_ns: u64, events: &mut Events) {
-        self.ready_requested = false;
         let mut next = Some(first);
         // At most the four steps of the cascade and NOT_ACTIVE.
         while let Some(state) = next {

@@ -194,15 +194,6 @@ pub struct NmtRequestFrame {
 }
 
 impl NmtRequestFrame {
-    /// A request without command data.
-    pub fn plain(command: NmtCommand, target: u8) -> NmtRequestFrame {
-        NmtRequestFrame {
-            command,
-            target,
-            data: [0; COMMAND_DATA_LEN],
-        }
-    }
-
     fn parse(frame: &[u8]) -> Result<NmtRequestFrame, WireError> {
         check_len(frame, 20)?;
         Ok(NmtRequestFrame {

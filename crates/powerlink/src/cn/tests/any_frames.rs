@@ -1,7 +1,7 @@
 //! Any frames at any time, mixed with what the device and the application do.
 
 use super::*;
-use crate::wire::{HEADER_LEN, NmtRequestFrame, SyncRequest};
+use crate::wire::{HEADER_LEN, SyncRequest};
 use proptest::prelude::*;
 use std::vec;
 
@@ -19,11 +19,9 @@ enum Step {
     /// An SDO frame that makes it to the command layer: command, index, value.
     Sdo(u8, u16, Vec<u8>),
     Poll,
-    RequestNmt,
     SendEthernet(usize),
     Report(u16),
     Crc,
-    Ready(bool),
 }
 
 fn step() -> impl Strategy<Value = Step> {
@@ -53,11 +51,9 @@ fn step() -> impl Strategy<Value = Step> {
         2 => (any::<u8>(), objects, proptest::collection::vec(any::<u8>(), 0..10))
             .prop_map(|(command, index, value)| Step::Sdo(command, index, value)),
         2 => Just(Step::Poll),
-        1 => Just(Step::RequestNmt),
         1 => (0_usize..1600).prop_map(Step::SendEthernet),
         1 => any::<u16>().prop_map(Step::Report),
         1 => Just(Step::Crc),
-        1 => any::<bool>().prop_map(Step::Ready),
     ]
 }
 
@@ -92,7 +88,7 @@ fn octets_of(step: &Step) -> Option<Vec<u8>> {
             body.extend(value);
             Some(frame(6, NODE, node::MN, &body))
         }
-        Step::Poll | Step::RequestNmt | Step::SendEthernet(_) | Step::Report(_) | Step::Crc | Step::Ready(_) => None,
+        Step::Poll | Step::SendEthernet(_) | Step::Report(_) | Step::Crc => None,
     }
 }
 
@@ -133,11 +129,9 @@ fn apply(bench: &mut Bench, step: &Step) -> Result<(), TestCaseError> {
             );
         }
         // A full queue is an error, not a panic.
-        Step::RequestNmt => drop(bench.node.request_nmt(NmtRequestFrame::plain(NmtCommand::StopNode, 1))),
         Step::SendEthernet(len) => drop(bench.node.send_ethernet(&vec![8; *len])),
         Step::Report(code) => bench.node.report_error(402, *code, [0; 8]),
         Step::Crc => drop(bench.node.report_crc_error(now_ns)),
-        Step::Ready(ready) => drop(bench.node.set_application_ready(now_ns, *ready)),
         Step::Octets(_) | Step::Frame(..) | Step::Other(..) | Step::Soa(..) | Step::Command(_) | Step::Sdo(..) => {}
     }
     Ok(())

@@ -336,27 +336,6 @@ fn extended_commands_act_on_the_listed_nodes() {
 }
 
 #[test]
-fn ready_to_operate_waits_for_the_device() {
-    let mut bench = Bench::new();
-    bench.node.set_application_ready(0, false);
-    bench.wake();
-    bench.plain(NmtCommand::EnableReadyToOperate);
-    assert_eq!(bench.node.nmt_state(), NmtState::PreOperational2);
-    assert_eq!(
-        bench.node.set_application_ready(0, true).nmt_state,
-        Some(NmtState::ReadyToOperate)
-    );
-    // A reset takes the permission back.
-    bench.node.set_application_ready(0, false);
-    bench.plain(NmtCommand::ResetConfiguration);
-    bench.wake();
-    bench.plain(NmtCommand::EnableReadyToOperate);
-    bench.plain(NmtCommand::ResetConfiguration);
-    bench.wake();
-    assert_eq!(bench.node.set_application_ready(0, true), Events::default());
-}
-
-#[test]
 fn an_sdo_is_answered_when_the_node_is_invited() {
     let mut bench = Bench::new();
     bench.wake();

@@ -1,7 +1,7 @@
-//! The asynchronous slot: NMT requests, SDO answers and the application's Ethernet frames; storing parameters.
+//! The asynchronous slot: SDO answers and the application's Ethernet frames; storing parameters.
 
 use super::*;
-use crate::wire::{ETHER_TYPE, NmtRequestFrame};
+use crate::wire::ETHER_TYPE;
 
 /// A frame of EtherType IPv4 with a mark in it.
 fn ip_frame(mark: u8, len: usize) -> Vec<u8> {
@@ -18,48 +18,6 @@ fn sdo(bench: &mut Bench, octets: &[u8]) {
 fn requests(bench: &mut Bench) -> (u8, u8) {
     let octet = bench.poll_with(&[]).unwrap()[19];
     (octet & 7, octet >> 3)
-}
-
-#[test]
-fn an_nmt_request_is_sent_when_the_node_is_invited_to() {
-    let mut bench = Bench::new();
-    bench.wake();
-    let mut request = NmtRequestFrame::plain(NmtCommand::StopNode, 7);
-    request.data[0] = 0xAB;
-    bench.node.request_nmt(request).unwrap();
-    bench
-        .node
-        .request_nmt(NmtRequestFrame::plain(NmtCommand::IdentRequest, 9))
-        .unwrap();
-    sdo(&mut bench, &[0x00, 0x01, 0, 0]);
-    assert_eq!(requests(&mut bench), (2, 7), "NMT requests go first");
-    let status = bench.status(false, false);
-    assert_eq!(status[19], 2 | 7 << 3);
-    let sent = bench.soa(RequestedService::NmtRequestInvite, NODE).unwrap();
-    assert_eq!(sent.len(), 60);
-    assert_eq!(sent[..6], multicast::ASND);
-    assert_eq!(sent[14..22], [6, 240, NODE, 3, 0x22, 7, 0xAB, 0]);
-    assert_eq!(requests(&mut bench), (1, 7));
-    let sent = bench.soa(RequestedService::NmtRequestInvite, NODE).unwrap();
-    assert_eq!(sent[17..20], [3, 0x01, 9]);
-    assert_eq!(bench.soa(RequestedService::NmtRequestInvite, NODE), None);
-    assert_eq!(
-        requests(&mut bench),
-        (1, 3),
-        "the SDO answer waits for its own invitation"
-    );
-    assert_eq!(bench.soa(RequestedService::UnspecifiedInvite, NODE).unwrap()[17], 5);
-    assert_eq!(requests(&mut bench), (0, 0));
-}
-
-#[test]
-fn a_refused_nmt_request_is_told() {
-    let mut bench = Bench::new();
-    bench.wake();
-    let mut invalid = NmtCommandFrame::plain(NmtCommand::InvalidService);
-    invalid.data[0] = 0x2C;
-    assert_eq!(bench.command(NODE, invalid).nmt_rejected, Some(NmtCommand::GoToStandby));
-    assert_eq!(bench.command(NODE + 1, invalid).nmt_rejected, None);
 }
 
 #[test]
@@ -99,14 +57,9 @@ fn frames_that_cannot_be_sent_are_refused_with_the_reason() {
         bench.node.send_ethernet(&ip_frame(0, 60)).unwrap();
     }
     assert_eq!(bench.node.send_ethernet(&ip_frame(0, 60)), Err(QueueError::Full));
-    let request = NmtRequestFrame::plain(NmtCommand::StartNode, 1);
-    for _ in 0..NMT_REQUESTS {
-        bench.node.request_nmt(request).unwrap();
-    }
-    assert_eq!(bench.node.request_nmt(request), Err(QueueError::Full));
     bench.wake();
-    assert_eq!(requests(&mut bench), (7, 7), "7 means 7 or more");
-    // A reset empties both queues.
+    assert_eq!(requests(&mut bench), (ETHERNET_FRAMES as u8, 3));
+    // A reset empties the queue.
     bench.plain(NmtCommand::ResetConfiguration);
     bench.wake();
     assert_eq!(requests(&mut bench), (0, 0));
