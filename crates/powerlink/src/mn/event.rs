@@ -439,8 +439,6 @@ pub struct Counters {
     pub cycle_exceeded: Threshold,
     /// Frames with a wrong check sum, where the driver tells (0x1C00).
     pub crc_errors: Threshold,
-    /// Collisions, where the driver tells.
-    pub collisions: u64,
     /// SoAs that were sent, of the reduced cycle too.
     pub soa_sent: u64,
     /// ASnds of our own sent.

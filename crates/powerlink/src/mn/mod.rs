@@ -110,11 +110,6 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         }
     }
 
-    /// The driver has seen a collision (E_DLL_COLLISION).
-    pub fn collision(&mut self) {
-        self.counters.collisions += 1;
-    }
-
     /// Whether the outputs may be used (RD of the PReq). It is sent only in OPERATIONAL, to nodes in READY_TO_OPERATE or
     /// OPERATIONAL.
     pub fn set_outputs_valid(&mut self, valid: bool) {
