@@ -13,7 +13,7 @@ pub struct Injected {
     pub cause_stays: bool,
     /// The safety circuit is open (safe torque off): no torque, and no way on. Bit 3 of 60FD shows it.
     pub sto_open: bool,
-    /// The safety circuit opened under power is a fault, [`ERROR_STO`]; else the drive is SWITCH ON DISABLED.
+    /// The safety circuit opened under power is a fault, [`ERROR_STO`](super::ERROR_STO); else the drive is SWITCH ON DISABLED.
     pub sto_faults: bool,
     /// Bits of 60FD that are shown whatever the sensors say.
     pub digital_inputs: u32,
@@ -36,7 +36,8 @@ impl Default for Injected {
 /// How a drive was built; by default as the profile has it, with all that it leaves open.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Quirks {
-    /// It takes the target of CSP and IP in 6062, and does not tell its demand there; for [`DRIVE_OBJECTS_WITH_DEMAND`].
+    /// It takes the target of CSP and IP in 6062, and does not tell its demand there; for
+    /// [`DRIVE_OBJECTS_WITH_DEMAND`](super::DRIVE_OBJECTS_WITH_DEMAND).
     pub target_in_demand: bool,
     /// At its home point it counts 607C; by the profile it counts -607C.
     pub home_offset_adds: bool,

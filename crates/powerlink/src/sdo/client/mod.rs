@@ -54,7 +54,7 @@ impl Client {
         self.start(CommandId::WriteMultipleByIndex, None, len)
     }
 
-    /// Starts to read several objects. Their addresses are handed in, [`ADDRESS_LEN`](command::ADDRESS_LEN) octets each
+    /// Starts to read several objects. Their addresses are handed in, [`ADDRESS_LEN`](super::command::ADDRESS_LEN) octets each
     /// ([`Address::emit`]), `len` octets in all; the answer is for [`Blocks`](super::multiple::Blocks).
     ///
     /// # Errors
