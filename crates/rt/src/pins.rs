@@ -627,10 +627,12 @@ impl Pins {
     /// Whether the pin that orders an emergency stop has risen since the last call, and the one that resets it.
     pub fn take_estop(&mut self) -> [bool; 2] {
         let pins = &mut self.estop;
-        let [activate, reset] = [pins.activate.get(), pins.reset.get()];
-        let activated = activate && !std::mem::replace(&mut pins.activate_before, activate);
-        let was_reset = reset && !std::mem::replace(&mut pins.reset_before, reset);
-        [activated, was_reset]
+        let now = [pins.activate.get(), pins.reset.get()];
+        let before = [
+            std::mem::replace(&mut pins.activate_before, now[0]),
+            std::mem::replace(&mut pins.reset_before, now[1]),
+        ];
+        [0, 1].map(|pin| now[pin] && !before[pin])
     }
 
     /// Asks the latch of the chain to close.
