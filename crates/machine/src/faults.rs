@@ -6,12 +6,12 @@
 //! What is ridden out by itself is no fault: answers lost up to the limit are counted by the managing node, cycles that
 //! begin late by the cycle thread.
 
+pub use super::fault_causes::{ForeignMaster, LinkFailure, LogicError, OrientFailure, SpeedNotReached};
 use super::overruns::CYCLES;
 use cia402::axis::AxisFault;
 use config::NodeIndex;
 use motion::rt::homing::HomingFailure;
 use motion::rt::{Order, SyncFault};
-use std::fmt;
 
 /// What every command says of a control whose cycle thread hung, where it does not know what leads the machine.
 pub const SILENCED: &str = "the control is silenced, because its cycle thread hung: nothing leads the machine any more, which stops by \
@@ -33,98 +33,6 @@ pub const fn silenced(network: bool, steps: bool) -> &'static str {
              stand where the last cycle led them; this control ends and has to be restarted"
         }
         (false, false) => SILENCED,
-    }
-}
-
-/// Why the spindle is not at the angle of M19.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum OrientFailure {
-    /// The time of Q is over.
-    Late {
-        /// Wanted angle, degrees.
-        degrees: f64,
-        /// The time, s.
-        timeout_s: f64,
-    },
-    /// `spindle.0.orient-fault` is not 0.
-    Fault {
-        /// Its value.
-        code: i32,
-    },
-}
-
-/// Speed of a spindle that has been waited for too long.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SpeedNotReached {
-    /// Number of the spindle.
-    pub spindle: u8,
-    /// Wanted, 1/min, above 0 with M3.
-    pub wanted_rpm: f64,
-    /// Measured; `None` without an encoder.
-    pub measured_rpm: Option<f64>,
-}
-
-/// Why the network adapter does not send or receive.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LinkFailure {
-    /// The interface is down or gone.
-    Down,
-    /// The transmit queue is full; the frame was not sent.
-    QueueFull,
-    /// The frame is longer or shorter than the link can carry.
-    FrameLength {
-        /// Octets of the frame.
-        octets: usize,
-        /// Octets that the link can carry at most.
-        max: usize,
-    },
-    /// Any other error of the operating system.
-    Os {
-        /// `errno`.
-        errno: i32,
-    },
-}
-
-impl fmt::Display for LinkFailure {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match *self {
-            LinkFailure::Down => f.write_str("the interface is down"),
-            LinkFailure::QueueFull => f.write_str("the transmit queue is full"),
-            LinkFailure::FrameLength { octets, max } => {
-                write!(f, "a frame of {octets} octets, the link carries 14 to {max}")
-            }
-            LinkFailure::Os { errno } => write!(f, "system error {errno}"),
-        }
-    }
-}
-
-/// Another master of the bus on the wire.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ForeignMaster {
-    /// Who was heard: the other master, or a node that answers it; `None`: its frames do not tell.
-    pub node: Option<u8>,
-    /// MAC of the sender.
-    pub mac: [u8; 6],
-    /// The master itself was heard, and not only a node that answers it.
-    pub is_itself: bool,
-}
-
-impl fmt::Display for ForeignMaster {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let ForeignMaster {
-            node,
-            mac: [a, b, c, d, e, g],
-            ..
-        } = self;
-        let mac = format_args!("{a:02x}:{b:02x}:{c:02x}:{d:02x}:{e:02x}:{g:02x}");
-        match (node, self.is_itself) {
-            (None, _) => write!(f, "another main device is on the wire: {mac}"),
-            (Some(node), true) => write!(f, "another managing node is on the wire: {mac}, node id {node}"),
-            (Some(node), false) => write!(
-                f,
-                "another managing node is on the wire, perhaps on this PC: node {node} ({mac}) answers one"
-            ),
-        }
     }
 }
 
@@ -268,18 +176,6 @@ pub enum Fault {
         /// Number of its text in the program.
         text: u32,
     },
-}
-
-/// Something that went wrong in a scan of a program in Structured Text.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct LogicError {
-    /// What.
-    pub wrong: logic::Wrong,
-    /// Place in the program, counted from 1.
-    pub line: u32,
-    pub column: u32,
-    /// The outputs of the scan count, and the next one comes.
-    pub goes_on: bool,
 }
 
 /// What an emergency stop comes of.
@@ -531,80 +427,44 @@ impl Fault {
         logic: impl Fn(usize, Option<u32>) -> String,
         external: impl Fn(usize) -> String,
     ) -> String {
+        let sentence = self.sentence(logic, external);
+        match self.joint().map(joint).or_else(|| self.node().map(node)) {
+            Some(place) => format!("{place}: {sentence}"),
+            None => sentence,
+        }
+    }
+
+    /// The same without the joint or the node that it is about.
+    fn sentence(&self, logic: impl Fn(usize, Option<u32>) -> String, external: impl Fn(usize) -> String) -> String {
         match *self {
-            Fault::NodeLost { node: index } => format!("{}: lost, it does not answer any more", node(index)),
-            Fault::Drive { joint: index, fault } => format!("{}: {fault}", joint(index)),
-            Fault::DriveWarning { joint: index } => {
-                format!(
-                    "{}: the drive warns (bit 7 of its statusword): look at its display",
-                    joint(index)
-                )
+            Fault::NodeLost { .. } => "lost, it does not answer any more".into(),
+            Fault::Drive { fault, .. } => fault.to_string(),
+            Fault::DriveWarning { .. } => "the drive warns (bit 7 of its statusword): look at its display".into(),
+            Fault::FollowingError { error_mm, limit_mm, .. } => {
+                format!("following error {error_mm:.3} mm above {limit_mm:.3} mm")
             }
-            Fault::FollowingError {
-                joint: index,
-                error_mm,
-                limit_mm,
-                ..
-            } => {
-                format!(
-                    "{}: following error {error_mm:.3} mm above {limit_mm:.3} mm",
-                    joint(index)
-                )
+            Fault::Homing { failure, .. } => format!("not homed: {}", failure.words()),
+            Fault::SoftLimit { position_mm, line, .. } => {
+                format!("command {position_mm:.3} mm beyond its travel{}", in_line(line))
             }
-            Fault::Homing { joint: index, failure } => format!("{}: not homed: {}", joint(index), failure.words()),
-            Fault::SoftLimit {
-                joint: index,
-                position_mm,
-                line,
-            } => {
-                format!(
-                    "{}: command {position_mm:.3} mm beyond its travel{}",
-                    joint(index),
-                    in_line(line)
-                )
-            }
-            Fault::IllegalCommand { joint: index, line } => {
-                format!(
-                    "{}: command that is NaN or far from where it stands: a defect of the planner{}",
-                    joint(index),
-                    in_line(line)
-                )
-            }
+            Fault::IllegalCommand { line, .. } => format!(
+                "command that is NaN or far from where it stands: a defect of the planner{}",
+                in_line(line)
+            ),
             Fault::LimitExceeded {
-                joint: index,
                 order,
                 value,
                 limit,
                 line,
+                ..
             } => {
-                let unit = order.unit();
-                format!(
-                    "{}: commanded {order} {value:.1} {unit} above its limit, {limit:.1} {unit}: a defect of the planner{}",
-                    joint(index),
-                    in_line(line)
-                )
+                let (unit, in_line) = (order.unit(), in_line(line));
+                format!("commanded {order} {value:.1} {unit} above its limit, {limit:.1} {unit}: a defect of the planner{in_line}")
             }
             Fault::OutOfStep { fault } => format!("spindle: {fault}"),
             Fault::SpindleDrive { fault } => format!("spindle: {fault}"),
-            Fault::SpindleLate { late } => match late.measured_rpm {
-                Some(measured_rpm) => format!(
-                    "spindle: turns at {measured_rpm:.0} 1/min, wanted are {:.0}: its drive, its encoder and \
-                     spindle.0.at-speed tell why",
-                    late.wanted_rpm
-                ),
-                None => format!(
-                    "spindle: spindle.{}.at-speed does not tell that {:.0} 1/min are reached",
-                    late.spindle, late.wanted_rpm
-                ),
-            },
-            Fault::SpindleOrient { failure } => match failure {
-                OrientFailure::Late { degrees, timeout_s } => format!(
-                    "spindle: spindle.0.is-oriented does not tell within {timeout_s} s that {degrees} degrees are reached (M19)"
-                ),
-                OrientFailure::Fault { code } => {
-                    format!("spindle: what orients it reports fault {code} (spindle.0.orient-fault, M19)")
-                }
-            },
+            Fault::SpindleLate { late } => format!("spindle: {late}"),
+            Fault::SpindleOrient { failure } => format!("spindle: {failure}"),
             Fault::CountsLost { counts, .. } => format!(
                 "spindle: its encoder counted {} {} than whole turns between two indexes: look at its cable, its shield and \
                  counts_per_turn",
@@ -612,16 +472,17 @@ impl Fault {
                 if counts < 0 { "less" } else { "more" }
             ),
             Fault::InputRange {
-                node: number,
                 object: (index, sub),
                 raw,
                 limit,
-            } => format!(
-                "{}: analog input 0x{index:04X}:{sub} reads {raw}, {} {limit}: look for {}",
-                node(number),
-                if raw < limit { "below raw_min," } else { "above raw_max," },
-                if raw < limit { "an open wire or a sensor without power" } else { "a short circuit" },
-            ),
+                ..
+            } => {
+                let (beyond, look_for) = match raw < limit {
+                    true => ("below raw_min,", "an open wire or a sensor without power"),
+                    false => ("above raw_max,", "a short circuit"),
+                };
+                format!("analog input 0x{index:04X}:{sub} reads {raw}, {beyond} {limit}: look for {look_for}")
+            }
             Fault::CyclesSkipped { cycles } => format!("{cycles} cycles left out"),
             Fault::ManyOverruns { cycles } => format!(
                 "{cycles} of the last {CYCLES} cycles were skipped: `isocnc doctor` says what keeps this PC from real time"
@@ -645,35 +506,22 @@ impl Fault {
                 format!("external component {name}: {why}; its outputs have their safe values")
             }
             Fault::EmergencyStop { cause } => match cause {
-                EstopCause::Order => "emergency stop by order".into(),
-                EstopCause::Chain => "emergency stop: the chain is open (iocontrol.0.emc-enable-in)".into(),
+                EstopCause::Order => "emergency stop by order",
+                EstopCause::Chain => "emergency stop: the chain is open (iocontrol.0.emc-enable-in)",
                 EstopCause::Unwired => {
-                    "emergency stop: a net that the machine file calls \"unwired\" keeps the chain open; `isocnc check` names it".into()
+                    "emergency stop: a net that the machine file calls \"unwired\" keeps the chain open; `isocnc check` names it"
                 }
-                EstopCause::Sto { joint: index } => {
-                    format!("{}: emergency stop: the safety circuit (STO) of its drive is open", joint(index))
-                }
-            },
-            Fault::LimitSwitch { joint: index, above } => format!(
-                "{}: its {} limit switch has closed; it can be jogged the other way",
-                joint(index),
+                EstopCause::Sto { .. } => "emergency stop: the safety circuit (STO) of its drive is open",
+            }
+            .into(),
+            Fault::LimitSwitch { above, .. } => format!(
+                "its {} limit switch has closed; it can be jogged the other way",
                 if above { "upper" } else { "lower" }
             ),
             Fault::MainsLost => "the mains have failed (iocontrol.0.mains-ok)".into(),
             Fault::ForeignMaster { sign } => format!("{sign}; disconnect it or end it"),
             Fault::LinkFailed { error } => format!("network adapter: {error}"),
-            Fault::LogicError { task, error } => format!(
-                "{}:{}:{}: {}; {}",
-                logic(task, None),
-                error.line,
-                error.column,
-                error.wrong,
-                if error.goes_on {
-                    "it goes on (on_error)"
-                } else {
-                    "the program stands, its outputs have their safe values; it restarts when you acknowledge"
-                }
-            ),
+            Fault::LogicError { task, error } => format!("{}:{error}", logic(task, None)),
             Fault::LogicLate { task, scans } => format!(
                 "{}: {scans} scans in a row were not over when the next one was due; the program stands, its outputs have their safe \
                  values; it restarts when you acknowledge",

@@ -5,7 +5,7 @@
 //!
 //! | to learn | file |
 //! |---|---|
-//! | what a fault does: the one table | `faults.rs` |
+//! | what a fault does: the one table; what it comes of | `faults.rs`; `fault_causes.rs` |
 //! | what may be ordered when: the one table, from which `docs/states.md` is made | `permission.rs` |
 //! | steps from power-on to power-off, each with a time limit | `sequence.rs` |
 //! | how many skipped cycles are too many | `overruns.rs` |
@@ -18,6 +18,7 @@
 // What is public here is so for the program and its tests, and says more than its name only where there is more to say.
 #![allow(missing_docs)]
 
+mod fault_causes;
 pub mod fault_order;
 pub mod faults;
 pub mod journal;

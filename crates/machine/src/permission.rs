@@ -105,6 +105,21 @@ impl Wish {
             Wish::Stop => "stop",
         }
     }
+
+    /// Whether it is carried out by a control that was started for one program.
+    fn is_for_one_program(self) -> bool {
+        matches!(
+            self,
+            Wish::Hold
+                | Wish::Resume
+                | Wish::Skip
+                | Wish::Reverse
+                | Wish::SingleBlock
+                | Wish::OptionalStop
+                | Wish::Stop
+                | Wish::Estop
+        )
+    }
 }
 
 /// Whether the machine can move.
@@ -256,19 +271,7 @@ pub fn permit(wish: Wish, condition: &Condition) -> Result<(), Refusal> {
     if power == Power::Ending {
         return refused("the control is ending", "start it again with isocnc run");
     }
-    if !condition.stands_by
-        && !matches!(
-            wish,
-            Wish::Hold
-                | Wish::Resume
-                | Wish::Skip
-                | Wish::Reverse
-                | Wish::SingleBlock
-                | Wish::OptionalStop
-                | Wish::Stop
-                | Wish::Estop
-        )
-    {
+    if !condition.stands_by && !wish.is_for_one_program() {
         return refused(
             "this control was started for one program",
             "start it without a program to give it other orders",
