@@ -22,7 +22,7 @@
 //! | the text as it was when it was read; one that grows while it runs | `text.rs`; `growing.rs` |
 //! | what the interpreter is told of a machine; the probing cycles of `programs/probing/`, found if no folder has a file of that name | `settings.rs` |
 //! | touch-off and values set by hand, by the interpreter's own G10 | `change.rs` |
-//! | a start in the middle; dry run; exact stops of single block | `from_line.rs`; `dry_run.rs`; `exact_stops.rs` |
+//! | where a program begins; a start in the middle; dry run; exact stops of single block | `begin.rs`; `from_line.rs`; `dry_run.rs`; `exact_stops.rs` |
 //! | what a program waits for: a contact, an input, a user code | `waits.rs` |
 //! | M100 to M199; what programs log. Both only if a program runs | `user_code.rs`; `records.rs` |
 //! | the way of a program for a picture | `tool_path.rs` |
@@ -30,11 +30,13 @@
 // What is public here is so for the program and its tests, and says more than its name only where there is more to say.
 #![allow(missing_docs)]
 
+mod begin;
 mod change;
 mod check;
 mod doubts;
 mod dry_run;
 mod exact_stops;
+mod feed_error;
 mod from_line;
 pub mod growing;
 pub mod outline;
@@ -48,26 +50,26 @@ pub mod tool_path;
 mod user_code;
 pub mod waits;
 
+pub use begin::{Begin, home};
 pub use change::{Change, changed};
 pub use check::{Overview, ProgramErrors, check, check_text, error_json};
 use config::{self, Config};
 pub use doubts::{Doubt, doubts};
 use dry_run::DryRun;
+pub use feed_error::FeedError;
 pub use from_line::{approach, preview};
 use gcode::{CheckLimits, PinReader};
 use machine::motion_settings::plan_settings;
 use machine::tables::Tables;
 use motion::canon::{Position, Source};
 use motion::element::Element;
-use motion::kinematics::ToolFrame;
-use motion::path::PackedPiece;
 use motion::plan::timeline::{Task, during};
 use motion::plan::workers::Workers;
 use motion::plan::{PathPlanner, PlanErrorKind, Programmed, Pumped, SpeedPlanner};
 use motion::ring::Sink;
 use motion::rt::probe::Answer;
 use outline::Lead;
-use path::PathNews;
+use path::{PathNews, ProgrammedPath};
 use records::Sayings;
 use rt::shared::RtStatus;
 pub use settings::{interpreter_settings, modes_at_start, settings_with};
@@ -75,7 +77,7 @@ pub use stages::Threads;
 use stages::{After, BATCH, Batch, Failed, Part, Smoothing, Spare, Stage};
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU32, AtomicU64};
 use std::sync::{Arc, PoisonError, mpsc};
 use std::thread::available_parallelism;
 use std::time::Duration;
@@ -85,114 +87,12 @@ use waits::{Awaited, Known, Waits};
 /// Canonical calls that one call of [`Feeder::pump`] takes at the most.
 const EVENTS_PER_PUMP: usize = 256;
 
-/// Pieces of the programmed path that whoever judges set-points by it may have before them, and final motion ahead of the machine, s,
-/// from which on no more is read than that: all of them lie in memory.
-const PATH_AHEAD: u64 = 20_000;
-const PATH_AHEAD_S: f64 = 0.5;
-
 /// Stages that may have a thread of their own: interpreter and smoothing.
 const STAGES: usize = 2;
-
-/// Where and how a program begins.
-#[derive(Clone, Debug)]
-pub enum Begin {
-    /// At this machine position, at rest.
-    Program { at: Position },
-    /// The same for lines that are typed: in the modes that the ones before have left; `None`: as a program.
-    Mdi {
-        at: Position,
-        modes: Option<Arc<gcode::Modes>>,
-    },
-    /// Before this line, by this way.
-    FromLine {
-        at: Position,
-        line: u32,
-        approach: gcode::Approach,
-    },
-    /// One of the others, but moves at feed run at this one (mm/s or degrees/s), spindles and coolant are not switched on.
-    Dry { begin: Box<Begin>, feed_s: f64 },
-}
-
-impl Begin {
-    /// As behind homing.
-    pub fn at_home(config: &Config) -> Begin {
-        Begin::Program { at: home(config) }
-    }
-
-    /// The machine position at which it begins.
-    pub fn at(&self) -> Position {
-        match self {
-            Begin::Program { at } | Begin::Mdi { at, .. } | Begin::FromLine { at, .. } => *at,
-            Begin::Dry { begin, .. } => begin.at(),
-        }
-    }
-
-    /// The same from another place.
-    pub fn moved_to(&self, at: Position) -> Begin {
-        match self {
-            Begin::Program { .. } => Begin::Program { at },
-            Begin::Dry { begin, feed_s } => Begin::Dry {
-                begin: Box::new(begin.moved_to(at)),
-                feed_s: *feed_s,
-            },
-            Begin::FromLine { line, approach, .. } => Begin::FromLine {
-                at,
-                line: *line,
-                approach: *approach,
-            },
-            Begin::Mdi { modes, .. } => Begin::Mdi {
-                at,
-                modes: modes.clone(),
-            },
-        }
-    }
-}
 
 /// Folder of a program, in which its subroutines are looked for first.
 fn folder(program: &str) -> Option<&Path> {
     Path::new(program).parent()
-}
-
-/// Why the program cannot go on.
-#[derive(Debug)]
-pub enum FeedError {
-    Text(Box<gcode::Error>),
-    /// The plan: a limit of the machine, and the same as an error of the text.
-    Plan(PlanErrorKind, Box<gcode::Error>),
-}
-
-impl FeedError {
-    /// Whether it may come from where things are.
-    fn is_of_a_place(&self) -> bool {
-        match self {
-            // What holds wherever things are is found in the text before.
-            FeedError::Text(_) => true,
-            FeedError::Plan(kind, _) => matches!(
-                kind,
-                PlanErrorKind::Travel { .. }
-                    | PlanErrorKind::JointTravel { .. }
-                    | PlanErrorKind::Unreachable { .. }
-                    | PlanErrorKind::BadArc
-            ),
-        }
-    }
-
-    /// The place in the text, and what is wrong there.
-    pub fn of_text(&self) -> &gcode::Error {
-        match self {
-            FeedError::Text(error) | FeedError::Plan(_, error) => error,
-        }
-    }
-
-    /// `file:line:column: what`.
-    pub fn located(&self, path: &str) -> String {
-        format!("{path}:{}", self.of_text())
-    }
-
-    /// The same with the line of the program, and a mark under what is wrong.
-    pub fn render(&self, path: &str) -> String {
-        self.of_text().render(path)
-    }
 }
 
 /// How far a call of [`Feeder::pump`] came.
@@ -215,7 +115,7 @@ pub struct Feeder<'t, S: Sink<Element>> {
     batch: Batch,
     spare: Spare,
     speed: SpeedPlanner<S>,
-    ideal: Vec<Programmed>,
+    path: ProgrammedPath,
     waits: Waits,
     log_directory: Option<PathBuf>,
     /// What it prints and logs.
@@ -225,13 +125,6 @@ pub struct Feeder<'t, S: Sink<Element>> {
     workers: Workers,
     /// To the thread of smoothing.
     answers: Option<mpsc::Sender<Known>>,
-    /// Who is told of the programmed path, in place of [`Feeder::ideal_path`].
-    told: Option<mpsc::Sender<PathNews>>,
-    /// What is told behind the path of the next part.
-    news: Option<PathNews>,
-    /// Pieces of the path that have been told, and how many of them set-points have left behind.
-    path: u64,
-    path_passed: Option<Arc<AtomicU64>>,
     /// Where the operator's overrides are, and those that the plan was last made with; which of the moves are held.
     live: Option<Arc<RtStatus>>,
     overrides: [f64; 2],
@@ -296,17 +189,13 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
             smoothing: Stage::Here(Box::new(smoothing)),
             batch: Batch::default(),
             speed: SpeedPlanner::new(settings, sink, &workers),
-            ideal: Vec::new(),
+            path: ProgrammedPath::default(),
             waits,
             log_directory: config.program.log_directory.clone(),
             sayings: None,
             threads: None,
             workers,
             answers: None,
-            told: None,
-            news: None,
-            path: 0,
-            path_passed: None,
             live: None,
             overrides: [1.0; 2],
             held: [false; 2],
@@ -356,16 +245,15 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
     }
 
     /// The same that tells of the programmed path as it comes, each move before any motion along it is in the ring.
-    pub fn telling_path(self, to: mpsc::Sender<PathNews>) -> Feeder<'t, S> {
-        Feeder { told: Some(to), ..self }
+    pub fn telling_path(mut self, to: mpsc::Sender<PathNews>) -> Feeder<'t, S> {
+        self.path.tell(to);
+        self
     }
 
     /// The same that does not go far ahead of the one who judges set-points by its path: `passed` counts the pieces behind them.
-    pub fn keeping_near(self, passed: Arc<AtomicU64>) -> Feeder<'t, S> {
-        Feeder {
-            path_passed: Some(passed),
-            ..self
-        }
+    pub fn keeping_near(mut self, passed: Arc<AtomicU64>) -> Feeder<'t, S> {
+        self.path.keep_near(passed);
+        self
     }
 
     /// The same that reads pins of a running control for `#<_hal[name]>`.
@@ -460,7 +348,7 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
                     Progress::Working
                 });
             }
-            if self.is_far_ahead() {
+            if self.path.is_far_ahead(|| self.speed.sink().ahead_s()) {
                 return Ok(Progress::RingFull);
             }
             let part = self.next_part();
@@ -469,7 +357,7 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
             self.left_s = part.left_s;
             for programmed in self.batch.programmed.drain(..part.programmed) {
                 self.lead.add(programmed.piece.length());
-                self.ideal.push(programmed);
+                self.path.push(programmed);
             }
             if let Some(live) = &self.live {
                 live.set_lead(self.lead.now());
@@ -477,8 +365,7 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
             for smoothed in self.batch.smoothed.drain(..part.smoothed) {
                 self.speed.push(smoothed);
             }
-            let news = self.news.take();
-            self.tell_path(news);
+            self.path.tell_part();
             match part.after {
                 After::More => {}
                 After::Await(awaited) => {
@@ -486,7 +373,7 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
                         self.assumed = Some((self.line, awaited));
                     }
                     if self.waits.begin(awaited) && awaited == Awaited::Probe {
-                        self.tell_path(Some(PathNews::Probing));
+                        self.path.tell_news(PathNews::Probing);
                     }
                 }
                 After::Ended => self.ended = true,
@@ -526,7 +413,7 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
     fn answered(&mut self, known: Known) {
         if let Known::Machine(Answer::Probed(_)) = known {
             // How far it went comes with the next part.
-            self.news = Some(PathNews::Probed);
+            self.path.tell_behind(PathNews::Probed);
         }
         match (&mut self.smoothing, &self.answers) {
             (Stage::There(_), Some(answers)) => {
@@ -583,18 +470,8 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
         let smoothing = self.recall();
         let (way, left_s) = (smoothing.path().give_up_contact(), smoothing.left_s());
         self.left_s = left_s;
-        self.ideal.extend(way);
-        self.tell_path(Some(PathNews::Probed));
-    }
-
-    /// Tells how the programmed path goes on, and what comes behind that.
-    fn tell_path(&mut self, news: Option<PathNews>) {
-        let Some(told) = &self.told else { return };
-        self.path += self.ideal.len() as u64;
-        let ways = self.ideal.drain(..);
-        let ways = ways.map(|part| PathNews::Way(PackedPiece::from(&part.piece)));
-        // Who does not listen any more does not want to know.
-        ways.chain(news).for_each(|news| drop(told.send(news)));
+        way.into_iter().for_each(|part| self.path.push(part));
+        self.path.tell_news(PathNews::Probed);
     }
 
     /// Planned time of a program whose probing moves ended where the machine touched something, s: of the ways that they and
@@ -620,14 +497,7 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
     /// Programmed path since the last call, before corners were rounded; machine coordinates. A probing move is told when it is
     /// over, as far as it went.
     pub fn ideal_path(&mut self) -> std::vec::Drain<'_, Programmed> {
-        self.path += self.ideal.len() as u64;
-        self.ideal.drain(..)
-    }
-
-    /// Whether there is more path before the set-points than need be.
-    fn is_far_ahead(&mut self) -> bool {
-        let Some(passed) = &self.path_passed else { return false };
-        self.path - passed.load(Ordering::Relaxed) > PATH_AHEAD && self.speed.sink().ahead_s() > Some(PATH_AHEAD_S)
+        self.path.take()
     }
 
     /// Pauses until there may be something to do: an order comes, or the machine has moved on for `most`.
@@ -690,16 +560,6 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
     pub fn line(&self) -> u32 {
         self.line
     }
-}
-
-/// Machine position after homing.
-pub fn home(config: &Config) -> Position {
-    let joints: Vec<f64> = config.joints.iter().map(|joint| joint.homing.position_mm).collect();
-    // Carriages of a delta may be homed where no rods could be; from there no program begins.
-    config
-        .kinematics()
-        .forward(&ToolFrame::OFF, &joints)
-        .unwrap_or_default()
 }
 
 /// Settings of a program that is planned.
