@@ -1,7 +1,11 @@
 //! Joints on a table: the payloads go straight to drives that follow without a lag.
 
+use super::touch::Touch;
 use super::*;
+use bus::layout::Layout;
 use cia402::device::{Control, DRIVE_OBJECTS, Delays, Demand, Device, Sensors};
+use config::DriveMode;
+use motion::rt::Pid;
 use obd::{Dictionary, Scalar};
 use std::path::Path;
 
