@@ -5,73 +5,19 @@
 //!
 //! `IoPins::new` and what it calls are for start-up; the rest is RT.
 
-use super::analog::AnalogDrives;
-use super::counter::Counter;
-use super::spindle::Spindle;
+mod counter;
+mod objects;
+
+use crate::analog::AnalogDrives;
+use crate::spindle::Spindle;
 use bus::layout::Field;
 use bus::plan::NodePlan;
-use bus::{InputImage, NodeIndex, OutputImage};
-use config::{Channel, ChannelKind, Config, Follow, Mapped, Node, ObjectKind, Profile};
+use bus::{InputImage, OutputImage};
+use config::{Channel, ChannelKind, Config, Mapped, Node, ObjectKind, Profile};
+use counter::CounterPins;
 use hal_pins::{Hal, HalError, Input, Output};
 use machine::faults::Fault;
-
-/// An object in the payload of a node.
-#[derive(Clone, Copy)]
-struct Place {
-    node: NodeIndex,
-    field: Field,
-    kind: ObjectKind,
-}
-
-impl Place {
-    fn read(&self, payload: &[u8]) -> u64 {
-        self.field.read(payload)
-    }
-
-    /// The number; of a real one the whole part.
-    fn whole(&self, payload: &[u8]) -> i64 {
-        match self.kind {
-            ObjectKind::Signed => self.field.read_signed(payload),
-            ObjectKind::Unsigned | ObjectKind::Bits => i64::try_from(self.read(payload)).unwrap_or(i64::MAX),
-            ObjectKind::Real => self.number(payload) as i64,
-        }
-    }
-
-    fn number(&self, payload: &[u8]) -> f64 {
-        match (self.kind, self.field.object.bits) {
-            (ObjectKind::Real, 32) => f64::from(f32::from_bits(self.read(payload) as u32)),
-            (ObjectKind::Real, _) => f64::from_bits(self.read(payload)),
-            (ObjectKind::Signed, _) => self.field.read_signed(payload) as f64,
-            (ObjectKind::Unsigned | ObjectKind::Bits, _) => self.read(payload) as f64,
-        }
-    }
-
-    /// Least and greatest number that the object holds.
-    fn range(&self) -> [f64; 2] {
-        let bits = i32::from(self.field.object.bits);
-        match self.kind {
-            ObjectKind::Signed => [-(2.0_f64.powi(bits - 1)), 2.0_f64.powi(bits - 1) - 1.0],
-            ObjectKind::Unsigned | ObjectKind::Bits => [0.0, 2.0_f64.powi(bits) - 1.0],
-            ObjectKind::Real => [f64::MIN, f64::MAX],
-        }
-    }
-
-    /// The nearest number that the object holds; what is no number is written as 0.
-    fn write_number(&self, payload: &mut [u8], number: f64) {
-        let octets = match (self.kind, self.field.object.bits) {
-            (ObjectKind::Real, _) if number.is_nan() => 0,
-            (ObjectKind::Real, 32) => {
-                let most = f64::from(f32::MAX);
-                u64::from((number.clamp(-most, most) as f32).to_bits())
-            }
-            (ObjectKind::Real, _) => number.to_bits(),
-            // Conversions end at the greatest number, and take NaN as 0.
-            (ObjectKind::Signed, _) => number.round() as i64 as u64,
-            (ObjectKind::Unsigned | ObjectKind::Bits, _) => number.round() as u64,
-        };
-        self.field.write(payload, octets);
-    }
-}
+use objects::{Driven, Place, Shown};
 
 struct BitIn {
     place: Place,
@@ -83,86 +29,6 @@ struct BitOut {
     place: Place,
     bit: u32,
     pin: Input<bool>,
-}
-
-/// A whole object shown by one pin: an input, or what a channel makes of an output.
-struct Shown {
-    place: Place,
-    pin: ShownPin,
-}
-
-enum ShownPin {
-    S32(Output<i32>),
-    U32(Output<u32>),
-    S64(Output<i64>),
-    U64(Output<u64>),
-    Real(Output<f64>),
-}
-
-impl Shown {
-    fn new(hal: &mut Hal, name: &str, place: Place) -> Result<Shown, HalError> {
-        let pin = match (place.kind, place.field.object.bits) {
-            (ObjectKind::Real, _) => ShownPin::Real(hal.output(name)?),
-            (ObjectKind::Signed, 64) => ShownPin::S64(hal.output(name)?),
-            (ObjectKind::Signed, _) => ShownPin::S32(hal.output(name)?),
-            (ObjectKind::Unsigned | ObjectKind::Bits, 64) => ShownPin::U64(hal.output(name)?),
-            (ObjectKind::Unsigned | ObjectKind::Bits, _) => ShownPin::U32(hal.output(name)?),
-        };
-        Ok(Shown { place, pin })
-    }
-
-    fn show(&mut self, payload: &[u8]) {
-        match &mut self.pin {
-            ShownPin::S32(pin) => pin.set(self.place.whole(payload) as i32),
-            ShownPin::U32(pin) => pin.set(self.place.read(payload) as u32),
-            ShownPin::S64(pin) => pin.set(self.place.whole(payload)),
-            ShownPin::U64(pin) => pin.set(self.place.read(payload)),
-            ShownPin::Real(pin) => pin.set(self.place.number(payload)),
-        }
-    }
-}
-
-/// A whole object set by one pin.
-struct Driven {
-    place: Place,
-    pin: DrivenPin,
-}
-
-enum DrivenPin {
-    S32(Input<i32>),
-    U32(Input<u32>),
-    S64(Input<i64>),
-    U64(Input<u64>),
-    Real(Input<f64>),
-}
-
-impl Driven {
-    fn new(hal: &mut Hal, name: &str, place: Place) -> Result<Driven, HalError> {
-        let pin = match (place.kind, place.field.object.bits) {
-            (ObjectKind::Real, _) => DrivenPin::Real(hal.input(name, 0.0)?),
-            (ObjectKind::Signed, 64) => DrivenPin::S64(hal.input(name, 0)?),
-            (ObjectKind::Signed, _) => DrivenPin::S32(hal.input(name, 0)?),
-            (ObjectKind::Unsigned | ObjectKind::Bits, 64) => DrivenPin::U64(hal.input(name, 0)?),
-            (ObjectKind::Unsigned | ObjectKind::Bits, _) => DrivenPin::U32(hal.input(name, 0)?),
-        };
-        Ok(Driven { place, pin })
-    }
-
-    /// Numbers beyond what the object holds are written as the nearest one.
-    fn write(&self, payload: &mut [u8]) {
-        let [least, most] = self.place.range();
-        let clamp = |number: f64| self.place.field.object.bits < 64 && !(least..=most).contains(&number);
-        let octets = match &self.pin {
-            DrivenPin::S32(pin) if clamp(pin.get().into()) => f64::from(pin.get()).clamp(least, most) as i64 as u64,
-            DrivenPin::U32(pin) if clamp(pin.get().into()) => f64::from(pin.get()).clamp(least, most) as u64,
-            DrivenPin::S32(pin) => i64::from(pin.get()) as u64,
-            DrivenPin::U32(pin) => u64::from(pin.get()),
-            DrivenPin::S64(pin) => pin.get() as u64,
-            DrivenPin::U64(pin) => pin.get(),
-            DrivenPin::Real(pin) => return self.place.write_number(payload, pin.get()),
-        };
-        self.place.field.write(payload, octets);
-    }
 }
 
 struct AnalogIn {
@@ -237,113 +103,6 @@ struct Relay {
 
 /// A node that has been silent for so long, s, and for three of its rounds, may have been restarted meanwhile.
 const OUT_OF_SIGHT_S: f64 = 0.1;
-
-/// LinuxCNC's pins of an encoder. A pin has one writer here: `index-enable` stays as it is, and `indexed` says that it was found.
-struct CounterPins {
-    place: Place,
-    follow: Follow,
-    latch: Option<Field>,
-    counter: Counter,
-    /// Last cycle in which a value came.
-    seen: u64,
-    cycle_s: f64,
-    out_of_sight_s: f64,
-    counts: Output<i32>,
-    position: Output<f64>,
-    velocity: Output<f64>,
-    reset: Input<bool>,
-    index: Option<IndexPins>,
-}
-
-struct IndexPins {
-    enable: Input<bool>,
-    indexed: Output<bool>,
-    counts_latched: Output<i32>,
-    position_latched: Output<f64>,
-    enabled_before: bool,
-    zero_wanted: bool,
-}
-
-impl CounterPins {
-    fn new(
-        hal: &mut Hal,
-        name: &str,
-        place: Place,
-        follow: Follow,
-        latch: Option<Field>,
-        [cycle_s, out_of_sight_s]: [f64; 2],
-    ) -> Result<CounterPins, HalError> {
-        let pin = |name: &str, pin: &str| format!("{name}.{pin}");
-        let index = match latch {
-            None => None,
-            Some(_) => Some(IndexPins {
-                enable: hal.input(&pin(name, "index-enable"), false)?,
-                indexed: hal.output(&pin(name, "indexed"))?,
-                counts_latched: hal.output(&pin(name, "counts-latched"))?,
-                position_latched: hal.output(&pin(name, "position-latched"))?,
-                enabled_before: false,
-                zero_wanted: false,
-            }),
-        };
-        Ok(CounterPins {
-            place,
-            follow,
-            latch,
-            counter: Counter::new(place.field.object.bits),
-            seen: 0,
-            cycle_s,
-            out_of_sight_s,
-            counts: hal.output(&pin(name, "counts"))?,
-            position: hal.output(&pin(name, "position"))?,
-            velocity: hal.output(&pin(name, "velocity"))?,
-            reset: hal.input(&pin(name, "reset"), false)?,
-            index,
-        })
-    }
-
-    fn show(&mut self, payload: &[u8], cycle: u64) {
-        if let Some(index) = &mut self.index {
-            let enabled = index.enable.get();
-            match (enabled, std::mem::replace(&mut index.enabled_before, enabled)) {
-                (true, false) => {
-                    self.counter.arm();
-                    index.zero_wanted = true;
-                    index.indexed.set(false);
-                }
-                (false, true) => {
-                    self.counter.disarm();
-                    index.zero_wanted = false;
-                }
-                _ => {}
-            }
-        }
-        let latch = self.latch.map(|latch| latch.read(payload));
-        if (cycle - std::mem::replace(&mut self.seen, cycle)) as f64 * self.cycle_s > self.out_of_sight_s {
-            self.counter.lose_sight();
-        }
-        self.counter.update(cycle, self.place.read(payload), latch);
-        if self.reset.get() {
-            self.counter.reset();
-        }
-        let per_count = 1.0 / self.follow.counts_per_unit;
-        let counts = self.counter.counts();
-        // LinuxCNC's pin has 32 bits, which wrap; the position goes on.
-        self.counts.set(counts as i32);
-        self.position.set(counts as f64 * per_count);
-        self.velocity
-            .set(self.counter.counts_per_cycle() * per_count / self.cycle_s);
-        if let Some(index) = &mut self.index
-            && let Some(latched) = self.counter.latched()
-        {
-            index.counts_latched.set(latched as i32);
-            index.position_latched.set(latched as f64 * per_count);
-            if index.zero_wanted && !self.counter.is_armed() {
-                index.zero_wanted = false;
-                index.indexed.set(true);
-            }
-        }
-    }
-}
 
 /// Pins of a counter, and the name of its channel: more than any other channel has.
 const CHANNEL_PINS: usize = 9;
