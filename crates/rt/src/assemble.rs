@@ -13,12 +13,11 @@ use super::pins::Pins;
 use super::shared::{OperatorEndpoints, RtStatus};
 use super::steps::StepDrives;
 use crate::joint_jog::JointJog;
-use crate::way_back::{Retract, WayBack};
+use crate::way_back::WayBack;
 use anyhow::{Context, anyhow};
 use bus::plan::NodePlan;
 use bus::{CyclicBus, InputImage, OutputImage};
-use cia402::axis::Request;
-use config::{Config, Joint, StopCategory};
+use config::{Config, Joint};
 use hal_pins::Hal;
 use machine::overruns::Overruns;
 use motion::rt::{Monitor, MonitorLimits};
@@ -54,34 +53,45 @@ pub fn assemble<B: CyclicBus>(
         )
     })?;
     let cycle_s = f64::from(config.cycle_us) * 1e-6;
-    let pins = Pins::new(hal, config, plans, &steps).context("pins")?;
-    let logic = pins.logic.desk();
+    let Pins {
+        machine: pins,
+        nodes,
+        estop,
+        feed,
+        probe,
+        desk,
+        jog,
+        spindles,
+        plc,
+        program_inputs,
+        program_outputs,
+        changer,
+    } = Pins::new(hal, config, plans, &steps).context("pins")?;
+    let logic = plc.logic.desk();
     let parts = CycleParts {
         outputs: OutputImage::new(plans.iter().map(|plan| plan.outputs.octets)),
         inputs: InputImage::new(plans.iter().map(|plan| plan.inputs.octets)),
+        nodes,
         drives,
         steps,
         analog: AnalogDrives::new(config, plans),
-        nodes: config.bus.nodes.len(),
         kinematics: config.kinematics(),
         monitor: Monitor::new(&config.joints.iter().map(monitor_limits).collect::<Vec<_>>(), cycle_s),
         hand: JointJog::new(config),
-        probe_stops_jog: config.probe_stops_jog,
-        optional_stop: config.program.optional_stop,
+        jog,
         way_back: WayBack::new(config),
-        estop: match config.estop_category {
-            StopCategory::Zero => Request::CutPower,
-            StopCategory::One => Request::QuickStop,
-        },
-        retract: Retract::new(config),
         homer: Homer::new(config),
+        probe,
+        spindles,
+        changer,
+        program_inputs,
+        program_outputs,
+        feed,
+        desk,
+        estop,
+        plc,
         pins,
         overruns: Overruns::new(config.rt.overruns_warn, config.rt.overruns_stop),
-        waits_for_answers: match config.bus.soc_lost_max {
-            Some(_) => 0,
-            None => config.bus.pres_lost_max,
-        },
-        mandatory: config.bus.nodes.iter().map(|node| node.mandatory).collect(),
         cycle_s,
     };
     let outlets = RtEndpoints {
@@ -90,6 +100,8 @@ pub fn assemble<B: CyclicBus>(
         trace: trace_in,
         finished: finished_in,
         live: live.clone(),
+        notices_lost: 0,
+        trace_lost: 0,
     };
     let control = MotionController::new(bus, parts, outlets);
     Ok((

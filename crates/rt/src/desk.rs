@@ -5,6 +5,7 @@
 //!
 //! RT: nothing allocates but [`DeskPins::new`].
 
+use config::Config;
 use hal_pins::{Hal, HalError, Input, Output};
 use machine::faults::Reaction;
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, AtomicU64, Ordering::Relaxed};
@@ -49,6 +50,11 @@ impl Desk {
         self.tool.store(tool, Relaxed);
     }
 
+    /// Which one it is.
+    pub fn tool(&self) -> u32 {
+        self.tool.load(Relaxed)
+    }
+
     /// Whether a pin has asked since the last call to leave out lines that begin with /, or not to.
     pub fn take_block_delete(&self) -> Option<bool> {
         match self.wanted.swap(0, Relaxed) {
@@ -63,12 +69,35 @@ impl Desk {
     }
 }
 
+/// A pin of which a rising edge acts.
+pub struct Button {
+    pin: Input<bool>,
+    before: bool,
+}
+
+impl Button {
+    /// # Errors
+    /// Shared memory too small.
+    pub fn new(hal: &mut Hal, name: &str) -> Result<Button, HalError> {
+        Ok(Button {
+            pin: hal.input(name, false)?,
+            before: false,
+        })
+    }
+
+    /// Whether it has risen since the last call.
+    pub fn take(&mut self) -> bool {
+        let now = self.pin.get();
+        let before = std::mem::replace(&mut self.before, now);
+        now && !before
+    }
+}
+
 /// `.on` and `.off`, of which a rising edge acts, and `.is-on`.
 pub struct SwitchPins {
-    on: Input<bool>,
-    off: Input<bool>,
+    on: Button,
+    off: Button,
     is_on: Output<bool>,
-    before: [bool; 2],
 }
 
 impl SwitchPins {
@@ -76,18 +105,15 @@ impl SwitchPins {
     /// Shared memory too small.
     pub fn new(hal: &mut Hal, name: &str) -> Result<SwitchPins, HalError> {
         Ok(SwitchPins {
-            on: hal.input(&format!("{name}.on"), false)?,
-            off: hal.input(&format!("{name}.off"), false)?,
+            on: Button::new(hal, &format!("{name}.on"))?,
+            off: Button::new(hal, &format!("{name}.off"))?,
             is_on: hal.output(&format!("{name}.is-on"))?,
-            before: [false; 2],
         })
     }
 
     /// What is wanted, if one of them has risen since the last call; off wins.
     pub fn take(&mut self) -> Option<bool> {
-        let now = [&self.on, &self.off].map(Input::get);
-        let before = std::mem::replace(&mut self.before, now);
-        match [0, 1].map(|pin| now[pin] && !before[pin]) {
+        match [self.on.take(), self.off.take()] {
             [_, true] => Some(false),
             [true, false] => Some(true),
             [false, false] => None,
@@ -99,90 +125,84 @@ impl SwitchPins {
     }
 }
 
+/// Buttons for programs.
+pub struct ProgramButtons {
+    resume: Button,
+    stop: Button,
+}
+
+impl ProgramButtons {
+    /// # Errors
+    /// Shared memory too small.
+    pub fn new(hal: &mut Hal) -> Result<ProgramButtons, HalError> {
+        Ok(ProgramButtons {
+            resume: Button::new(hal, "halui.program.resume")?,
+            stop: Button::new(hal, "halui.program.stop")?,
+        })
+    }
+}
+
 /// All pins of it.
 pub struct DeskPins {
+    program: ProgramButtons,
+    optional_stop: SwitchPins,
+    /// M1 stops.
+    stops_optionally: bool,
     block_delete: SwitchPins,
     count: Output<u64>,
     target: Output<u64>,
-    reset: Input<bool>,
-    reset_before: bool,
-    tool: Output<u32>,
-    /// A program has put it there, of which the operator's loop has not heard yet.
-    changed_to: Option<u32>,
+    reset: Button,
 }
 
 impl DeskPins {
     /// # Errors
     /// Shared memory too small.
-    pub fn new(hal: &mut Hal) -> Result<DeskPins, HalError> {
+    pub fn new(hal: &mut Hal, config: &Config, program: ProgramButtons) -> Result<DeskPins, HalError> {
         Ok(DeskPins {
+            program,
+            optional_stop: SwitchPins::new(hal, "halui.program.optional-stop")?,
+            stops_optionally: config.program.optional_stop,
             block_delete: SwitchPins::new(hal, "halui.program.block-delete")?,
             count: hal.output("halui.parts.count")?,
             target: hal.output("halui.parts.target")?,
-            reset: hal.input("halui.parts.reset", false)?,
-            reset_before: false,
-            tool: hal.output("iocontrol.0.tool-number")?,
-            changed_to: None,
+            reset: Button::new(hal, "halui.parts.reset")?,
         })
     }
 
-    /// The tool in the spindle, 0: none.
-    pub fn tool(&self) -> u32 {
-        self.tool.get()
+    /// Whether the resume pin has risen since the last call.
+    pub fn take_resume(&mut self) -> bool {
+        self.program.resume.take()
     }
 
-    /// A program has changed the tool in the spindle.
-    pub fn set_tool(&mut self, tool: u32) {
-        self.tool.set(tool);
-        self.changed_to = Some(tool);
+    /// Whether the stop pin has risen since the last call.
+    pub fn take_stop(&mut self) -> bool {
+        self.program.stop.take()
+    }
+
+    /// Whether M1 stops.
+    pub fn stops_optionally(&self) -> bool {
+        self.stops_optionally
+    }
+
+    /// From now on M1 stops, or does not.
+    pub fn set_optional_stop(&mut self, on: bool) {
+        self.stops_optionally = on;
     }
 
     /// Once a cycle.
     pub fn follow(&mut self, desk: &Desk) {
+        if let Some(on) = self.optional_stop.take() {
+            self.stops_optionally = on;
+        }
+        self.optional_stop.show(self.stops_optionally);
         if let Some(on) = self.block_delete.take() {
             desk.wanted.store(if on { 2 } else { 1 }, Relaxed);
         }
-        let reset = self.reset.get();
-        if reset && !self.reset_before {
+        if self.reset.take() {
             desk.reset.store(true, Relaxed);
         }
-        self.reset_before = reset;
         self.block_delete.show(desk.block_delete.load(Relaxed));
         self.count.set(desk.parts[0].load(Relaxed));
         self.target.set(desk.parts[1].load(Relaxed));
-        let tool = desk.tool.load(Relaxed);
-        if self.changed_to.is_none_or(|changed_to| changed_to == tool) {
-            self.changed_to = None;
-            self.tool.set(tool);
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_tool_in_the_spindle_is_never_the_one_before() {
-        let folder = tempfile::tempdir().unwrap();
-        let mut hal = Hal::create_in(&[folder.path().to_owned()], "desk", 64).unwrap();
-        let mut pins = DeskPins::new(&mut hal).unwrap();
-        let desk = Desk::default();
-        desk.show_tool(3);
-        pins.follow(&desk);
-        assert_eq!(pins.tool.get(), 3, "as it was kept");
-        pins.set_tool(5);
-        assert_eq!(pins.tool.get(), 5);
-        pins.follow(&desk);
-        assert_eq!(pins.tool.get(), 5, "the loop has not heard of it yet");
-        pins.set_tool(7);
-        desk.show_tool(5);
-        pins.follow(&desk);
-        assert_eq!(pins.tool.get(), 7, "nor of that");
-        desk.show_tool(7);
-        pins.follow(&desk);
-        desk.show_tool(2);
-        pins.follow(&desk);
-        assert_eq!(pins.tool.get(), 2, "the table of a random changer was set by hand");
     }
 }

@@ -13,7 +13,7 @@
 //! RT: nothing allocates but [`Homer::new`].
 
 use super::drives::Drives;
-use super::pins::Pins;
+use super::machine_pins::MachinePins;
 use crate::joint_jog;
 use config::{Config, HomeSwitch, HomingBy, JOINTS_MAX};
 use motion::rt::homing::{Homing, HomingInput, HomingJoint, HomingStatus, HomingWay};
@@ -163,7 +163,7 @@ impl Homer {
     }
 
     /// One cycle further: positions of the joints that home, mm; others stay as they are. RT.
-    pub fn step(&mut self, drives: &Drives, pins: &Pins, command_mm: &mut [f64]) {
+    pub fn step(&mut self, drives: &Drives, pins: &MachinePins, command_mm: &mut [f64]) {
         for (number, (place, drive)) in self.joints.iter().zip(drives.iter()).enumerate() {
             let Some(place) = place else { continue };
             self.inputs[number] = HomingInput {

@@ -1,4 +1,4 @@
-//! Inputs and outputs that programs name by number: M62 to M68.
+//! Inputs and outputs that programs read and set: M62 to M68 by number, coolant by M7 to M9.
 //!
 //! In:  pins that others drive, once a cycle; what the program sets or waits for.
 //! Out: pins that others read; what an input was found to be.
@@ -10,11 +10,14 @@ use hal_pins::{Hal, HalError, Input, Output};
 use motion::canon::{self, WaitMode};
 use motion::element::Outputs;
 
-/// `motion.digital-out-NN` and `motion.analog-out-NN`. They keep their values until a program sets them otherwise: through its end,
-/// a stop, a fault, and power off of the drives.
+/// `motion.digital-out-NN`, `motion.analog-out-NN` and coolant. Those with a number keep their values until a program sets them
+/// otherwise: through its end, a stop, a fault, and power off of the drives.
 pub struct OutputPins {
     digital: Vec<Output<bool>>,
     analog: Vec<Output<f64>>,
+    /// M8 and M7, which are off behind the end of a program.
+    flood: Output<bool>,
+    mist: Output<bool>,
 }
 
 impl OutputPins {
@@ -32,6 +35,8 @@ impl OutputPins {
             analog: analog
                 .map(|index| hal.output(&format!("motion.analog-out-{index:02}")))
                 .collect::<Result<_, _>>()?,
+            flood: hal.output("iocontrol.0.coolant-flood")?,
+            mist: hal.output("iocontrol.0.coolant-mist")?,
         })
     }
 
@@ -47,6 +52,16 @@ impl OutputPins {
                 pin.set(value);
             }
         }
+    }
+
+    /// M8, M9. RT.
+    pub fn set_flood(&mut self, on: bool) {
+        self.flood.set(on);
+    }
+
+    /// M7, M9. RT.
+    pub fn set_mist(&mut self, on: bool) {
+        self.mist.set(on);
     }
 
     /// M64, M65. RT.

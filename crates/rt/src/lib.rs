@@ -9,6 +9,7 @@
 //! | to learn | file |
 //! |---|---|
 //! | what a cycle does, in order; orders; faults and stops | `cycle/mod.rs`; `cycle/orders.rs`; `cycle/stops.rs` |
+//! | set-points; what a program wants beside motion; states | `cycle/set_points.rs`; `cycle/actions.rs`; `cycle/states.rs` |
 //! | when a cycle begins, and how its dates follow the clock of the bus | `thread.rs` |
 //! | what watches the cycle and ends waits | `timeout/mod.rs`, its decisions in `timeout/watchdog/mod.rs` |
 //! | what crosses the border to the ordinary threads | `shared.rs` |
@@ -16,14 +17,16 @@
 //! | drives: payload fields to millimetres and back, where a drive counts 0 | `drives/mod.rs` |
 //! | drives in this process, controlled like those on the bus | `local_drive.rs`; with step pulses `steps/`, behind an I/O node `analog.rs` |
 //! | the gains of a position loop while it runs (the loop is in `motion::rt`) | `loop_pins.rs` |
-//! | the spindle; a CiA 402 drive that turns it; its place from a counter | `spindle.rs`; `spindle_drive.rs`; `encoder.rs`, `counter.rs` |
+//! | the spindle; a CiA 402 drive that turns it; its place from a counter | `spindle/`; `spindle/drive.rs`; `encoder.rs`, `counter.rs` |
+//! | which part has which pins, and the order in which they are made | `pins.rs` |
+//! | nodes on the bus and their pins; the emergency stop chain; the tool changer | `nodes.rs`; `estop_chain.rs`; `tool_changer.rs` |
 //! | joints moved by hand; axes of machines whose joints are not their axes | `joint_jog.rs`; `axis_jog.rs` |
 //! | how a machine that was jogged away returns to its held program | `way_back.rs` |
 //! | homing of joints whose drives do not home: switches, latched zero marks | `homing.rs` |
 //! | who carries out an override | `overrides.rs` |
 //! | what a program that stands still waits for, and what releases it | `waiting.rs` |
 //! | inputs and outputs of programs (M62 to M68); channels of I/O nodes by type, name and unit | `io_pins.rs`; `io_channels.rs` |
-//! | components before and after motion; pins that other processes write | `components.rs`; `external.rs` |
+//! | components before and after motion; pins that other processes write | `plc.rs`, `components.rs`; `external.rs` |
 //! | programs in Structured Text: a scan gets the inputs of one cycle and shows in one cycle | `logic/mod.rs`; what ordinary threads see: `logic/desk.rs` |
 //! | what is recorded of each cycle, in windows that can be cut while it runs; time of its parts on request | `cycle_stats.rs`; `cycle/laps.rs` |
 //!
@@ -68,7 +71,9 @@ pub mod cycle_stats;
 pub mod desk;
 pub mod drives;
 pub mod encoder;
+pub mod estop_chain;
 pub mod external;
+pub mod feed_pins;
 pub mod homing;
 pub mod io_channels;
 pub mod io_pins;
@@ -77,19 +82,24 @@ pub mod joint_jog;
 pub mod local_drive;
 pub mod logic;
 pub mod loop_pins;
+pub mod machine_pins;
+pub mod nodes;
 pub mod override_pins;
 pub mod overrides;
 pub mod phase;
 pub mod pins;
+pub mod plc;
+pub mod probe;
 pub mod recent;
 pub mod shared;
 pub mod spindle;
-mod spindle_drive;
 pub mod step_pins;
 pub mod steps;
 pub mod thread;
 pub mod timeout;
 pub mod times;
+mod timing_pins;
+pub mod tool_changer;
 pub mod tool_pockets;
 pub mod waiting;
 pub mod way_back;

@@ -4,10 +4,10 @@
 //!
 //! Names are those of LinuxCNC's component `pid`, in lower case. Limits are those of the machine file only.
 //!
-//! RT: nothing allocates but [`LoopPins::new`].
+//! RT: nothing allocates but [`LoopPins::of_machine`].
 
 use super::drives::Drives;
-use config::GAIN_MAX;
+use config::{Config, GAIN_MAX};
 use hal_pins::{Hal, HalError, Input, Output};
 use motion::rt::PidGains;
 
@@ -44,11 +44,20 @@ pub struct LoopPins {
 }
 
 impl LoopPins {
-    /// Gains begin as the machine file has them.
+    /// Those of all joints whose loops the control closes.
     ///
     /// # Errors
     /// Shared memory too small.
-    pub fn new(hal: &mut Hal, joint: usize, gains: &PidGains) -> Result<LoopPins, HalError> {
+    pub fn of_machine(hal: &mut Hal, config: &Config) -> Result<Vec<LoopPins>, HalError> {
+        let with_loop = config.joints.iter().enumerate();
+        let with_loop = with_loop.filter_map(|(joint, of_joint)| Some((joint, of_joint.pid.as_ref()?)));
+        with_loop
+            .map(|(joint, gains)| LoopPins::new(hal, joint, gains))
+            .collect()
+    }
+
+    /// Gains begin as the machine file has them.
+    pub(super) fn new(hal: &mut Hal, joint: usize, gains: &PidGains) -> Result<LoopPins, HalError> {
         let mut input = |name: &str, value: f64| hal.input(&format!("pid.{joint}.{name}"), value);
         let [ff0, ff1, ff2, ff3] = gains.ff;
         let gains = [

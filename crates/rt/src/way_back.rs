@@ -1,7 +1,8 @@
 //! The way back to the path, for a program that was held while the machine was moved by hand.
 //!
 //! In:  where the program rests on its path; where the hand has left the machine.
-//! Out: orders for the hand, one after the other: the tool up, the other axes beside, the tool down, the last bit of it slowly.
+//! Out: orders for the hand, one after the other: the tool up, the other axes beside, the tool down, the last bit of it slowly;
+//! or the tool out of the work, when the mains fail.
 //!
 //! RT: nothing allocates.
 
@@ -52,6 +53,8 @@ pub struct WayBack {
     leg: Leg,
     /// The hand has its orders for this leg.
     ordered: bool,
+    /// What to do with the tool when the mains fail.
+    retract: Option<Retract>,
 }
 
 impl WayBack {
@@ -63,7 +66,21 @@ impl WayBack {
             lifts: [joints, 1 << Axis::Z as u64],
             leg: Leg::Up,
             ordered: false,
+            retract: Retract::new(config),
         }
+    }
+
+    /// Whether the tool leaves the work when the mains fail.
+    pub fn can_retract(&self) -> bool {
+        self.retract.is_some()
+    }
+
+    /// Lets the hand, which rests with all joints at `joints_mm`, lead the tool out of the work, as far as the machine file says.
+    pub fn retract(&self, joints_mm: &[f64], hand: &mut JointJog) {
+        let Some(retract) = &self.retract else { return };
+        hand.begin_to_go(joints_mm);
+        let number = retract.numbers[usize::from(hand.is_in_world())];
+        hand.go_by(number, retract.distance_mm, hand.fastest(number));
     }
 
     /// Begins, from rest.
@@ -150,16 +167,16 @@ impl WayBack {
 
 /// The way of the tool out of the work when the mains fail.
 #[derive(Clone, Copy, Debug)]
-pub struct Retract {
+struct Retract {
     /// The joint that leads, and the axis, by which the hand knows it.
-    pub numbers: [usize; 2],
+    numbers: [usize; 2],
     /// Distance; its sign is the direction.
-    pub distance_mm: f64,
+    distance_mm: f64,
 }
 
 impl Retract {
     /// As the machine file says; `None`: it stays where it stops.
-    pub fn new(config: &Config) -> Option<Retract> {
+    fn new(config: &Config) -> Option<Retract> {
         let (axis, distance_mm) = (config.mains.retract_axis, config.mains.retract_mm);
         let map = config.axes.iter().find(|map| map.axis == axis)?;
         let joint = *map.joints.first()?;

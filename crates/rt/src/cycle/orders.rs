@@ -33,29 +33,26 @@ impl MotionController<dyn CyclicBus + '_> {
             // Reads the clock, which is no system call.
             self.outlets.live.show_order(monotonic_ns());
         }
-        let [pressed, reset] = self.parts.pins.take_estop();
+        let [pressed, reset] = self.parts.estop.take();
         if pressed {
             self.obey(Command::Estop);
         }
         if reset && !pressed && !estop {
             self.obey(Command::EstopReset);
         }
-        if let Some(on) = self.parts.pins.optional_stop.take() {
-            self.optional_stop = on;
-        }
-        self.parts.pins.optional_stop.show(self.optional_stop);
-        self.parts.pins.desk.follow(&self.outlets.live.desk);
-        if self.parts.pins.take_stop() {
+        self.parts.desk.follow(&self.outlets.live.desk);
+        self.parts.changer.follow(&self.outlets.live.desk);
+        if self.parts.desk.take_stop() {
             self.obey(Command::Stop);
             // What is still to come of a job the cycle does not know.
             self.notice(Notice::StopPressed);
         }
-        if self.parts.pins.take_resume() {
+        if self.parts.desk.take_resume() {
             self.obey(Command::Resume);
         }
         let homed = self.homed();
-        for number in 0..self.parts.pins.jog.count() {
-            let wanted = self.parts.pins.jog.take(number, &self.parts.hand, homed);
+        for number in 0..self.parts.jog.count() {
+            let wanted = self.parts.jog.take(number, &self.parts.hand, homed);
             for order in wanted.into_iter().flatten() {
                 self.obey(Command::Jog(order));
             }
@@ -94,42 +91,50 @@ impl MotionController<dyn CyclicBus + '_> {
                 self.start(program, mdi);
             }
             (Command::Start { program, .. }, _) => {
-                self.give_back(program);
+                self.outlets.give_back(program);
                 self.notice(Notice::NotBegun);
             }
             (Command::ToolChanged, State::Running | State::Held | State::Away) => {
-                if let Some(Action::ChangeTool { tool }) = self.waiting {
-                    self.parts.pins.end_tool_change();
+                if let Some(Action::ChangeTool { tool }) = self.program.as_ref().and_then(|run| run.waiting) {
+                    self.parts.changer.end();
                     self.tool_is_changed(tool);
                 }
             }
             // What a line of MDI has switched on.
             (Command::Stop, State::Ready) => self.all_off(),
-            (Command::Hold, State::Running) => self.hold = true,
+            (Command::Hold, State::Running) => {
+                if let Some(run) = &mut self.program {
+                    run.hold = true;
+                }
+            }
             (Command::Hold, State::Jogging) => self.parts.hand.release_all(),
             (Command::Hold, State::Away | State::Returning) => {
-                self.goes_back = false;
+                self.come_back(false);
                 self.parts.hand.release_all();
             }
             (Command::Resume, State::Away) => {
-                self.goes_back = true;
+                self.come_back(true);
                 self.parts.hand.release_all();
             }
             (Command::Resume, State::Running | State::Held) => {
                 self.run_along(None);
-                if let Some(Action::ProgramStop | Action::OptionalStop) = self.waiting {
-                    self.end_wait();
+                if let Some(run) = &mut self.program
+                    && let Some(Action::ProgramStop | Action::OptionalStop) = run.waiting
+                {
+                    run.end_wait();
                 }
             }
-            (Command::Skip(waiting), State::Running) if !self.hold && self.waits_for() == Some(waiting) => self.skip(),
+            (Command::Skip(waiting), State::Running) if !self.is_held() && self.waits_for() == Some(waiting) => {
+                self.skip()
+            }
             (Command::Reverse(share), State::Running | State::Held) => self.run_along(Some(share)),
             (Command::SingleBlock(on), _) => {
                 self.single_block = on;
-                if let Some(program) = &mut self.program {
-                    program.set_single_block(on);
+                if let Some(run) = &mut self.program {
+                    run.program.set_single_block(on);
                 }
             }
-            (Command::OptionalStop(on), _) => self.optional_stop = on,
+            (Command::OptionalStop(on), _) => self.parts.desk.set_optional_stop(on),
             (Command::Stop, State::Jogging | State::Running | State::Held | State::Away | State::Returning) => {
                 self.stop_then(AfterStop::Ready)
             }
@@ -149,7 +154,7 @@ impl MotionController<dyn CyclicBus + '_> {
             }),
             (Command::EstopReset, State::Estop) => {
                 // A latch in the chain may close it by that: `step_state` goes on once it has.
-                self.parts.pins.request_enable();
+                self.parts.estop.request_enable();
             }
             (Command::Acknowledge, State::Faulted) => self.end_fault(),
             (Command::ShutDown, State::ShuttingDown | State::Down) => {}
@@ -179,28 +184,13 @@ impl MotionController<dyn CyclicBus + '_> {
         }
     }
 
-    /// What the program waits for is given up.
-    fn skip(&mut self) {
-        let Some(program) = &mut self.program else { return };
-        match self.waiting {
-            // As if its time had run out.
-            Some(Action::AwaitInput { .. }) => {
-                program.answer(Answer::Input(None));
-                self.end_wait();
-            }
-            Some(Action::ProgramStop | Action::OptionalStop) => self.end_wait(),
-            None => program.skip_dwell(),
-            Some(_) => {}
-        }
-    }
-
     /// What stopped the machine is over; drives stay off.
     pub(super) fn end_fault(&mut self) {
         self.fault_seen = false;
         self.parts.overruns.clear();
-        self.parts.pins.logic.acknowledge();
+        self.parts.plc.logic.acknowledge();
         self.parts.drives.request(u64::MAX, Request::ResetFault);
-        self.parts.pins.spindle.request(Request::ResetFault);
+        self.parts.spindles.first.request(Request::ResetFault);
         self.enter(State::Disabling);
     }
 
@@ -252,34 +242,29 @@ impl MotionController<dyn CyclicBus + '_> {
             }
         };
         if let Some(joint) = far {
-            self.give_back(program);
+            self.outlets.give_back(program);
             self.fault(Fault::IllegalCommand { joint, line: 0 });
             return;
         }
         program.set_single_block(self.single_block);
-        self.program = Some(program);
-        self.is_mdi = mdi;
-        self.hold = false;
-        self.retracts = false;
-        self.reverse = None;
-        self.waiting = None;
-        self.program_cycles = 0;
-        self.program_has_moved = false;
+        self.program = Some(Run::new(program, mdi));
         self.sample.state = SampleState::Starved;
         self.enter(State::Running);
     }
 
-    /// Goes on after whatever held the program: forward, or backward with a share of the speed. In single block that is the next
-    /// block, backward the one before.
-    pub(super) fn run_along(&mut self, reverse: Option<f64>) {
-        self.hold = false;
-        self.reverse = reverse;
-        if let Some(program) = &mut self.program {
-            program.next_block();
+    /// Goes on after whatever held the program, as [`Run::go_along`] says.
+    fn run_along(&mut self, reverse: Option<f64>) {
+        if let Some(run) = &mut self.program {
+            run.go_along(reverse);
         }
         if self.state == State::Held {
             self.enter(State::Running);
         }
+    }
+
+    /// Whether no jog may begin: a pin keeps it from that.
+    pub(super) fn is_jog_barred(&self) -> bool {
+        self.parts.feed.is_held() || self.parts.jog.is_barred()
     }
 
     /// Whether a jog would lead a joint further onto its limit switch. Of axes that several joints move nobody knows.
@@ -299,8 +284,8 @@ impl MotionController<dyn CyclicBus + '_> {
 
     /// Leaves the path on which the program is held; false: not in the middle of a move that the spindle or a probe leads.
     fn step_away(&mut self) -> bool {
-        let Some(program) = &self.program else { return false };
-        if program.is_probing() || !program.is_at_rest() || self.sample.turns_s_max.is_some() {
+        let Some(run) = &mut self.program else { return false };
+        if run.program.is_probing() || !run.program.is_at_rest() || self.sample.turns_s_max.is_some() {
             return false;
         }
         for (command_mm, drive) in self.command_mm.iter_mut().zip(self.parts.drives.iter()) {
@@ -310,11 +295,11 @@ impl MotionController<dyn CyclicBus + '_> {
         let Some(axes) = self.parts.kinematics.forward(&ToolFrame::OFF, joints) else {
             return false;
         };
-        self.away_from = Some(Place {
+        run.away_from = Some(Place {
             joints_mm: self.command_mm,
             axes,
         });
-        self.goes_back = false;
+        run.goes_back = false;
         self.enter(State::Away);
         true
     }
@@ -327,7 +312,7 @@ impl MotionController<dyn CyclicBus + '_> {
         // With a program there is always a place to come back to.
         let may_be_unhomed = order.unhomed && matches!(self.state, State::Ready | State::Jogging);
         let is_lost = together & !homed != 0 && !may_be_unhomed;
-        let held = self.parts.pins.is_jog_barred();
+        let held = self.is_jog_barred();
         match (order.motion, self.state) {
             (JogMotion::Run { .. } | JogMotion::Advance { .. }, _)
                 if is_lost || held || self.leads_into_limit(order) =>
@@ -343,7 +328,7 @@ impl MotionController<dyn CyclicBus + '_> {
             (JogMotion::Keep | JogMotion::Release, State::Held) => return,
             // Whoever moves it does not want it back.
             (JogMotion::Run { .. } | JogMotion::Advance { .. }, State::Away) => {
-                self.goes_back = false;
+                self.come_back(false);
                 if !self.parts.hand.is_active() {
                     self.parts.hand.begin(&self.command_mm[..self.joints], homed, order);
                 }

@@ -28,14 +28,14 @@ impl MotionController<dyn CyclicBus + '_> {
             self.watch_mains();
         }
         let in_step = self.sample.turns_s_max.is_some();
-        if let Some(counts) = self.parts.pins.spindle.take_slip(in_step) {
+        if let Some(counts) = self.parts.spindles.first.take_slip(in_step) {
             self.fault(Fault::CountsLost { counts, in_step });
         }
-        if let Some(fault) = self.parts.pins.io.take_fault() {
+        if let Some(fault) = self.parts.nodes.take_fault() {
             self.fault(fault);
         }
         self.watch_logic();
-        match self.parts.pins.external.take_told() {
+        match self.parts.plc.external.take_told() {
             Some(Told::Fault(fault)) => self.fault(fault),
             Some(Told::Change { component, change, pid }) => self.notice(Notice::External { component, change, pid }),
             None => {}
@@ -44,7 +44,7 @@ impl MotionController<dyn CyclicBus + '_> {
             let Some(event) = self.bus.pop_event() else { break };
             self.notice(Notice::Bus(event));
             match event {
-                BusEvent::NodeLost(node) if self.parts.mandatory[node] => {
+                BusEvent::NodeLost(node) if self.parts.nodes.is_mandatory(node) => {
                     self.fault(Fault::NodeLost { node });
                 }
                 BusEvent::ForeignMaster(sign) => self.fault(Fault::ForeignMaster { sign }),
@@ -67,14 +67,14 @@ impl MotionController<dyn CyclicBus + '_> {
             return;
         }
         // Beside the events, of which a burst may lose some.
-        if let Some(node) = self.mandatory_node_down() {
+        if let Some(node) = self.parts.nodes.mandatory_node_down(&self.bus) {
             self.fault(Fault::NodeLost { node });
         }
         let mut drives = self.parts.drives.iter().enumerate();
         if let Some(fault) = drives.find_map(|(joint, drive)| drive_fault(joint, drive)) {
             self.fault(fault);
         }
-        if let Some(fault) = self.parts.pins.spindle.drive_fault() {
+        if let Some(fault) = self.parts.spindles.first.drive_fault() {
             self.fault(Fault::SpindleDrive { fault });
         }
     }
@@ -92,7 +92,7 @@ impl MotionController<dyn CyclicBus + '_> {
 
     /// What keeps the emergency stop chain open: a net without its source, its pin, or a drive whose safety circuit is open.
     pub(super) fn chain_opened_by(&self) -> Option<EstopCause> {
-        match (self.parts.pins.is_held_open(), self.parts.pins.is_chain_open()) {
+        match (self.parts.estop.is_held_open(), self.parts.estop.is_open()) {
             (true, _) => Some(EstopCause::Unwired),
             (false, true) => Some(EstopCause::Chain),
             (false, false) => (self.parts.drives.sto_open()).map(|joint| EstopCause::Sto { joint }),
@@ -108,17 +108,17 @@ impl MotionController<dyn CyclicBus + '_> {
         if !matters {
             return;
         }
-        while let Some(fault) = self.parts.pins.logic.take_fault() {
+        while let Some(fault) = self.parts.plc.logic.take_fault() {
             match self.fault_seen {
                 // It stops nothing any more, and is told all the same.
                 true => self.notice(Notice::Fault { fault, first: false }),
                 false => self.fault(fault),
             }
         }
-        while let Some((task, text)) = self.parts.pins.logic.take_message() {
+        while let Some((task, text)) = self.parts.plc.logic.take_message() {
             self.notice(Notice::Logic { task, text });
         }
-        if let Some(alarm) = self.parts.pins.logic.standing().filter(|_| self.under_command()) {
+        if let Some(alarm) = self.parts.plc.logic.standing().filter(|_| self.under_command()) {
             self.fault(alarm);
         }
     }
@@ -133,7 +133,9 @@ impl MotionController<dyn CyclicBus + '_> {
         if !self.under_command() || self.parts.pins.is_mains_ok() {
             return;
         }
-        self.retracts |= !self.fault_seen && self.program.is_some() && self.away_from.is_none();
+        if let Some(run) = &mut self.program {
+            run.retracts |= !self.fault_seen && run.away_from.is_none();
+        }
         self.fault(Fault::MainsLost);
     }
 
@@ -231,10 +233,11 @@ impl MotionController<dyn CyclicBus + '_> {
                 self.end_program();
                 self.parts.hand.end();
                 self.parts.homer.end();
-                self.parts.drives.request(u64::MAX, self.parts.estop);
-                self.parts.pins.spindle.request(self.parts.estop);
+                let request = self.parts.estop.request();
+                self.parts.drives.request(u64::MAX, request);
+                self.parts.spindles.first.request(request);
                 // A reset that came before is none of this one.
-                self.parts.pins.forget_enable();
+                self.parts.estop.forget_enable();
                 self.enter(State::Estop);
             }
             (_, State::Faulted) => {}
@@ -282,9 +285,9 @@ impl MotionController<dyn CyclicBus + '_> {
                 Request::Disable
             });
         }
-        if let Some(program) = &mut self.program {
+        if let Some(run) = &mut self.program {
             // A hold cannot act there: the spindle leads. A tap is followed out of the work first.
-            program.give_up_sync();
+            run.program.give_up_sync();
         }
         self.after_stop = if self.state == State::Stopping {
             self.after_stop.max(then)
@@ -299,15 +302,11 @@ impl MotionController<dyn CyclicBus + '_> {
         // Whatever was held back: from here on joints go on from where they stand.
         self.parts.monitor.rest_at(&self.command_mm[..self.joints]);
         // Where something harder has ended the program meanwhile, a later stop is not for that.
-        if std::mem::take(&mut self.retracts)
-            && self.program.is_some()
-            && let Some(retract) = self.parts.retract
-        {
+        let retracts = self.program.as_ref().is_some_and(|run| run.retracts);
+        if retracts && self.parts.way_back.can_retract() {
             self.end_program();
-            self.parts.hand.begin_to_go(&self.command_mm[..self.joints]);
-            let number = retract.numbers[usize::from(self.parts.hand.is_in_world())];
-            let fastest_mm_s = self.parts.hand.fastest(number);
-            self.parts.hand.go_by(number, retract.distance_mm, fastest_mm_s);
+            let joints_mm = &self.command_mm[..self.joints];
+            self.parts.way_back.retract(joints_mm, &mut self.parts.hand);
             return;
         }
         self.end_program();
