@@ -12,7 +12,7 @@
 //! | set-points; what a program wants beside motion; states | `cycle/set_points.rs`; `cycle/actions.rs`; `cycle/states.rs` |
 //! | when a cycle begins, and how its dates follow the clock of the bus | `thread.rs` |
 //! | what watches the cycle and ends waits | `timeout/mod.rs`, its decisions in `timeout/watchdog/mod.rs` |
-//! | what crosses the border to the ordinary threads | `shared.rs` |
+//! | what crosses the border to the ordinary threads | `shared.rs`; the latest values: `snapshot.rs` |
 //! | how a machine file becomes a cycle | `assemble.rs` |
 //! | drives: payload fields to millimetres and back, where a drive counts 0 | `drives/mod.rs` |
 //! | drives in this process, controlled like those on the bus | `local_drive.rs`; with step pulses `steps/`, behind an I/O node `analog.rs` |
@@ -92,6 +92,7 @@ pub mod plc;
 pub mod probe;
 pub mod recent;
 pub mod shared;
+mod snapshot;
 pub mod spindle;
 pub mod step_pins;
 pub mod steps;
