@@ -388,35 +388,11 @@ impl Fault {
     /// Whether boot-up goes on in spite of it: the time limit of boot-up is the operator's, and what stays wrong shows again
     /// behind it. Another managing node is no such thing: it is told of once and may only fall silent by itself.
     pub fn is_usual_in_boot(&self) -> bool {
-        match self {
-            // A control that has just begun may miss cycles until everything of it has run once.
-            Fault::NodeLost { .. } | Fault::LinkFailed { .. } | Fault::TooManyOverruns { .. } => true,
-            Fault::Drive { .. }
-            | Fault::DriveWarning { .. }
-            | Fault::FollowingError { .. }
-            | Fault::Homing { .. }
-            | Fault::SoftLimit { .. }
-            | Fault::IllegalCommand { .. }
-            | Fault::LimitExceeded { .. }
-            | Fault::OutOfStep { .. }
-            | Fault::SpindleDrive { .. }
-            | Fault::SpindleLate { .. }
-            | Fault::SpindleOrient { .. }
-            | Fault::CountsLost { .. }
-            | Fault::InputRange { .. }
-            | Fault::CyclesSkipped { .. }
-            | Fault::ManyOverruns { .. }
-            | Fault::CycleHung
-            | Fault::PinsLost
-            | Fault::ExternalLost { .. }
-            | Fault::EmergencyStop { .. }
-            | Fault::LimitSwitch { .. }
-            | Fault::MainsLost
-            | Fault::LogicError { .. }
-            | Fault::LogicLate { .. }
-            | Fault::LogicAlarm { .. }
-            | Fault::ForeignMaster { .. } => false,
-        }
+        // A control that has just begun may miss cycles until everything of it has run once.
+        matches!(
+            self,
+            Fault::NodeLost { .. } | Fault::LinkFailed { .. } | Fault::TooManyOverruns { .. }
+        )
     }
 
     /// A sentence for the operator; `node`, `joint` and `external` name those of the machine file, `logic` a program, or says a text of it.

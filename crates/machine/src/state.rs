@@ -45,6 +45,30 @@ pub enum State {
 }
 
 impl State {
+    /// Whether drives are or should be under power.
+    #[inline]
+    pub fn is_under_command(self) -> bool {
+        match self {
+            State::Enabling
+            | State::Ready
+            | State::Homing
+            | State::Jogging
+            | State::Running
+            | State::Held
+            | State::Away
+            | State::Returning
+            | State::Stopping => true,
+            State::Booting
+            | State::Disabled
+            | State::Disabling
+            | State::Faulted
+            | State::ShuttingDown
+            | State::Down
+            | State::Estop
+            | State::Silenced => false,
+        }
+    }
+
     /// Whether programs in Structured Text may be replaced: nothing moves.
     pub fn may_replace_logic(self) -> bool {
         matches!(

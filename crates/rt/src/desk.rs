@@ -125,26 +125,11 @@ impl SwitchPins {
     }
 }
 
-/// Buttons for programs.
-pub struct ProgramButtons {
-    resume: Button,
-    stop: Button,
-}
-
-impl ProgramButtons {
-    /// # Errors
-    /// Shared memory too small.
-    pub fn new(hal: &mut Hal) -> Result<ProgramButtons, HalError> {
-        Ok(ProgramButtons {
-            resume: Button::new(hal, "halui.program.resume")?,
-            stop: Button::new(hal, "halui.program.stop")?,
-        })
-    }
-}
-
 /// All pins of it.
 pub struct DeskPins {
-    program: ProgramButtons,
+    /// `halui.program.resume`, `halui.program.stop`.
+    resume: Button,
+    stop: Button,
     optional_stop: SwitchPins,
     /// M1 stops.
     stops_optionally: bool,
@@ -157,9 +142,10 @@ pub struct DeskPins {
 impl DeskPins {
     /// # Errors
     /// Shared memory too small.
-    pub fn new(hal: &mut Hal, config: &Config, program: ProgramButtons) -> Result<DeskPins, HalError> {
+    pub fn new(hal: &mut Hal, config: &Config, [resume, stop]: [Button; 2]) -> Result<DeskPins, HalError> {
         Ok(DeskPins {
-            program,
+            resume,
+            stop,
             optional_stop: SwitchPins::new(hal, "halui.program.optional-stop")?,
             stops_optionally: config.program.optional_stop,
             block_delete: SwitchPins::new(hal, "halui.program.block-delete")?,
@@ -171,12 +157,12 @@ impl DeskPins {
 
     /// Whether the resume pin has risen since the last call.
     pub fn take_resume(&mut self) -> bool {
-        self.program.resume.take()
+        self.resume.take()
     }
 
     /// Whether the stop pin has risen since the last call.
     pub fn take_stop(&mut self) -> bool {
-        self.program.stop.take()
+        self.stop.take()
     }
 
     /// Whether M1 stops.

@@ -102,26 +102,8 @@ impl EstopChain {
         self.user_enable_out.set(!is_estop || self.pulse > 0);
         self.user_request_enable.set(self.pulse > 0);
         self.pulse = self.pulse.saturating_sub(1);
-        let is_on = match state {
-            State::Ready
-            | State::Homing
-            | State::Jogging
-            | State::Running
-            | State::Held
-            | State::Away
-            | State::Returning
-            | State::Stopping => true,
-            State::Booting
-            | State::Disabled
-            | State::Enabling
-            | State::Disabling
-            | State::Faulted
-            | State::ShuttingDown
-            | State::Down
-            | State::Silenced
-            | State::Estop => false,
-        };
-        self.machine_is_on.set(is_on);
+        self.machine_is_on
+            .set(state.is_under_command() && state != State::Enabling);
     }
 }
 

@@ -21,7 +21,7 @@ use super::steps::StepDrives;
 use super::timing_pins::TimingPins;
 use super::tool_changer::{ToolChanger, ToolInSpindle};
 use super::{external, logic};
-use crate::desk::{DeskPins, ProgramButtons};
+use crate::desk::{Button, DeskPins};
 use crate::jog_pins::JogPins;
 use bus::plan::NodePlan;
 use config::{self, Config, ConfigErrors, Net};
@@ -121,7 +121,10 @@ impl Pins {
             adaptive,
             overrides: OverridePins::new(hal)?,
         };
-        let program_buttons = ProgramButtons::new(hal)?;
+        let program_buttons = [
+            Button::new(hal, "halui.program.resume")?,
+            Button::new(hal, "halui.program.stop")?,
+        ];
         let mains_ok = hal.input("iocontrol.0.mains-ok", true)?;
         let desk = DeskPins::new(hal, config, program_buttons)?;
         let in_spindle = ToolInSpindle::new(hal)?;

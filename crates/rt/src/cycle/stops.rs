@@ -163,25 +163,7 @@ impl MotionController<dyn CyclicBus + '_> {
 
     /// Whether drives are or should be under power.
     pub(super) fn under_command(&self) -> bool {
-        match self.state {
-            State::Enabling
-            | State::Ready
-            | State::Homing
-            | State::Jogging
-            | State::Running
-            | State::Held
-            | State::Away
-            | State::Returning
-            | State::Stopping => true,
-            State::Booting
-            | State::Disabled
-            | State::Disabling
-            | State::Faulted
-            | State::ShuttingDown
-            | State::Down
-            | State::Estop
-            | State::Silenced => false,
-        }
+        self.state.is_under_command()
     }
 
     /// Whether nothing moves and nothing can: drives are off, and the network may come and go.

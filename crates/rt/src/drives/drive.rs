@@ -2,8 +2,8 @@
 //!
 //! In:  its payload; the commanded position of the joint, mm. Out: the actual position, mm; its payload. RT but [`Drive::new`].
 
-use super::is_filled;
 use super::touch::Probes;
+use super::{is_filled, is_off};
 use crate::homing::Found;
 use crate::shared::JointTrace;
 use bus::layout::{Field, Layout};
@@ -489,13 +489,7 @@ impl Drive {
 
     /// Whether the drive is without power as far as can be known, and no fault reset is under way in it.
     pub fn is_off(&self) -> bool {
-        match self.axis.status() {
-            Status::Disabled => true,
-            Status::Faulted(_) => !self.axis.is_resetting(),
-            // A drive that has just come on line may be under power still, from an earlier run.
-            Status::Offline => !self.online,
-            Status::Enabling | Status::Enabled | Status::Homing | Status::Disabling | Status::QuickStopping => false,
-        }
+        is_off(&self.axis, self.online)
     }
 
     /// What the drive counts, and the position at which it counts 0, mm; `None`: it is off line.

@@ -20,7 +20,7 @@ use super::homing::Found;
 use super::shared::JointTrace;
 use bus::plan::NodePlan;
 use bus::{InputImage, NodeIndex, NodeState, OutputImage};
-use cia402::axis::{Request, Status};
+use cia402::axis::{Axis, Request, Status};
 use cia402::profile::axis_of;
 use config::{Config, HomingBy, HomingIndex, JOINTS_MAX, Joint, targets};
 use motion::canon::Position;
@@ -39,6 +39,17 @@ pub fn is_filled(joint: &Joint, (index, sub): (u16, u8)) -> bool {
         (0x60B1, 0) => joint.mode.is_position(),
         (0x60B2, 0) => joint.torque_per_mm_s2.is_some(),
         object => targets(joint.mode).contains(&object),
+    }
+}
+
+/// Whether a drive is without power as far as can be known, and no fault reset is under way in it. RT.
+pub(super) fn is_off(axis: &Axis, online: bool) -> bool {
+    match axis.status() {
+        Status::Disabled => true,
+        Status::Faulted(_) => !axis.is_resetting(),
+        // A drive that has just come on line may be under power still, from an earlier run.
+        Status::Offline => !online,
+        Status::Enabling | Status::Enabled | Status::Homing | Status::Disabling | Status::QuickStopping => false,
     }
 }
 

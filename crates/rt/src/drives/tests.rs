@@ -372,7 +372,7 @@ fn a_second_touch_at_the_same_increment_is_seen_once_the_drive_has_forgotten_the
     };
     let outputs = mapped(&[(0x60B8, 16)]);
     let inputs = mapped(&[(0x60B9, 16), (0x60BA, 32), (0x60BB, 32)]);
-    let mut touch = Touch::new(0, 1, &outputs, &inputs).unwrap();
+    let mut touch = Touch::new(0, 1, Touch::FUNCTION, &outputs, &inputs).unwrap();
     let mut payload = [0; 10];
     let mut tell = |touch: &mut Touch, status: u64, rising: i32| {
         touch.fields[1].write(&mut payload, status);

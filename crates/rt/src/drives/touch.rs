@@ -32,32 +32,18 @@ impl Touch {
     /// On, continuously, zero marks in place of the input, which rise where they are.
     const ZERO_MARKS: u64 = 0b0001_0111;
 
-    pub(super) fn new(axis: u8, number: u8, outputs: &Layout, inputs: &Layout) -> Option<Touch> {
+    /// `bits`: [`Touch::FUNCTION`], or [`Touch::ZERO_MARKS`], which have no falling edge.
+    pub(super) fn new(axis: u8, number: u8, bits: u64, outputs: &Layout, inputs: &Layout) -> Option<Touch> {
         let [function, status, rising, falling] = touch_probe_objects(axis, number);
-        Some(Touch {
-            fields: [
-                outputs.find(function, 0)?,
-                inputs.find(status, 0)?,
-                inputs.find(rising, 0)?,
-                inputs.find(falling, 0)?,
-            ],
-            shift: 8 * (number - 1),
-            bits: Touch::FUNCTION,
-            before: [0; 2],
-            cleared: [false; 2],
-            found: [None; 2],
-            off: false,
-        })
-    }
-
-    /// The same for zero marks, which have no falling edge.
-    fn of_zero_marks(axis: u8, number: u8, outputs: &Layout, inputs: &Layout) -> Option<Touch> {
-        let [function, status, rising, _] = touch_probe_objects(axis, number);
         let rising = inputs.find(rising, 0)?;
+        let falling = match bits {
+            Touch::ZERO_MARKS => rising,
+            _ => inputs.find(falling, 0)?,
+        };
         Some(Touch {
-            fields: [outputs.find(function, 0)?, inputs.find(status, 0)?, rising, rising],
+            fields: [outputs.find(function, 0)?, inputs.find(status, 0)?, rising, falling],
             shift: 8 * (number - 1),
-            bits: Touch::ZERO_MARKS,
+            bits,
             before: [0; 2],
             cleared: [false; 2],
             found: [None; 2],
@@ -115,12 +101,10 @@ pub(super) struct Probes {
 
 impl Probes {
     pub(super) fn new(joint: &Joint, plan: &NodePlan) -> Probes {
-        let (axis, outputs, inputs) = (joint.drive_axis, &plan.outputs, &plan.inputs);
+        let touch = |number, bits| Touch::new(joint.drive_axis, number, bits, &plan.outputs, &plan.inputs);
         Probes {
-            touch: joint
-                .touch_probe
-                .and_then(|number| Touch::new(axis, number, outputs, inputs)),
-            index: index_of(joint).and_then(|index| Touch::of_zero_marks(axis, index.probe, outputs, inputs)),
+            touch: joint.touch_probe.and_then(|number| touch(number, Touch::FUNCTION)),
+            index: index_of(joint).and_then(|index| touch(index.probe, Touch::ZERO_MARKS)),
             index_passed: None,
         }
     }

@@ -6,6 +6,7 @@
 //! It is switched on when the spindle is to turn, and off once it stands again. [`SpindleDrive::new`] is made at start-up; the rest
 //! is RT.
 
+use crate::drives::is_off;
 use bus::layout::{Field, Layout};
 use bus::plan::NodePlan;
 use bus::{InputImage, NodeIndex, NodeState, OutputImage};
@@ -153,12 +154,7 @@ impl SpindleDrive {
 
     /// Whether it is without power as far as can be known. RT.
     pub(super) fn is_off(&self) -> bool {
-        match self.axis.status() {
-            Status::Disabled => true,
-            Status::Faulted(_) => !self.axis.is_resetting(),
-            Status::Offline => !self.online,
-            Status::Enabling | Status::Enabled | Status::Homing | Status::Disabling | Status::QuickStopping => false,
-        }
+        is_off(&self.axis, self.online)
     }
 
     /// What is wrong with it. RT.
