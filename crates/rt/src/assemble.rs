@@ -53,44 +53,31 @@ pub fn assemble<B: CyclicBus>(
         )
     })?;
     let cycle_s = f64::from(config.cycle_us) * 1e-6;
-    let Pins {
-        machine: pins,
-        nodes,
-        estop,
-        feed,
-        probe,
-        desk,
-        jog,
-        spindles,
-        plc,
-        program_inputs,
-        program_outputs,
-        changer,
-    } = Pins::new(hal, config, plans, &steps).context("pins")?;
-    let logic = plc.logic.desk();
+    let pins = Pins::new(hal, config, plans, &steps).context("pins")?;
+    let logic = pins.plc.logic.desk();
     let parts = CycleParts {
         outputs: OutputImage::new(plans.iter().map(|plan| plan.outputs.octets)),
         inputs: InputImage::new(plans.iter().map(|plan| plan.inputs.octets)),
-        nodes,
+        nodes: pins.nodes,
         drives,
         steps,
         analog: AnalogDrives::new(config, plans),
         kinematics: config.kinematics(),
         monitor: Monitor::new(&config.joints.iter().map(monitor_limits).collect::<Vec<_>>(), cycle_s),
         hand: JointJog::new(config),
-        jog,
+        jog: pins.jog,
         way_back: WayBack::new(config),
         homer: Homer::new(config),
-        probe,
-        spindles,
-        changer,
-        program_inputs,
-        program_outputs,
-        feed,
-        desk,
-        estop,
-        plc,
-        pins,
+        probe: pins.probe,
+        spindles: pins.spindles,
+        changer: pins.changer,
+        program_inputs: pins.program_inputs,
+        program_outputs: pins.program_outputs,
+        feed: pins.feed,
+        desk: pins.desk,
+        estop: pins.estop,
+        plc: pins.plc,
+        pins: pins.machine,
         overruns: Overruns::new(config.rt.overruns_warn, config.rt.overruns_stop),
         cycle_s,
     };
