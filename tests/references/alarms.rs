@@ -20,7 +20,10 @@ fn cause(known: &[Variant], value: &impl std::fmt::Debug) -> String {
 #[test]
 fn the_alarms() {
     let (drive, homing) = ("cia402/src/axis/fault.rs", "crates/motion/src/rt/homing/mod.rs");
-    let (spindle, link) = ("crates/motion/src/rt/synced/mod.rs", "crates/machine/src/fault_causes.rs");
+    let (spindle, link) = (
+        "crates/motion/src/rt/synced/mod.rs",
+        "crates/machine/src/fault_causes.rs",
+    );
     covers(drive, "AxisFault", &OF_DRIVES);
     covers(homing, "HomingFailure", &OF_HOMING);
     covers(spindle, "SyncFault", &OF_SPINDLES);
