@@ -10,6 +10,7 @@ use serde_json::{Value as Json, json};
 const TO: Position = Position([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]);
 
 /// One call of every kind and every field, with its name.
+#[rustfmt::skip]
 fn samples() -> Vec<(&'static str, Call)> {
     let records = [
         ("print", Record::Print("t".into())),
@@ -20,73 +21,26 @@ fn samples() -> Vec<(&'static str, Call)> {
         ("open_probe_log", Record::OpenProbeLog("f".into())),
         ("close_probe_log", Record::CloseProbeLog),
     ];
-    let cutter = Cutter {
-        side: Side::Left,
-        radius_mm: 2.0,
-        orientation: 0,
-    };
+    let cutter = Cutter { side: Side::Left, radius_mm: 2.0, orientation: 0 };
+    let points = vec![([1.0, 2.0], 3.0), ([4.0, 5.0], 6.0)];
     let css = SpindleMode::ConstantSurfaceSpeed { max_rpm: None };
-    let continuous = PathMode::Continuous {
-        tolerance_mm: Some(0.1),
-        naive_cam_tolerance_mm: None,
-    };
-    let entry = ToolEntry {
-        tool: 1,
-        pocket: 2,
-        offset: TO,
-        diameter_mm: 3.0,
-        front_angle_degrees: 4.0,
-        back_angle_degrees: 5.0,
-        orientation: 6,
-    };
-    let mode = ProbeMode {
-        towards: true,
-        must_trip: false,
-    };
+    let continuous = PathMode::Continuous { tolerance_mm: Some(0.1), naive_cam_tolerance_mm: None };
+    let (tool, pocket, offset, orientation) = (1, 2, TO, 6);
+    let (diameter_mm, front_angle_degrees, back_angle_degrees) = (3.0, 4.0, 5.0);
+    let entry = ToolEntry { tool, pocket, offset, diameter_mm, front_angle_degrees, back_angle_degrees, orientation };
+    let mode = ProbeMode { towards: true, must_trip: false };
     let (spindle, index, direction) = (1, 2, SpindleDirection::Counterclockwise);
     let speed = Call::SetSpindleSpeed { spindle, speed: 9.0 };
-    let rate = Call::SetFeedRate {
-        linear: 1.5,
-        angular: 2.5,
-    };
+    let rate = Call::SetFeedRate { linear: 1.5, angular: 2.5 };
     let mut samples = vec![
         ("straight_traverse", Call::StraightTraverse { to: TO }),
         ("straight_feed", Call::StraightFeed { to: TO }),
-        (
-            "arc_feed",
-            Call::ArcFeed {
-                to: TO,
-                plane: Plane::Zx,
-                centre_mm: [1.0, 2.0],
-                turns: -2,
-            },
-        ),
+        ("arc_feed", Call::ArcFeed { to: TO, plane: Plane::Zx, centre_mm: [1.0, 2.0], turns: -2 }),
         ("dwell", Call::Dwell { seconds: 0.5 }),
         ("straight_probe", Call::StraightProbe { to: TO, mode }),
-        (
-            "rigid_tap",
-            Call::RigidTap {
-                to: TO,
-                return_scale: 2.0,
-            },
-        ),
-        (
-            "nurbs_feed",
-            Call::NurbsFeed {
-                plane: Plane::Xy,
-                points: vec![([1.0, 2.0], 3.0), ([4.0, 5.0], 6.0)],
-                order: 3,
-                knots: vec![0.0, 0.5, 1.0],
-            },
-        ),
-        (
-            "start_spindle_sync",
-            Call::StartSpindleSync {
-                spindle,
-                mm_per_turn: 1.25,
-                velocity: false,
-            },
-        ),
+        ("rigid_tap", Call::RigidTap { to: TO, return_scale: 2.0 }),
+        ("nurbs_feed", Call::NurbsFeed { plane: Plane::Xy, points, order: 3, knots: vec![0.0, 0.5, 1.0] }),
+        ("start_spindle_sync", Call::StartSpindleSync { spindle, mm_per_turn: 1.25, velocity: false }),
         ("stop_spindle_sync", Call::StopSpindleSync),
         ("set_feed_mode", Call::SetFeedMode(FeedMode::PerTime)),
         ("set_feed_rate", rate.clone()),
@@ -105,38 +59,12 @@ fn samples() -> Vec<(&'static str, Call)> {
         ("set_cutter_compensation", Call::SetCutterCompensation(None)),
         ("set_spindle_mode", Call::SetSpindleMode { spindle, mode: css }),
         ("set_spindle_speed", speed.clone()),
-        (
-            "set_spindle_mode",
-            Call::SetSpindleMode {
-                spindle,
-                mode: SpindleMode::Rpm,
-            },
-        ),
+        ("set_spindle_mode", Call::SetSpindleMode { spindle, mode: SpindleMode::Rpm }),
         ("set_spindle_speed", speed),
-        (
-            "start_spindle",
-            Call::StartSpindle {
-                spindle,
-                direction,
-                wait_for_speed: true,
-            },
-        ),
+        ("start_spindle", Call::StartSpindle { spindle, direction, wait_for_speed: true }),
         ("stop_spindle", Call::StopSpindle { spindle }),
-        (
-            "orient_spindle",
-            Call::OrientSpindle {
-                spindle,
-                degrees: 30.0,
-                direction: OrientDirection::Shortest,
-            },
-        ),
-        (
-            "wait_spindle_oriented",
-            Call::WaitSpindleOriented {
-                spindle,
-                timeout_s: 5.0,
-            },
-        ),
+        ("orient_spindle", Call::OrientSpindle { spindle, degrees: 30.0, direction: OrientDirection::Shortest }),
+        ("wait_spindle_oriented", Call::WaitSpindleOriented { spindle, timeout_s: 5.0 }),
         ("mist", Call::Mist(true)),
         ("flood", Call::Flood(false)),
         ("select_tool", Call::SelectTool { tool: 3 }),
@@ -145,51 +73,15 @@ fn samples() -> Vec<(&'static str, Call)> {
         ("set_tool_number", Call::SetToolNumber { tool: 3, pocket: 4 }),
         ("set_tool_entry", Call::SetToolEntry(entry)),
         ("reload_tool_table", Call::ReloadToolTable),
-        (
-            "set_planner",
-            Call::SetPlanner {
-                corner_share: Some(0.5),
-            },
-        ),
+        ("set_planner", Call::SetPlanner { corner_share: Some(0.5) }),
         ("enable_feed_override", Call::EnableFeedOverride(true)),
-        (
-            "enable_speed_override",
-            Call::EnableSpeedOverride { spindle, on: false },
-        ),
+        ("enable_speed_override", Call::EnableSpeedOverride { spindle, on: false }),
         ("enable_adaptive_feed", Call::EnableAdaptiveFeed(true)),
         ("enable_feed_hold", Call::EnableFeedHold(true)),
-        (
-            "set_digital_output",
-            Call::SetDigitalOutput {
-                index,
-                on: true,
-                with_motion: false,
-            },
-        ),
-        (
-            "set_analog_output",
-            Call::SetAnalogOutput {
-                index,
-                value: 2.5,
-                with_motion: true,
-            },
-        ),
-        (
-            "wait_input",
-            Call::WaitInput {
-                input: Input::Analog(index),
-                mode: WaitMode::Immediate,
-                timeout_s: 1.0,
-            },
-        ),
-        (
-            "user_code",
-            Call::UserCode {
-                number: 100,
-                p: 1.0,
-                q: -1.0,
-            },
-        ),
+        ("set_digital_output", Call::SetDigitalOutput { index, on: true, with_motion: false }),
+        ("set_analog_output", Call::SetAnalogOutput { index, value: 2.5, with_motion: true }),
+        ("wait_input", Call::WaitInput { input: Input::Analog(index), mode: WaitMode::Immediate, timeout_s: 1.0 }),
+        ("user_code", Call::UserCode { number: 100, p: 1.0, q: -1.0 }),
         ("probe", Call::Probe(true)),
         ("message", Call::Message("t".into())),
         ("comment", Call::Comment("t".into())),
@@ -228,12 +120,7 @@ fn objects() -> Vec<(&'static str, Json)> {
 #[test]
 fn calls_are_named_and_documented_with_all_their_fields() {
     let docs = include_str!("../../../docs/canonical-calls.md");
-    let (_, table) = docs
-        .split_once(
-            "## Calls
-",
-        )
-        .unwrap();
+    let (_, table) = docs.split_once("## Calls\n").unwrap();
     let mut documented: Vec<&str> = table
         .lines()
         .filter_map(|line| line.strip_prefix("| `")?.split('`').next())

@@ -1,13 +1,52 @@
 //! Spindles, coolant, tools, inputs and the codes of users.
 //!
 //! In:  what a device shall do; the tool table that the reader of the text has.
-//! Out: G96 and G97, M19, M9, G10 L1, M66, M100 to M199. Those of a code and one word stand in the table of
-//!      `FlatWriter::call`.
+//! Out: G96 and G97, M3, M4, M19, M7 to M9, T and M6, G10 L1, M62 to M66, M100 to M199. Those of a code and its words stand in
+//!      the table of `FlatWriter::call`.
 
 use super::{FlatWriter, Unwritable, Waiting};
-use motion::canon::{Input, OrientDirection, Position, SpindleMode, ToolEntry, WaitMode};
+use crate::Settings;
+use motion::canon::{Input, OrientDirection, Position, SpindleDirection, SpindleMode, ToolEntry, WaitMode};
+use std::collections::BTreeMap;
+
+/// Tools as the reader of the text has them.
+#[derive(Clone, Debug)]
+pub(super) struct Tools {
+    entries: BTreeMap<u32, ToolEntry>,
+    /// The entry that was written last.
+    written: Option<ToolEntry>,
+    selected: u32,
+}
+
+impl Tools {
+    pub(super) fn at_start(settings: &Settings) -> Tools {
+        let tools = settings.tools.tools();
+        Tools {
+            entries: tools.map(|tool| (tool.number, tool.entry(tool.pocket))).collect(),
+            written: None,
+            selected: 0,
+        }
+    }
+}
 
 impl FlatWriter {
+    pub(super) fn start_spindle(
+        &mut self,
+        spindle: u8,
+        direction: SpindleDirection,
+        wait_for_speed: bool,
+    ) -> Result<(), Unwritable> {
+        if !wait_for_speed {
+            return Err(Unwritable::SpindleWithoutWait);
+        }
+        let code = match direction {
+            SpindleDirection::Clockwise => "M3",
+            SpindleDirection::Counterclockwise => "M4",
+        };
+        self.line.begin(code).spindle(spindle);
+        self.end_line()
+    }
+
     pub(super) fn spindle_mode(
         &mut self,
         spindle: u8,
@@ -50,20 +89,51 @@ impl FlatWriter {
         self.end_line()
     }
 
+    pub(super) fn mist(&mut self, on: bool) -> Result<(), Unwritable> {
+        self.mist = on;
+        if on {
+            self.plain("M7")
+        } else {
+            self.coolant_off(self.flood)
+        }
+    }
+
+    pub(super) fn flood(&mut self, on: bool) -> Result<(), Unwritable> {
+        self.flood = on;
+        if on {
+            self.plain("M8")
+        } else {
+            self.coolant_off(self.mist)
+        }
+    }
+
     /// Mist or flood was switched off; `other`: the other one is on.
-    pub(super) fn coolant_off(&mut self, other: bool) -> Result<(), Unwritable> {
+    fn coolant_off(&mut self, other: bool) -> Result<(), Unwritable> {
         if other {
-            self.waiting = Some(Waiting::Coolant);
-            return Ok(());
+            return self.wait(Waiting::Coolant);
         }
         self.plain("M9")
     }
 
+    pub(super) fn select_tool(&mut self, tool: u32) -> Result<(), Unwritable> {
+        self.tools.selected = tool;
+        self.one_word("", 'T', tool)
+    }
+
+    pub(super) fn change_tool(&mut self, tool: u32) -> Result<(), Unwritable> {
+        self.line.begin("M6");
+        if self.tools.selected != tool {
+            self.tools.selected = tool;
+            self.line.word('T', tool);
+        }
+        self.end_line()
+    }
+
     pub(super) fn tool_entry(&mut self, entry: &ToolEntry) -> Result<(), Unwritable> {
-        let old = self.tools.insert(entry.tool, *entry);
+        let old = self.tools.entries.insert(entry.tool, *entry);
         // A table names the tool in the spindle twice.
-        let told = self.entry.replace(*entry);
-        if told.is_some_and(|told| ToolEntry { pocket: 0, ..told } == ToolEntry { pocket: 0, ..*entry }) {
+        let written = self.tools.written.replace(*entry);
+        if written.is_some_and(|written| ToolEntry { pocket: 0, ..written } == ToolEntry { pocket: 0, ..*entry }) {
             return Ok(());
         }
         self.line.begin("G10 L1").word('P', entry.tool);
@@ -75,6 +145,16 @@ impl FlatWriter {
             .word('J', entry.back_angle_degrees)
             .word('Q', entry.orientation);
         self.end_line()
+    }
+
+    pub(super) fn digital_output(&mut self, index: u8, on: bool, with_motion: bool) -> Result<(), Unwritable> {
+        let code = match (with_motion, on) {
+            (true, true) => "M62",
+            (true, false) => "M63",
+            (false, true) => "M64",
+            (false, false) => "M65",
+        };
+        self.one_word(code, 'P', index)
     }
 
     pub(super) fn wait_input(&mut self, input: Input, mode: WaitMode, timeout_s: f64) -> Result<(), Unwritable> {

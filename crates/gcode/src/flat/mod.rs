@@ -37,14 +37,12 @@ mod waiting;
 
 pub use error::{FlatError, Unwritable};
 
-use crate::comment::{self, CommentKind};
 use crate::state::Offsets;
 use crate::{Settings, ToolChangePlace};
+use devices::Tools;
 use line::{Exactness, Line};
-use motion::canon::{
-    AXES, Call, Event, FeedMode, OrientDirection, Plane, Position, Source, SpindleDirection, SpindleMode, ToolEntry,
-};
-use std::collections::BTreeMap;
+use modes::Feed;
+use motion::canon::{AXES, Call, Event, OrientDirection, Plane, Position, Source, SpindleMode};
 use std::io;
 
 /// Offsets and positions nearer than this are the same, mm or degrees: rounding by changes of units and origins.
@@ -77,19 +75,13 @@ pub struct FlatWriter {
     origins: [Position; 9],
     rotations_degrees: [f64; 9],
     plane: Plane,
-    feed_mode: FeedMode,
-    feed: Option<f64>,
-    tools: BTreeMap<u32, ToolEntry>,
+    feed: Feed,
+    tools: Tools,
     /// R of the G64 that comes next.
     planner: Option<f64>,
-    /// The entry that was written last.
-    entry: Option<ToolEntry>,
-    selected_tool: u32,
     mist: bool,
     flood: bool,
-    /// What the calls have set and the next moves need.
-    linear: f64,
-    angular: f64,
+    /// The spindle and mm per turn of the moves that come next.
     synchronised: Option<(u8, f64)>,
     pallet: bool,
     waiting: Option<Waiting>,
@@ -105,10 +97,6 @@ impl FlatWriter {
     /// A writer before the first event of a program that runs with these settings.
     pub fn new(settings: &Settings) -> FlatWriter {
         let offsets = Offsets::at_start(settings);
-        let tools = settings
-            .tools
-            .tools()
-            .map(|tool| (tool.number, tool.entry(tool.pocket)));
         FlatWriter {
             begun: false,
             planner: None,
@@ -118,15 +106,10 @@ impl FlatWriter {
             origins: settings.work_offsets,
             rotations_degrees: settings.work_rotations_degrees,
             plane: Plane::Xy,
-            feed_mode: FeedMode::PerTime,
-            feed: None,
-            tools: tools.collect(),
-            entry: None,
-            selected_tool: 0,
+            feed: Feed::at_start(),
+            tools: Tools::at_start(settings),
             mist: false,
             flood: false,
-            linear: 0.0,
-            angular: 0.0,
             synchronised: None,
             pallet: false,
             waiting: None,
@@ -227,22 +210,18 @@ impl FlatWriter {
                 knots,
             } => self.nurbs(*plane, points, *order, knots),
             Call::Dwell { seconds } => self.one_word("G4", 'P', *seconds),
-            Call::StartSpindleSync { velocity: true, .. } => Err(Unwritable::SpeedOnly),
             Call::StartSpindleSync {
                 spindle,
                 mm_per_turn,
-                velocity: false,
-            } => {
-                self.synchronised = Some((*spindle, *mm_per_turn));
-                Ok(())
-            }
+                velocity,
+            } => self.start_spindle_sync(*spindle, *mm_per_turn, *velocity),
             Call::StopSpindleSync => {
                 self.synchronised = None;
                 Ok(())
             }
             Call::SetFeedMode(mode) => self.feed_mode(*mode),
             Call::SetFeedRate { linear, angular } => {
-                (self.linear, self.angular) = (*linear, *angular);
+                self.feed.set_rate(*linear, *angular);
                 Ok(())
             }
             Call::SetPathMode(mode) => self.path_mode(*mode),
@@ -259,28 +238,17 @@ impl FlatWriter {
             Call::SetCutterCompensation(cutter) => self.compensation(*cutter),
             Call::SetSpindleMode { spindle, mode } => {
                 let (spindle, mode) = (*spindle, *mode);
-                self.waiting = Some(Waiting::SpindleMode { spindle, mode });
-                Ok(())
+                self.wait(Waiting::SpindleMode { spindle, mode })
             }
             Call::SetSpindleSpeed { spindle, speed } => {
                 self.line.begin("").word('S', *speed).spindle(*spindle);
                 self.end_line()
             }
             Call::StartSpindle {
-                wait_for_speed: false, ..
-            } => Err(Unwritable::SpindleWithoutWait),
-            Call::StartSpindle {
                 spindle,
                 direction,
-                wait_for_speed: true,
-            } => {
-                let code = match direction {
-                    SpindleDirection::Clockwise => "M3",
-                    SpindleDirection::Counterclockwise => "M4",
-                };
-                self.line.begin(code).spindle(*spindle);
-                self.end_line()
-            }
+                wait_for_speed,
+            } => self.start_spindle(*spindle, *direction, *wait_for_speed),
             Call::StopSpindle { spindle } => {
                 self.line.begin("M5").spindle(*spindle);
                 self.end_line()
@@ -290,42 +258,18 @@ impl FlatWriter {
                 degrees,
                 direction,
             } => {
-                self.waiting = Some(Waiting::Orient {
-                    spindle: *spindle,
-                    degrees: *degrees,
-                    direction: *direction,
-                });
-                Ok(())
+                let (spindle, degrees, direction) = (*spindle, *degrees, *direction);
+                self.wait(Waiting::Orient {
+                    spindle,
+                    degrees,
+                    direction,
+                })
             }
             Call::WaitSpindleOriented { .. } => Err(Unwritable::WaitWithoutOrient),
-            Call::Mist(true) => {
-                self.mist = true;
-                self.plain("M7")
-            }
-            Call::Flood(true) => {
-                self.flood = true;
-                self.plain("M8")
-            }
-            Call::Mist(false) => {
-                self.mist = false;
-                self.coolant_off(self.flood)
-            }
-            Call::Flood(false) => {
-                self.flood = false;
-                self.coolant_off(self.mist)
-            }
-            Call::SelectTool { tool } => {
-                self.selected_tool = *tool;
-                self.one_word("", 'T', *tool)
-            }
-            Call::ChangeTool { tool, pocket: _ } => {
-                self.line.begin("M6");
-                if self.selected_tool != *tool {
-                    self.selected_tool = *tool;
-                    self.line.word('T', *tool);
-                }
-                self.end_line()
-            }
+            Call::Mist(on) => self.mist(*on),
+            Call::Flood(on) => self.flood(*on),
+            Call::SelectTool { tool } => self.select_tool(*tool),
+            Call::ChangeTool { tool, pocket: _ } => self.change_tool(*tool),
             Call::SetToolNumber { tool, pocket: _ } => self.one_word("M61", 'Q', *tool),
             Call::SetToolEntry(entry) => self.tool_entry(entry),
             Call::ReloadToolTable => self.plain("G10 L0"),
@@ -336,15 +280,7 @@ impl FlatWriter {
             }
             Call::EnableAdaptiveFeed(on) => self.one_word("M52", 'P', u8::from(*on)),
             Call::EnableFeedHold(on) => self.one_word("M53", 'P', u8::from(*on)),
-            Call::SetDigitalOutput { index, on, with_motion } => {
-                let code = match (with_motion, on) {
-                    (true, true) => "M62",
-                    (true, false) => "M63",
-                    (false, true) => "M64",
-                    (false, false) => "M65",
-                };
-                self.one_word(code, 'P', *index)
-            }
+            Call::SetDigitalOutput { index, on, with_motion } => self.digital_output(*index, *on, *with_motion),
             Call::SetAnalogOutput {
                 index,
                 value,
@@ -357,26 +293,15 @@ impl FlatWriter {
             Call::WaitInput { input, mode, timeout_s } => self.wait_input(*input, *mode, *timeout_s),
             Call::UserCode { number, p, q } => self.user_code(*number, *p, *q),
             Call::Message(text) => self.remark("MSG,", text),
-            Call::Comment(text) if text.starts_with("interpreter:") => Ok(()),
-            Call::Comment(text) => match comment::read(text.as_bytes()).0 {
-                // Its record comes behind it.
-                CommentKind::OpenProbeLog | CommentKind::CloseProbeLog => Ok(()),
-                _ => self.remark("", text),
-            },
+            Call::Comment(text) => self.comment(text),
             Call::Record(record) => self.record(record),
-            Call::ProgramStop => {
-                let code = if std::mem::take(&mut self.pallet) { "M60" } else { "M0" };
-                self.plain(code)
-            }
+            Call::ProgramStop => self.stop("M0", "M60"),
             Call::OptionalProgramStop => self.plain("M1"),
             Call::PalletShuttle => {
                 self.pallet = true;
                 Ok(())
             }
-            Call::ProgramEnd => {
-                let code = if std::mem::take(&mut self.pallet) { "M30" } else { "M2" };
-                self.plain(code)
-            }
+            Call::ProgramEnd => self.stop("M2", "M30"),
             // Other codes bring these about, and the unit is always mm.
             Call::UseLengthUnit(_) | Call::Probe(_) | Call::StartChange | Call::Reset => Ok(()),
             Call::Finish => Ok(()), // the text always ends with a %
@@ -386,6 +311,22 @@ impl FlatWriter {
 
 /// Lines, for all subjects.
 impl FlatWriter {
+    /// The call is written together with the one behind it.
+    fn wait(&mut self, waiting: Waiting) -> Result<(), Unwritable> {
+        self.waiting = Some(waiting);
+        Ok(())
+    }
+
+    /// A stop by its code, or by that which changes the pallets, too.
+    fn stop(&mut self, code: &str, with_pallets: &str) -> Result<(), Unwritable> {
+        let code = if std::mem::take(&mut self.pallet) {
+            with_pallets
+        } else {
+            code
+        };
+        self.plain(code)
+    }
+
     fn plain(&mut self, code: &str) -> Result<(), Unwritable> {
         self.line.begin(code);
         self.end_line()

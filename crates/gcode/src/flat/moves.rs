@@ -7,7 +7,7 @@ use super::line::Exactness;
 use super::{FlatWriter, SAME_MM_OR_DEGREES, Unwritable};
 use crate::code::plane_name;
 use crate::execute::circle;
-use motion::canon::{AXES, Axis, FeedMode, LengthUnit, Plane, Position};
+use motion::canon::{AXES, Axis, LengthUnit, Plane, Position};
 
 impl FlatWriter {
     /// Adds the words of a move to the line that was begun, and ends it; the axes stand at `to` behind it.
@@ -56,16 +56,7 @@ impl FlatWriter {
             .filter(|axis| moves(axis))
             .partition(|axis| axis.is_rotary());
         let turns_only = linear.is_empty() && !rotary.is_empty();
-        let rate = if turns_only { self.angular } else { self.linear };
-        if rate <= 0.0 {
-            return Err(Unwritable::FeedMissing);
-        }
-        let word = match self.feed_mode {
-            FeedMode::PerTime => per_minute(rate),
-            FeedMode::PerTurn { .. } => rate,
-        };
-        if self.feed != Some(word) {
-            self.feed = Some(word);
+        if let Some(word) = self.feed.changed_word(turns_only)? {
             self.line.word('F', word);
         }
         Ok(())
@@ -251,15 +242,6 @@ impl FlatWriter {
         self.known[second as usize] = true;
         Ok(())
     }
-}
-
-/// The F word that is read back as `per_second`, or the nearest one.
-fn per_minute(per_second: f64) -> f64 {
-    let nearest = per_second * 60.0;
-    [nearest, nearest.next_down(), nearest.next_up()]
-        .into_iter()
-        .find(|word| word / 60.0 == per_second)
-        .unwrap_or(nearest)
 }
 
 /// The word by which an axis without ends goes from `at` to `to`: its sign is the direction, also that of -0, its

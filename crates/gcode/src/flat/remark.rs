@@ -21,6 +21,18 @@ impl FlatWriter {
         }
     }
 
+    pub(super) fn comment(&mut self, text: &str) -> Result<(), Unwritable> {
+        let is_record = || {
+            let (kind, _) = comment::read(text.as_bytes());
+            matches!(kind, CommentKind::OpenProbeLog | CommentKind::CloseProbeLog)
+        };
+        // Of a log of probing the record comes behind it.
+        if text.starts_with("interpreter:") || is_record() {
+            return Ok(());
+        }
+        self.remark("", text)
+    }
+
     /// `(word text)`; `word` is empty for a comment that does nothing.
     pub(super) fn remark(&mut self, word: &str, text: &str) -> Result<(), Unwritable> {
         let inside = format!("{word}{text}");

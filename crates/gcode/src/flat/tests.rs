@@ -2,7 +2,8 @@ use super::moves::wrapped_word;
 use super::*;
 use crate::{Tool, ToolChanger, ToolTable};
 use motion::canon::{
-    Axis, Cutter, Input, LengthUnit, OrientDirection, PathMode, ProbeMode, Record, Side, SpindleMode, WaitMode,
+    Axis, Cutter, FeedMode, Input, LengthUnit, OrientDirection, PathMode, ProbeMode, Record, Side, SpindleDirection,
+    SpindleMode, ToolEntry, WaitMode,
 };
 
 fn settings() -> Settings {

@@ -18,8 +18,8 @@ mod tests;
 
 use decimal::{push_fixed4, push_integer};
 use motion::canon::{
-    Axis, Call, Event, FeedMode, LengthUnit, OrientDirection, PathMode, Plane, Position, Record, SPINDLES, Side,
-    Source, SpindleDirection, SpindleMode, ToolEntry,
+    Axis, Call, Cutter, Event, FeedMode, LengthUnit, OrientDirection, PathMode, Plane, Position, Record, SPINDLES,
+    Side, Source, SpindleDirection, SpindleMode, ToolEntry,
 };
 use std::fmt;
 use std::io::{self, Write};
@@ -124,174 +124,78 @@ impl CanonPrinter {
                 self.line(source, format_args!("START_SPEED_FEED_SYNC({per_turn:.6},{velocity})"));
             }
             Call::StopSpindleSync => self.name(source, "STOP_SPEED_FEED_SYNCH()"),
-            Call::SetFeedMode(FeedMode::PerTime) => {
-                self.per_turn = false;
-                self.name(source, "SET_FEED_MODE(0, 0)");
-            }
-            Call::SetFeedMode(FeedMode::PerTurn { spindle }) => {
-                self.per_turn = true;
-                self.line(source, format_args!("SET_FEED_MODE({spindle}, 1)"));
-            }
-            Call::SetFeedRate { linear, angular: _ } => {
-                let per = if self.per_turn { 1.0 } else { 60.0 };
-                let rate = tidy(linear * per / self.unit.mm());
-                self.numbers(source, "SET_FEED_RATE(", &[rate], "");
-            }
+            Call::SetFeedMode(mode) => self.push_feed_mode(source, *mode),
+            Call::SetFeedRate { linear, angular: _ } => self.push_feed_rate(source, *linear),
             Call::SetPathMode(mode) => self.push_path_mode(source, *mode),
-            Call::SelectPlane(plane) => self.name(
-                source,
-                match plane {
-                    Plane::Xy => "SELECT_PLANE(CANON_PLANE_XY)",
-                    Plane::Zx => "SELECT_PLANE(CANON_PLANE_XZ)",
-                    Plane::Yz => "SELECT_PLANE(CANON_PLANE_YZ)",
-                    Plane::Uv | Plane::Wu | Plane::Vw => "SELECT_PLANE(CANON_PLANE_UNKNOWN)",
-                },
-            ),
-            Call::UseLengthUnit(unit) => {
-                self.unit = *unit;
-                self.name(
-                    source,
-                    match unit {
-                        LengthUnit::Millimetre => "USE_LENGTH_UNITS(CANON_UNITS_MM)",
-                        LengthUnit::Inch => "USE_LENGTH_UNITS(CANON_UNITS_INCHES)",
-                    },
-                );
-            }
-            Call::SetG5xOffset { system, origin } => {
-                self.begin(source);
-                self.text.extend_from_slice(b"SET_G5X_OFFSET(");
-                push_integer(&mut self.text, (*system).into(), 0, b' ');
-                self.text.extend_from_slice(b", ");
-                let origin = self.six(origin);
-                self.end_numbers(&origin, ", ");
-            }
+            Call::SetPlanner { corner_share } => self.push_planner(source, *corner_share),
+            Call::SelectPlane(plane) => self.push_plane(source, *plane),
+            Call::UseLengthUnit(unit) => self.push_unit(source, *unit),
+            Call::SetG5xOffset { system, origin } => self.push_g5x(source, *system, origin),
             Call::SetG92Offset { offset } => self.push_move(source, "SET_G92_OFFSET(", offset),
             Call::SetXyRotation { degrees } => self.numbers(source, "SET_XY_ROTATION(", &[*degrees], ""),
             Call::SetToolLengthOffset { offset } => self.push_tool_offset(source, offset),
             // LinuxCNC's interpreter has nothing like it.
             Call::SetToolCentrePoint(true) => self.name(source, "COMMENT(\"tool-centre-point control on\")"),
             Call::SetToolCentrePoint(false) => self.name(source, "COMMENT(\"tool-centre-point control off\")"),
-            Call::SetCutterCompensation(None) => self.name(source, "STOP_CUTTER_RADIUS_COMPENSATION()"),
-            Call::SetCutterCompensation(Some(cutter)) => {
-                let radius = self.length(cutter.radius_mm);
-                self.numbers(source, "SET_CUTTER_RADIUS_COMPENSATION(", &[radius], "");
-                self.name(
-                    source,
-                    match cutter.side {
-                        Side::Left => "START_CUTTER_RADIUS_COMPENSATION(LEFT)",
-                        Side::Right => "START_CUTTER_RADIUS_COMPENSATION(RIGHT)",
-                    },
-                );
-            }
+            Call::SetCutterCompensation(cutter) => self.push_compensation(source, *cutter),
             Call::SetSpindleMode { spindle, mode } => self.push_spindle_mode(source, *spindle, *mode),
             Call::SetSpindleSpeed { spindle, speed } => self.push_spindle_speed(source, *spindle, *speed),
-            Call::StartSpindle { spindle, direction, .. } => {
-                let name = match direction {
-                    SpindleDirection::Clockwise => "START_SPINDLE_CLOCKWISE",
-                    SpindleDirection::Counterclockwise => "START_SPINDLE_COUNTERCLOCKWISE",
-                };
-                self.line(source, format_args!("{name}({spindle})"));
-            }
+            Call::StartSpindle { spindle, direction, .. } => self.push_spindle_start(source, *spindle, *direction),
             Call::StopSpindle { spindle } => self.line(source, format_args!("STOP_SPINDLE_TURNING({spindle})")),
             Call::OrientSpindle {
                 spindle,
                 degrees,
                 direction,
-            } => {
-                let direction = match direction {
-                    OrientDirection::Shortest => 0,
-                    OrientDirection::Clockwise => 1,
-                    OrientDirection::Counterclockwise => 2,
-                };
-                self.line(
-                    source,
-                    format_args!("ORIENT_SPINDLE({spindle}, {degrees:.4}, {direction})"),
-                );
-            }
-            Call::WaitSpindleOriented { spindle, timeout_s } => {
-                self.line(
-                    source,
-                    format_args!("SPINDLE.{spindle}.WAIT_ORIENT_COMPLETE({timeout_s:.4})"),
-                );
-            }
-            Call::Mist(true) => self.name(source, "MIST_ON()"),
-            Call::Mist(false) => self.name(source, "MIST_OFF()"),
-            Call::Flood(true) => self.name(source, "FLOOD_ON()"),
-            Call::Flood(false) => self.name(source, "FLOOD_OFF()"),
+            } => self.push_orient(source, *spindle, *degrees, *direction),
+            Call::WaitSpindleOriented { spindle, timeout_s } => self.line(
+                source,
+                format_args!("SPINDLE.{spindle}.WAIT_ORIENT_COMPLETE({timeout_s:.4})"),
+            ),
+            Call::Mist(on) => self.switch(source, *on, ["MIST_ON()", "MIST_OFF()"]),
+            Call::Flood(on) => self.switch(source, *on, ["FLOOD_ON()", "FLOOD_OFF()"]),
             Call::SelectTool { tool } => self.line(source, format_args!("SELECT_TOOL({tool})")),
             Call::ChangeTool { .. } => self.name(source, "CHANGE_TOOL()"),
             Call::SetToolNumber { tool, pocket: _ } => self.line(source, format_args!("CHANGE_TOOL_NUMBER({tool})")),
             Call::SetToolEntry(entry) => self.push_tool_entry(source, entry),
-            Call::SetPlanner { corner_share } => {
-                let (kind, share) = corner_share.map_or((0, -1.0), |share| (1, share));
-                self.line(
-                    source,
-                    format_args!("SET_PLANNER_MODE(type={kind}, peak_scale={share:.6})"),
-                );
-            }
             Call::ReloadToolTable => self.name(source, "RELOAD_TOOLDATA()"),
-            Call::EnableFeedOverride(true) => self.name(source, "ENABLE_FEED_OVERRIDE()"),
-            Call::EnableFeedOverride(false) => self.name(source, "DISABLE_FEED_OVERRIDE()"),
-            Call::EnableSpeedOverride { spindle, on: true } => {
-                self.line(source, format_args!("ENABLE_SPEED_OVERRIDE({spindle})"));
+            Call::EnableFeedOverride(on) => {
+                self.switch(source, *on, ["ENABLE_FEED_OVERRIDE()", "DISABLE_FEED_OVERRIDE()"]);
             }
-            Call::EnableSpeedOverride { spindle, on: false } => {
-                self.line(source, format_args!("DISABLE_SPEED_OVERRIDE({spindle})"));
+            Call::EnableSpeedOverride { spindle, on } => {
+                let able = if *on { "ENABLE" } else { "DISABLE" };
+                self.line(source, format_args!("{able}_SPEED_OVERRIDE({spindle})"));
             }
-            Call::EnableAdaptiveFeed(true) => self.name(source, "ENABLE_ADAPTIVE_FEED()"),
-            Call::EnableAdaptiveFeed(false) => self.name(source, "DISABLE_ADAPTIVE_FEED()"),
-            Call::EnableFeedHold(true) => self.name(source, "ENABLE_FEED_HOLD()"),
-            Call::EnableFeedHold(false) => self.name(source, "DISABLE_FEED_HOLD()"),
+            Call::EnableAdaptiveFeed(on) => {
+                self.switch(source, *on, ["ENABLE_ADAPTIVE_FEED()", "DISABLE_ADAPTIVE_FEED()"]);
+            }
+            Call::EnableFeedHold(on) => self.switch(source, *on, ["ENABLE_FEED_HOLD()", "DISABLE_FEED_HOLD()"]),
             Call::SetDigitalOutput { index, on, with_motion } => {
-                let name = match (on, with_motion) {
-                    (true, true) => "SET_MOTION_OUTPUT_BIT",
-                    (false, true) => "CLEAR_MOTION_OUTPUT_BIT",
-                    (true, false) => "SET_AUX_OUTPUT_BIT",
-                    (false, false) => "CLEAR_AUX_OUTPUT_BIT",
-                };
-                self.line(source, format_args!("{name}({index})"));
+                let set = if *on { "SET" } else { "CLEAR" };
+                let when = if *with_motion { "MOTION" } else { "AUX" };
+                self.line(source, format_args!("{set}_{when}_OUTPUT_BIT({index})"));
             }
             Call::SetAnalogOutput {
                 index,
                 value,
                 with_motion,
             } => {
-                let name = if *with_motion {
-                    "SET_MOTION_OUTPUT_VALUE"
-                } else {
-                    "SET_AUX_OUTPUT_VALUE"
-                };
-                self.line(source, format_args!("{name}({index},{value:.6})"));
+                let when = if *with_motion { "MOTION" } else { "AUX" };
+                self.line(source, format_args!("SET_{when}_OUTPUT_VALUE({index},{value:.6})"));
             }
             Call::UserCode { number, p, q } => {
                 self.line(source, format_args!("USER_DEFINED_FUNCTION({number}, {p:.6}, {q:.6})"));
             }
-            Call::Probe(true) => self.name(source, "TURN_PROBE_ON()"),
-            Call::Probe(false) => self.name(source, "TURN_PROBE_OFF()"),
+            Call::Probe(on) => self.switch(source, *on, ["TURN_PROBE_ON()", "TURN_PROBE_OFF()"]),
             Call::Message(text) => self.quoted(source, "MESSAGE", text),
             Call::Comment(text) => self.quoted(source, "COMMENT", text),
-            Call::Record(Record::OpenLog(file)) => self.quoted(source, "LOGOPEN", file),
-            Call::Record(Record::AppendLog(file)) => self.quoted(source, "LOGAPPEND", file),
-            Call::Record(Record::Log(text)) => self.quoted(source, "LOG", text),
-            Call::Record(Record::CloseLog) => self.name(source, "LOGCLOSE()"),
-            // The interpreter itself does these two, without a call; and the wait for an input and the begin of a tool
-            // change print nothing.
-            Call::Record(Record::Print(_) | Record::OpenProbeLog(_) | Record::CloseProbeLog)
-            | Call::WaitInput { .. }
-            | Call::StartChange => {}
+            Call::Record(record) => self.push_record(source, record),
+            // They print nothing.
+            Call::WaitInput { .. } | Call::StartChange => {}
             Call::ProgramStop => self.name(source, "PROGRAM_STOP()"),
             Call::OptionalProgramStop => self.name(source, "OPTIONAL_PROGRAM_STOP()"),
             Call::PalletShuttle => self.name(source, "PALLET_SHUTTLE()"),
             Call::ProgramEnd => self.name(source, "PROGRAM_END()"),
-            Call::Reset => {
-                // Always the same and so no event of ours.
-                if !self.started {
-                    self.started = true;
-                    self.name(source, "SET_FEED_REFERENCE(CANON_XYZ)");
-                }
-                // The line is behind it.
-                self.name(&Source::default(), "ON_RESET()");
-            }
+            Call::Reset => self.push_reset(source),
             Call::Finish => self.name(source, "FINISH()"),
         }
     }
@@ -316,6 +220,20 @@ impl CanonPrinter {
         push_integer(&mut self.text, turns.unsigned_abs().into(), 0, b' ');
         self.text.extend_from_slice(b", ");
         self.end_numbers(&[normal, to[Axis::A], to[Axis::B], to[Axis::C]], ", ");
+    }
+
+    fn push_feed_mode(&mut self, source: &Source, mode: FeedMode) {
+        self.per_turn = mode != FeedMode::PerTime;
+        match mode {
+            FeedMode::PerTime => self.name(source, "SET_FEED_MODE(0, 0)"),
+            FeedMode::PerTurn { spindle } => self.line(source, format_args!("SET_FEED_MODE({spindle}, 1)")),
+        }
+    }
+
+    fn push_feed_rate(&mut self, source: &Source, linear: f64) {
+        let per = if self.per_turn { 1.0 } else { 60.0 };
+        let rate = tidy(linear * per / self.unit.mm());
+        self.numbers(source, "SET_FEED_RATE(", &[rate], "");
     }
 
     fn push_path_mode(&mut self, source: &Source, mode: PathMode) {
@@ -346,6 +264,55 @@ impl CanonPrinter {
                 self.numbers(source, "SET_NAIVECAM_TOLERANCE(", &[naive], "");
             }
         }
+    }
+
+    fn push_planner(&mut self, source: &Source, corner_share: Option<f64>) {
+        let (kind, share) = corner_share.map_or((0, -1.0), |share| (1, share));
+        self.line(
+            source,
+            format_args!("SET_PLANNER_MODE(type={kind}, peak_scale={share:.6})"),
+        );
+    }
+
+    fn push_plane(&mut self, source: &Source, plane: Plane) {
+        let name = match plane {
+            Plane::Xy => "XY",
+            Plane::Zx => "XZ",
+            Plane::Yz => "YZ",
+            Plane::Uv | Plane::Wu | Plane::Vw => "UNKNOWN",
+        };
+        self.line(source, format_args!("SELECT_PLANE(CANON_PLANE_{name})"));
+    }
+
+    fn push_unit(&mut self, source: &Source, unit: LengthUnit) {
+        self.unit = unit;
+        let name = match unit {
+            LengthUnit::Millimetre => "MM",
+            LengthUnit::Inch => "INCHES",
+        };
+        self.line(source, format_args!("USE_LENGTH_UNITS(CANON_UNITS_{name})"));
+    }
+
+    fn push_g5x(&mut self, source: &Source, system: u8, origin: &Position) {
+        self.begin(source);
+        self.text.extend_from_slice(b"SET_G5X_OFFSET(");
+        push_integer(&mut self.text, system.into(), 0, b' ');
+        self.text.extend_from_slice(b", ");
+        let origin = self.six(origin);
+        self.end_numbers(&origin, ", ");
+    }
+
+    fn push_compensation(&mut self, source: &Source, cutter: Option<Cutter>) {
+        let Some(cutter) = cutter else {
+            return self.name(source, "STOP_CUTTER_RADIUS_COMPENSATION()");
+        };
+        let radius = self.length(cutter.radius_mm);
+        self.numbers(source, "SET_CUTTER_RADIUS_COMPENSATION(", &[radius], "");
+        let side = match cutter.side {
+            Side::Left => "LEFT",
+            Side::Right => "RIGHT",
+        };
+        self.line(source, format_args!("START_CUTTER_RADIUS_COMPENSATION({side})"));
     }
 
     fn push_tool_offset(&mut self, source: &Source, offset: &Position) {
@@ -403,6 +370,47 @@ impl CanonPrinter {
         };
         self.line(source, format_args!("SET_SPINDLE_SPEED({spindle}, {speed:.4})"));
     }
+
+    fn push_spindle_start(&mut self, source: &Source, spindle: u8, direction: SpindleDirection) {
+        let direction = match direction {
+            SpindleDirection::Clockwise => "CLOCKWISE",
+            SpindleDirection::Counterclockwise => "COUNTERCLOCKWISE",
+        };
+        self.line(source, format_args!("START_SPINDLE_{direction}({spindle})"));
+    }
+
+    fn push_orient(&mut self, source: &Source, spindle: u8, degrees: f64, direction: OrientDirection) {
+        let direction = match direction {
+            OrientDirection::Shortest => 0,
+            OrientDirection::Clockwise => 1,
+            OrientDirection::Counterclockwise => 2,
+        };
+        self.line(
+            source,
+            format_args!("ORIENT_SPINDLE({spindle}, {degrees:.4}, {direction})"),
+        );
+    }
+
+    fn push_record(&mut self, source: &Source, record: &Record) {
+        match record {
+            Record::OpenLog(file) => self.quoted(source, "LOGOPEN", file),
+            Record::AppendLog(file) => self.quoted(source, "LOGAPPEND", file),
+            Record::Log(text) => self.quoted(source, "LOG", text),
+            Record::CloseLog => self.name(source, "LOGCLOSE()"),
+            // The interpreter itself does these, without a call.
+            Record::Print(_) | Record::OpenProbeLog(_) | Record::CloseProbeLog => {}
+        }
+    }
+
+    fn push_reset(&mut self, source: &Source) {
+        // Always the same and so no event of ours.
+        if !self.started {
+            self.started = true;
+            self.name(source, "SET_FEED_REFERENCE(CANON_XYZ)");
+        }
+        // The line is behind it.
+        self.name(&Source::default(), "ON_RESET()");
+    }
 }
 
 /// Lines and their parts.
@@ -427,6 +435,11 @@ impl CanonPrinter {
         self.begin(source);
         self.text.extend_from_slice(call.as_bytes());
         self.text.push(b'\n');
+    }
+
+    /// What is on or off.
+    fn switch(&mut self, source: &Source, on: bool, [name_on, name_off]: [&str; 2]) {
+        self.name(source, if on { name_on } else { name_off });
     }
 
     fn quoted(&mut self, source: &Source, name: &str, text: &str) {
