@@ -9,7 +9,7 @@ use crate::code::{
     Compensation, Coolant, Distance, FeedUnit, GCode, InputOutput, LengthOffset, MCode, ModalCode, Motion, NonModal,
     Override, PathCode, Retract, SpindleAction, SpindleCode, Stop, ToolCode, g_name, integer, m_name,
 };
-use crate::error::ErrorKind;
+use crate::error::{ErrorKind, ExpressionError};
 use crate::expression::{Assigned, Values};
 use crate::scan::{Cursor, Fault, Item, NUMBER_MAX, Span, number_with_exponent};
 use motion::canon::{Axis, LengthUnit, Plane};
@@ -227,7 +227,8 @@ impl Block {
         self.clear();
         let before = faults.len();
         self.read_rest(Cursor::new(line), values, faults);
-        let is_letter_alone = |(_, kind): &&Fault| matches!(kind, ErrorKind::ValueMissing { .. });
+        let is_letter_alone =
+            |(_, kind): &&Fault| matches!(kind, ErrorKind::Expression(ExpressionError::ValueMissing { .. }));
         if faults.len() >= before + LETTERS_ALONE
             && faults[before..].iter().filter(is_letter_alone).count() >= LETTERS_ALONE
         {

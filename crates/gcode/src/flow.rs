@@ -6,7 +6,7 @@
 //! Labels belong to the subroutine in which they stand. A block that is left out is only looked through for the O-word
 //! that ends it.
 
-use crate::error::ErrorKind;
+use crate::error::{ErrorKind, OWordError};
 use crate::o_word::{Keyword, Label};
 use crate::parameter::ARGUMENTS_MAX;
 use crate::remap::Rest;
@@ -116,10 +116,11 @@ impl Level {
     pub(crate) fn open(&mut self, open: Open) -> Result<(), ErrorKind> {
         match self.labels.get(&open.label) {
             Some(line) if *line != open.line => {
-                return Err(ErrorKind::DuplicateLabel {
+                return Err(OWordError::DuplicateLabel {
                     label: open.label.to_string(),
                     line: *line,
-                });
+                }
+                .into());
             }
             Some(_) => {}
             None => {

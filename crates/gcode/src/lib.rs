@@ -31,7 +31,7 @@
 //! | to learn | file |
 //! |---|---|
 //! | how a line becomes words: octets, numbers, expressions computed while they are read | `text.rs`, `scan.rs`, `number.rs`, `expression/mod.rs` |
-//! | which codes there are, and their modal groups | `code.rs` |
+//! | which codes there are, and their modal groups | `code/mod.rs`; their numbers in `code/table.rs` |
 //! | what a line contains, regardless of the state; which letter belongs to which code | `block.rs`; `execute/usage.rs` |
 //! | the order in which a line is run | `execute/mod.rs`, the table of contents; one file per subject next to it |
 //! | everything that lasts from line to line; where work coordinates lie | `state/mod.rs` |
@@ -91,7 +91,10 @@ mod tool_table;
 
 pub use check::{check, check_on, check_reader};
 pub use doubt::{Doubt, DoubtKind, doubts};
-pub use error::{ArcError, CallSite, CycleError, Error, ErrorKind, ProbeError, SplineError, ThreadError, TurningError};
+pub use error::{
+    ArcError, CallSite, CycleError, Error, ErrorKind, ExpressionError, OWordError, ProbeError, SetDataError,
+    SplineError, ThreadError, TurningError,
+};
 pub use flat::{FlatError, FlatWriter, Unwritable};
 pub use foreign::Language;
 pub use interpreter::{Interpreter, ReadSeek, Run};

@@ -39,7 +39,7 @@ impl InForce {
             offset_on: state.tools.offset_on,
             offset_of: state.tools.offset_of,
             tool_centre_point: state.tool_centre_point,
-            side: state.cutter.map(|cutter| cutter.side),
+            side: state.compensation.cutter.map(|cutter| cutter.side),
         }
     }
 

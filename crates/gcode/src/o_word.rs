@@ -5,7 +5,7 @@
 
 use crate::block::LineNumber;
 use crate::code::integer_in;
-use crate::error::ErrorKind;
+use crate::error::OWordError;
 use crate::expression::Values;
 use crate::near_miss::nearest;
 use crate::parameter::ARGUMENTS_MAX;
@@ -141,7 +141,9 @@ pub(crate) fn head(cursor: &mut Cursor<'_>, values: &impl Values) -> Result<(Opt
         match integer_in(value, 0..=i64::from(u32::MAX)) {
             Some(number) => Some(Label::Number(number as u32)),
             None if value.is_nan() => None,
-            None => return Err((cursor.span_from(start), ErrorKind::LabelNotInteger { value })),
+            None => {
+                return Err((cursor.span_from(start), OWordError::LabelNotInteger { value }.into()));
+            }
         }
     };
     let at = cursor.at;
@@ -154,7 +156,7 @@ pub(crate) fn head(cursor: &mut Cursor<'_>, values: &impl Values) -> Result<(Opt
         Some((keyword, _)) => Ok((label, *keyword)),
         None => {
             let near = nearest(&word, Keyword::ALL.iter().map(|(_, name)| *name));
-            Err(cursor.span_from(at).fault(ErrorKind::UnknownKeyword {
+            Err(cursor.span_from(at).fault(OWordError::UnknownKeyword {
                 word: word.to_ascii_lowercase(),
                 nearest: near.map(str::to_ascii_lowercase),
             }))
@@ -182,10 +184,13 @@ pub(crate) fn read(mut cursor: Cursor<'_>, values: &impl Values) -> Result<Optio
         if argument_count == most {
             if let (Keyword::Program, Some(label)) = (keyword, &label) {
                 let label = label.to_string();
-                return Err((cursor.span_from(start), ErrorKind::CallMissing { label }));
+                return Err((cursor.span_from(start), OWordError::CallMissing { label }.into()));
             }
             let keyword = keyword.name();
-            return Err((cursor.span_from(at), ErrorKind::TooManyArguments { keyword, most }));
+            return Err((
+                cursor.span_from(at),
+                OWordError::TooManyArguments { keyword, most }.into(),
+            ));
         }
         arguments[argument_count] = value;
         argument_count += 1;
@@ -193,13 +198,13 @@ pub(crate) fn read(mut cursor: Cursor<'_>, values: &impl Values) -> Result<Optio
     let span = cursor.span_from(start);
     if argument_count < least {
         let keyword = keyword.name();
-        return Err((span, ErrorKind::ConditionMissing { keyword }));
+        return Err((span, OWordError::ConditionMissing { keyword }.into()));
     }
     while let Some(item) = cursor.item() {
         match item? {
             Item::Comment(_) | Item::Remark(_) => {}
             Item::BlockDelete | Item::Letter(_) | Item::Parameter => {
-                return Err((cursor.span(), ErrorKind::WordBehindOWord));
+                return Err((cursor.span(), OWordError::WordBehindOWord.into()));
             }
         }
     }

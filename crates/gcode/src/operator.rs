@@ -4,7 +4,7 @@
 //! Out: a finite number, NaN if an argument was NaN, or the rule that is broken.
 
 use crate::degrees;
-use crate::error::ErrorKind;
+use crate::error::{ErrorKind, ExpressionError};
 
 /// Numbers that differ by less are equal for `EQ`, `NE`, `GE` and `LE`, as in LinuxCNC; `GT` and `LT` compare exactly.
 const EQUAL_DIFFERENCE_MAX: f64 = 1e-6;
@@ -93,13 +93,18 @@ impl Operator {
         };
         let equal = (left - right).abs() < EQUAL_DIFFERENCE_MAX;
         let result = match self {
-            Operator::Divide | Operator::Modulo if right == 0.0 => return Err(ErrorKind::DivideByZero { operator }),
-            Operator::Power if left == 0.0 && right < 0.0 => return Err(ErrorKind::DivideByZero { operator }),
+            Operator::Divide | Operator::Modulo if right == 0.0 => {
+                return Err(ExpressionError::DivideByZero { operator }.into());
+            }
+            Operator::Power if left == 0.0 && right < 0.0 => {
+                return Err(ExpressionError::DivideByZero { operator }.into());
+            }
             Operator::Power if left < 0.0 && right.fract() != 0.0 && !right.is_nan() => {
-                return Err(ErrorKind::PowerOfNegative {
+                return Err(ExpressionError::PowerOfNegative {
                     base: left,
                     exponent: right,
-                });
+                }
+                .into());
             }
             Operator::Power => libm::pow(left, right),
             Operator::Times => left * right,
@@ -185,11 +190,12 @@ impl Function {
     pub(crate) fn apply(self, argument: f64) -> Result<f64, ErrorKind> {
         let function = self.name();
         let outside = |rule| {
-            Err(ErrorKind::FunctionArgument {
+            Err(ExpressionError::FunctionArgument {
                 function,
                 argument,
                 rule,
-            })
+            }
+            .into())
         };
         let result = match self {
             Function::Asin | Function::Acos if argument.abs() > 1.0 => return outside("from -1 to 1"),
@@ -217,7 +223,7 @@ impl Function {
 
 fn finite(result: f64, operation: &'static str) -> Result<f64, ErrorKind> {
     if result.is_infinite() {
-        Err(ErrorKind::ResultTooLarge { operation })
+        Err(ExpressionError::ResultTooLarge { operation }.into())
     } else {
         Ok(result)
     }
@@ -290,7 +296,7 @@ mod tests {
 
     #[test]
     fn what_has_no_result_is_refused() {
-        let divided = |operator| Err(ErrorKind::DivideByZero { operator });
+        let divided = |operator| Err(ExpressionError::DivideByZero { operator }.into());
         assert_eq!(Operator::Divide.apply(1.0, 0.0), divided("/"));
         assert_eq!(Operator::Modulo.apply(1.0, -0.0), divided("MOD"));
         assert_eq!(Operator::Power.apply(0.0, -1.0), divided("**"));
@@ -307,7 +313,13 @@ mod tests {
             Function::Exp.apply(1000.0),
             Function::Tan.apply(90.0),
         ] {
-            assert!(matches!(result, Err(ErrorKind::ResultTooLarge { .. })), "{result:?}");
+            assert!(
+                matches!(
+                    result,
+                    Err(ErrorKind::Expression(ExpressionError::ResultTooLarge { .. }))
+                ),
+                "{result:?}"
+            );
         }
     }
 

@@ -5,7 +5,7 @@
 //!      stands. Within such a subroutine its code is the usual one.
 
 use crate::block::{Block, Remapped};
-use crate::error::ErrorKind;
+use crate::error::OWordError;
 use crate::o_word::Label;
 use crate::parameter::ARGUMENTS_MAX;
 use crate::scan::Fault;
@@ -125,16 +125,16 @@ impl Entry {
             match wanted {
                 b'@' => {}
                 b'>' if feed > 0.0 => {}
-                b'>' => return Err(at(ErrorKind::RemapNeedsFeed { code: code_name() })),
+                b'>' => return Err(at(OWordError::RemapNeedsFeed { code: code_name() }.into())),
                 b'^' if speed > 0.0 => {}
-                b'^' => return Err(at(ErrorKind::RemapNeedsSpeed { code: code_name() })),
+                b'^' => return Err(at(OWordError::RemapNeedsSpeed { code: code_name() }.into())),
                 b'n' | b'N' => arguments.line_number = true,
                 letter if letter.is_ascii_alphabetic() => {
                     let word = letter.to_ascii_uppercase();
                     let value = block.word_value(word);
                     if letter.is_ascii_uppercase() && value.is_none() {
                         let (code, letter) = (code_name(), word.into());
-                        return Err(at(ErrorKind::RemapWordMissing { code, letter }));
+                        return Err(at(OWordError::RemapWordMissing { code, letter }.into()));
                     }
                     block.remove(word);
                     if by_position {

@@ -73,7 +73,7 @@ impl Run<'_> {
         if self.errors.is_empty() {
             let not_here = if self.stop_before.take().is_some() {
                 Some(ErrorKind::LineNotRun { line })
-            } else if self.state.cutter.is_some() {
+            } else if self.state.compensation.cutter.is_some() {
                 Some(ErrorKind::StartUnderCompensation { line })
             } else if self.state.nurbs.is_some() {
                 Some(ErrorKind::StartInNurbs { line })

@@ -5,7 +5,7 @@
 //!
 //! Blanks, tabs and carriage returns are ignored everywhere outside comments, even inside numbers. Allocates nothing.
 
-use crate::error::ErrorKind;
+use crate::error::{ErrorKind, ExpressionError};
 use crate::number;
 use crate::octet::{is_blank, is_continuation, is_empty};
 
@@ -252,7 +252,10 @@ pub(crate) fn number_with_exponent(line: &[u8], e: usize) -> Option<Fault> {
     }
     // Nobody means less than that, and it would fill the line.
     let plain = if number.abs() < 1e-15 { 0.0 } else { number }.to_string();
-    Some((Span::new(start, end), ErrorKind::Exponent { written, plain }))
+    Some((
+        Span::new(start, end),
+        ExpressionError::Exponent { written, plain }.into(),
+    ))
 }
 
 #[cfg(test)]

@@ -8,17 +8,18 @@
 use crate::Settings;
 use crate::block::{Block, Faults};
 use crate::code::{Motion, Stop, integer_in};
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, OWordError};
 use crate::expression::Values;
 use crate::interpreter::of_the_whole;
 use crate::o_word::{self, Keyword, Label, OWord};
 use crate::octet::{is_blank, is_empty};
 use crate::remap;
-use crate::scan::{Fault, LINE_OCTETS_MAX, Span};
+use crate::scan::{Cursor, Fault, LINE_OCTETS_MAX, Span};
 use crate::text::Text;
 use motion::cancel::Cancel;
 use std::collections::{HashMap, HashSet};
 use std::io::{self, Read, Seek};
+use std::ops::ControlFlow;
 
 /// Parameters of a program that is not run: all there, none known.
 #[derive(Default)]
@@ -122,6 +123,25 @@ impl Opened {
             | Keyword::Continue => &[],
         }
     }
+
+    /// The mistake of a block that is open at the end of the text, and the part that it concerns.
+    fn not_closed(self) -> (Part, Error) {
+        let expected = self
+            .closed_by()
+            .first()
+            .map_or_else(String::new, |keyword| keyword.name());
+        let kind = OWordError::BlockNotClosed {
+            label: self.label.to_string(),
+            keyword: self.keyword.name(),
+            expected: format!("{} {expected}", self.label),
+        }
+        .into();
+        let range = usize::from(self.span.start)..usize::from(self.span.end);
+        // The program comes to the beginning of a subroutine, and looks for its end.
+        let of_program = self.keyword == Keyword::Sub && !self.behind_end;
+        let part = if of_program { None } else { self.part };
+        (part, Error::at("", self.line, &self.text, range, kind))
+    }
 }
 
 /// All that is wrong with the form of a text, in the order of its lines, `errors_max` mistakes at most.
@@ -137,38 +157,16 @@ pub(crate) fn errors(
     cancel: &Cancel,
 ) -> io::Result<Vec<Error>> {
     let mut text = Text::new(text);
-    let unknown = Unknown {
-        remaps: settings.remaps.iter().map(remap::Entry::new).collect(),
-    };
-    // With what they are about.
-    let mut errors: Vec<(Part, Error)> = Vec::new();
-    let mut calls = Calls::default();
-    for remap in &settings.remaps {
-        calls.add(&None, Some(Label::Name(remap.subroutine.as_str().into())));
-    }
-    // Where the line is; `ended`: behind the end of the program, but in no subroutine.
-    let (mut part, mut ended): (Part, bool) = (None, false);
-    let (mut of_program, mut of_subroutines) = (0, 0);
-    let mut block = Block::default();
-    let mut faults = Faults::new();
-    let mut opened: Vec<Opened> = Vec::new();
+    let mut form = Form::new(settings);
     let (mut any, mut percent) = (false, false);
     while !cancel.is_cancelled()
-        && of_program < errors_max
-        && of_subroutines < ERRORS_KEPT_PER_TOLD * errors_max
+        && form.of_program < errors_max
+        && form.of_subroutines < ERRORS_KEPT_PER_TOLD * errors_max
         && let Some(line) = text.next_line()?
     {
         let octets = text.octets();
         if line.length > LINE_OCTETS_MAX as u64 {
-            let length = line.length as usize;
-            let kind = ErrorKind::LineTooLong {
-                length,
-                max: LINE_OCTETS_MAX,
-            };
-            if part.is_some() || !ended {
-                let error = Error::at("", line.number, octets, LINE_OCTETS_MAX - 1..LINE_OCTETS_MAX, kind);
-                errors.push((part.clone(), error));
-            }
+            form.too_long(line.number, octets, line.length as usize);
             continue;
         }
         let Some(first) = octets.iter().position(|octet| !is_blank(*octet)) else {
@@ -182,172 +180,232 @@ pub(crate) fn errors(
             continue;
         }
         any = true;
-        faults.clear();
-        let (mut leaves, mut ends) = (false, false);
-        if let Some((cursor, _)) = o_word::start(octets) {
-            match o_word::read(cursor, &unknown) {
-                Ok(Some(o_word)) => {
-                    let begins = match o_word.keyword {
-                        Keyword::Sub => part.is_none(),
-                        Keyword::Program => ended && part.is_none(),
-                        _ => false,
-                    };
-                    if begins {
-                        part = Some(o_word.label.clone());
-                        opened.retain(|block| block.part != part);
-                    }
-                    leaves = o_word.keyword == Keyword::EndSub && part.as_ref() == Some(&o_word.label);
-                    if o_word.keyword == Keyword::Call {
-                        calls.add(&part, Some(o_word.label.clone()));
-                    }
-                    let place = Place {
-                        line: line.number,
-                        text: octets,
-                        part: &part,
-                        behind_end: ended,
-                    };
-                    if let Err(fault) = nest(&mut opened, &o_word, &place) {
-                        faults.push(fault);
-                    }
-                }
-                Ok(None) => calls.any |= part.is_some() || !ended,
-                Err(fault) => faults.push(fault),
-            }
-        } else {
-            block.read(octets, &unknown, &mut faults);
-            let stop = block.codes.stop.map(|code| code.value);
-            let profile = matches!(
-                block.codes.motion.map(|code| code.value),
-                Some(Some(Motion::Finish | Motion::Rough(_)))
-            );
-            for letter in [b'P', b'Q'] {
-                let called = if letter == b'P' {
-                    stop == Some(Stop::Call)
-                } else {
-                    profile
-                };
-                if called && let Some(number) = block.word_value(letter) {
-                    let label = integer_in(number, 0..=i64::from(u32::MAX));
-                    calls.add(&part, label.map(|number| Label::Number(number as u32)));
-                }
-            }
-            let deleted = octets[first] == b'/';
-            let in_block = opened
-                .iter()
-                .any(|block| block.part == part && block.keyword != Keyword::Sub);
-            if matches!(stop, Some(Stop::End | Stop::PalletEnd | Stop::Return)) && !deleted && !in_block {
-                match part {
-                    None => ends = true,
-                    Some(_) => leaves = stop == Some(Stop::Return) && !opened.iter().any(|block| block.part == part),
-                }
-            }
-        }
-        if part.is_some() || !ended {
-            let whole = of_the_whole(octets, &faults);
-            let is_whole = whole.is_some();
-            if let Some(whole) = whole {
-                faults.clear();
-                faults.push(whole);
-            }
-            for (span, kind) in faults.drain(..) {
-                let range = usize::from(span.start)..usize::from(span.end);
-                errors.push((part.clone(), Error::at("", line.number, octets, range, kind)));
-                match part {
-                    None => of_program += 1,
-                    Some(_) => of_subroutines += 1,
-                }
-            }
-            if is_whole && part.is_none() {
-                opened.clear(); // what closes them is not looked for
-                break;
-            }
-        }
-        ended |= ends;
-        if leaves {
-            part = None;
+        if form.line(line.number, octets).is_break() {
+            break;
         }
     }
     if cancel.is_cancelled() {
-        opened.clear(); // what closes them has not been read
+        form.opened.clear(); // what closes them has not been read
     }
-    for block in opened {
-        let expected = block
-            .closed_by()
-            .first()
-            .map_or_else(String::new, |keyword| keyword.name());
-        let kind = ErrorKind::BlockNotClosed {
-            label: block.label.to_string(),
-            keyword: block.keyword.name(),
-            expected: format!("{} {expected}", block.label),
+    Ok(form.finish(errors_max))
+}
+
+/// What the lines up to one have come to.
+struct Form {
+    unknown: Unknown,
+    /// With the parts that they are about.
+    errors: Vec<(Part, Error)>,
+    /// Of these, so many in lines of the program and of subroutines.
+    of_program: usize,
+    of_subroutines: usize,
+    calls: Calls,
+    opened: Vec<Opened>,
+    /// Where the line is.
+    part: Part,
+    /// Behind the end of the program; what is in no subroutine is not run.
+    ended: bool,
+    /// Of the line; kept for their memory.
+    block: Block,
+    faults: Faults,
+}
+
+impl Form {
+    fn new(settings: &Settings) -> Form {
+        let mut calls = Calls::default();
+        for remap in &settings.remaps {
+            calls.add(&None, Some(Label::Name(remap.subroutine.as_str().into())));
+        }
+        Form {
+            unknown: Unknown {
+                remaps: settings.remaps.iter().map(remap::Entry::new).collect(),
+            },
+            errors: Vec::new(),
+            of_program: 0,
+            of_subroutines: 0,
+            calls,
+            opened: Vec::new(),
+            part: None,
+            ended: false,
+            block: Block::default(),
+            faults: Faults::new(),
+        }
+    }
+
+    /// Whether the line may be run.
+    fn is_run(&self) -> bool {
+        self.part.is_some() || !self.ended
+    }
+
+    fn too_long(&mut self, number: u32, octets: &[u8], length: usize) {
+        if self.is_run() {
+            let max = LINE_OCTETS_MAX;
+            let kind = ErrorKind::LineTooLong { length, max };
+            let error = Error::at("", number, octets, max - 1..max, kind);
+            self.errors.push((self.part.clone(), error));
+        }
+    }
+
+    /// Reads a line that is not empty; `Break`: what is wrong with it is so with the whole text.
+    fn line(&mut self, number: u32, octets: &[u8]) -> ControlFlow<()> {
+        self.faults.clear();
+        let is_last = match o_word::start(octets) {
+            Some((cursor, _)) => self.o_word(cursor, number, octets),
+            None => self.words(octets),
         };
-        let range = usize::from(block.span.start)..usize::from(block.span.end);
-        // The program comes to the beginning of a subroutine, and looks for its end.
-        let of_program = block.keyword == Keyword::Sub && !block.behind_end;
-        let part = if of_program { None } else { block.part };
-        errors.push((part, Error::at("", block.line, &block.text, range, kind)));
+        if self.is_run() {
+            self.tell(number, octets)?;
+        }
+        if is_last && self.part.take().is_none() {
+            self.ended = true;
+        }
+        ControlFlow::Continue(())
     }
-    let reached = calls.reached();
-    errors.retain(|(part, _)| calls.any || reached.contains(part));
-    let mut errors: Vec<Error> = errors.into_iter().map(|(_, error)| error).collect();
-    errors.sort_by_key(|error| error.line);
-    errors.truncate(errors_max);
-    Ok(errors)
-}
 
-/// Where an O-word stands.
-struct Place<'t> {
-    line: u32,
-    text: &'t [u8],
-    part: &'t Part,
-    behind_end: bool,
-}
+    /// An O-word; whether its part ends with it.
+    fn o_word(&mut self, cursor: Cursor<'_>, number: u32, octets: &[u8]) -> bool {
+        let o_word = match o_word::read(cursor, &self.unknown) {
+            Ok(Some(o_word)) => o_word,
+            Ok(None) => {
+                self.calls.any |= self.is_run();
+                return false;
+            }
+            Err(fault) => {
+                self.faults.push(fault);
+                return false;
+            }
+        };
+        let begins = match o_word.keyword {
+            Keyword::Sub => self.part.is_none(),
+            Keyword::Program => self.ended && self.part.is_none(),
+            _ => false,
+        };
+        if begins {
+            self.part = Some(o_word.label.clone());
+            self.opened.retain(|block| block.part != self.part);
+        }
+        if o_word.keyword == Keyword::Call {
+            self.calls.add(&self.part, Some(o_word.label.clone()));
+        }
+        if let Err(fault) = self.nest(&o_word, number, octets) {
+            self.faults.push(fault);
+        }
+        o_word.keyword == Keyword::EndSub && self.part.as_ref() == Some(&o_word.label)
+    }
 
-/// Opens and closes blocks.
-fn nest(opened: &mut Vec<Opened>, o_word: &OWord, place: &Place<'_>) -> Result<(), Fault> {
-    let label = &o_word.label;
-    let not_open = |opener| {
-        let label = label.to_string();
-        let keyword = o_word.keyword.name();
-        Err((o_word.span, ErrorKind::BlockNotOpen { label, keyword, opener }))
-    };
-    let inner = opened
-        .iter()
-        .rposition(|block| block.label == *label && block.part == *place.part);
-    let closes = inner.is_some_and(|at| opened[at].closed_by().contains(&o_word.keyword));
-    match o_word.keyword {
-        Keyword::While | Keyword::EndIf | Keyword::EndWhile | Keyword::EndRepeat | Keyword::EndSub if closes => {
-            opened.remove(inner.expect("it closes one"));
-            Ok(())
+    /// Words; whether the part ends with them.
+    fn words(&mut self, octets: &[u8]) -> bool {
+        self.block.read(octets, &self.unknown, &mut self.faults);
+        let codes = &self.block.codes;
+        let stop = codes.stop.map(|code| code.value);
+        let motion = codes.motion.and_then(|code| code.value);
+        let calls_profile = matches!(motion, Some(Motion::Finish | Motion::Rough(_)));
+        for (letter, calls) in [(b'P', stop == Some(Stop::Call)), (b'Q', calls_profile)] {
+            if let Some(number) = self.block.word_value(letter).filter(|_| calls) {
+                let label = integer_in(number, 0..=i64::from(u32::MAX));
+                self.calls
+                    .add(&self.part, label.map(|number| Label::Number(number as u32)));
+            }
         }
-        Keyword::EndIf => not_open("if"),
-        Keyword::EndWhile => not_open("while"),
-        Keyword::EndRepeat => not_open("repeat"),
-        Keyword::EndSub => not_open("sub"),
-        Keyword::Sub | Keyword::If | Keyword::While | Keyword::Do | Keyword::Repeat => {
-            opened.push(Opened {
-                label: label.clone(),
-                keyword: o_word.keyword,
-                line: place.line,
-                text: place.text.to_vec(),
-                span: o_word.span,
-                part: place.part.clone(),
-                behind_end: place.behind_end,
-            });
-            Ok(())
+        let is_deleted = octets.iter().find(|octet| !is_blank(**octet)) == Some(&b'/');
+        let mut around = self.opened.iter().filter(|block| block.part == self.part);
+        match stop {
+            _ if is_deleted => false,
+            // A subroutine is left by its M99 in no block; M2 ends the program, also from there.
+            Some(Stop::Return) if self.part.is_some() => around.next().is_none(),
+            Some(Stop::End | Stop::PalletEnd | Stop::Return) => {
+                self.part.is_none() && around.all(|block| block.keyword == Keyword::Sub)
+            }
+            _ => false,
         }
-        Keyword::ElseIf | Keyword::Else if inner.is_none_or(|at| opened[at].keyword != Keyword::If) => not_open("if"),
-        // LinuxCNC knows neither for repeat.
-        Keyword::Break | Keyword::Continue
-            if inner.is_none_or(|at| !matches!(opened[at].keyword, Keyword::While | Keyword::Do)) =>
-        {
-            not_open("while or do")
+    }
+
+    /// Keeps what is wrong with a line.
+    fn tell(&mut self, number: u32, octets: &[u8]) -> ControlFlow<()> {
+        let whole = of_the_whole(octets, &self.faults);
+        let is_whole = whole.is_some();
+        if let Some(whole) = whole {
+            self.faults.clear();
+            self.faults.push(whole);
         }
-        Keyword::ElseIf
-        | Keyword::Else
-        | Keyword::Break
-        | Keyword::Continue
-        | Keyword::Program
-        | Keyword::Call
-        | Keyword::Return => Ok(()),
+        for (span, kind) in self.faults.drain(..) {
+            let range = usize::from(span.start)..usize::from(span.end);
+            let error = Error::at("", number, octets, range, kind);
+            self.errors.push((self.part.clone(), error));
+            match self.part {
+                None => self.of_program += 1,
+                Some(_) => self.of_subroutines += 1,
+            }
+        }
+        if is_whole && self.part.is_none() {
+            self.opened.clear(); // what closes them is not looked for
+            return ControlFlow::Break(());
+        }
+        ControlFlow::Continue(())
+    }
+
+    /// Opens and closes blocks.
+    fn nest(&mut self, o_word: &OWord, number: u32, octets: &[u8]) -> Result<(), Fault> {
+        let label = &o_word.label;
+        let not_open = |opener| {
+            let label = label.to_string();
+            let keyword = o_word.keyword.name();
+            Err((o_word.span, OWordError::BlockNotOpen { label, keyword, opener }.into()))
+        };
+        let opened = &mut self.opened;
+        let inner = opened
+            .iter()
+            .rposition(|block| block.label == *label && block.part == self.part);
+        let closes = inner.is_some_and(|at| opened[at].closed_by().contains(&o_word.keyword));
+        match o_word.keyword {
+            Keyword::While | Keyword::EndIf | Keyword::EndWhile | Keyword::EndRepeat | Keyword::EndSub if closes => {
+                opened.remove(inner.expect("it closes one"));
+                Ok(())
+            }
+            Keyword::EndIf => not_open("if"),
+            Keyword::EndWhile => not_open("while"),
+            Keyword::EndRepeat => not_open("repeat"),
+            Keyword::EndSub => not_open("sub"),
+            Keyword::Sub | Keyword::If | Keyword::While | Keyword::Do | Keyword::Repeat => {
+                opened.push(Opened {
+                    label: label.clone(),
+                    keyword: o_word.keyword,
+                    line: number,
+                    text: octets.to_vec(),
+                    span: o_word.span,
+                    part: self.part.clone(),
+                    behind_end: self.ended,
+                });
+                Ok(())
+            }
+            Keyword::ElseIf | Keyword::Else if inner.is_none_or(|at| opened[at].keyword != Keyword::If) => {
+                not_open("if")
+            }
+            // LinuxCNC knows neither for repeat.
+            Keyword::Break | Keyword::Continue
+                if inner.is_none_or(|at| !matches!(opened[at].keyword, Keyword::While | Keyword::Do)) =>
+            {
+                not_open("while or do")
+            }
+            Keyword::ElseIf
+            | Keyword::Else
+            | Keyword::Break
+            | Keyword::Continue
+            | Keyword::Program
+            | Keyword::Call
+            | Keyword::Return => Ok(()),
+        }
+    }
+
+    /// All mistakes of what is run, with the blocks that are still open.
+    fn finish(mut self, errors_max: usize) -> Vec<Error> {
+        let not_closed = self.opened.into_iter().map(Opened::not_closed);
+        self.errors.extend(not_closed);
+        let reached = self.calls.reached();
+        let is_run = |part: &Part| self.calls.any || reached.contains(part);
+        let run = self.errors.into_iter().filter(|(part, _)| is_run(part));
+        let mut errors: Vec<Error> = run.map(|(_, error)| error).collect();
+        errors.sort_by_key(|error| error.line);
+        errors.truncate(errors_max);
+        errors
     }
 }

@@ -3,7 +3,9 @@
 //! In:  from every step of the interpretation, with the values that break a rule.
 //! Out: one line each: what is wrong, the rule, and the remedy if there is one.
 
-use super::{ArcError, CycleError, ProbeError, SplineError, ThreadError, TurningError};
+use super::{
+    ArcError, CycleError, ExpressionError, OWordError, ProbeError, SetDataError, SplineError, ThreadError, TurningError,
+};
 
 /// What is wrong; `Display` tells rule and remedy.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -42,119 +44,6 @@ pub enum ErrorKind {
         /// Greatest value allowed.
         max: f64,
     },
-    /// Nothing that has a value behind a letter, sign or operator.
-    #[error("{after} needs a number, #parameter, function or [expression] behind it")]
-    ValueMissing {
-        /// What stands before the place, in upper case.
-        after: String,
-    },
-    /// A decimal point alone.
-    #[error("a number needs at least one digit")]
-    DigitMissing,
-    /// Two decimal points in a number.
-    #[error("a number has one decimal point at most")]
-    SecondPoint,
-    /// `[` without `]`.
-    #[error("[ without ]: the expression does not end on this line")]
-    BracketNotClosed,
-    /// Something that is no operator behind a value in brackets.
-    #[error(
-        "{found:?} is no operator: an expression goes on with + - * / ** MOD EQ NE GT GE LT LE AND OR XOR or ends with ]{}",
-        hint(*.nearest)
-    )]
-    UnknownOperator {
-        /// What stands there.
-        found: String,
-        /// Operator that was probably meant.
-        nearest: Option<&'static str>,
-    },
-    /// No such function.
-    #[error(
-        "{name} is no function: there are ABS ACOS ASIN ATAN COS EXISTS EXP FIX FUP LN ROUND SIN SQRT TAN{}",
-        hint(*.nearest)
-    )]
-    UnknownFunction {
-        /// Name as written, capitals.
-        name: String,
-        /// Function that was probably meant.
-        nearest: Option<&'static str>,
-    },
-    /// A function without `[`.
-    #[error("{function} needs its argument in brackets: {function}[...]")]
-    FunctionBracketMissing {
-        /// The function.
-        function: &'static str,
-    },
-    /// ATAN with one argument.
-    #[error("ATAN needs two arguments: ATAN[y]/[x]")]
-    AtanSlashMissing,
-    /// EXISTS of something else than one parameter.
-    #[error("EXISTS asks for one parameter: EXISTS[#<name>] or EXISTS[#5]")]
-    ExistsNeedsParameter,
-    /// Division by zero.
-    #[error("{operator} divides by zero here")]
-    DivideByZero {
-        /// `/`, `MOD` or `**`
-        operator: &'static str,
-    },
-    /// A root of a negative number.
-    #[error("{base} ** {exponent}: a power of a negative number needs an integer as exponent")]
-    PowerOfNegative {
-        /// Left of `**`.
-        base: f64,
-        /// Right of `**`.
-        exponent: f64,
-    },
-    /// An argument that a function has no value for.
-    #[error("{function}[{argument}] has no value: the argument must be {rule}")]
-    FunctionArgument {
-        /// The function.
-        function: &'static str,
-        /// The argument that came.
-        argument: f64,
-        /// What it must be.
-        rule: &'static str,
-    },
-    /// Beyond what a number can hold.
-    #[error("the result of {operation} is too large for a number")]
-    ResultTooLarge {
-        /// Operator or function.
-        operation: &'static str,
-    },
-    /// `<` without `>`.
-    #[error("< without >: the name does not end on this line")]
-    NameNotClosed,
-    /// A parameter by a number with a fraction.
-    #[error("#{value} is no parameter: its number must be an integer")]
-    ParameterIndexNotInteger {
-        /// The number that came.
-        value: f64,
-    },
-    /// A parameter by a number that no parameter has.
-    #[error("#{index} is no parameter: they are numbered from 1 to {max}")]
-    ParameterIndexRange {
-        /// The number that came.
-        index: f64,
-        /// Greatest value allowed.
-        max: u32,
-    },
-    /// A parameter that may not be read in the present state.
-    #[error("#{index} (current position) cannot be read while cutter compensation is on: write G40 first")]
-    ParameterHidden {
-        /// Number of the parameter.
-        index: u32,
-    },
-    /// A named parameter that nothing was assigned to.
-    #[error("#<{name}> {}", undefined(.name, .nearest))]
-    ParameterUndefined {
-        /// Its name.
-        name: String,
-        /// Defined name that was probably meant.
-        nearest: Option<String>,
-    },
-    /// `#1` alone.
-    #[error("a parameter at this place needs = and a value: #1 = 5")]
-    AssignmentMissing,
     /// A number that must not be negative.
     #[error("{letter}{value} is negative: it must be 0 or more")]
     Negative {
@@ -182,16 +71,6 @@ pub enum ErrorKind {
     TooManyMCodes {
         /// Most M words on a line.
         max: usize,
-    },
-    /// A second definition of a subroutine.
-    #[error("{label} is defined already in line {line}{}: a subroutine has one definition", if file.is_empty() { String::new() } else { format!(" of {file}") })]
-    DefinedTwice {
-        /// Label of the subroutine.
-        label: String,
-        /// Empty for the program itself.
-        file: String,
-        /// Line of the first definition.
-        line: u32,
     },
     /// `$-1` where one spindle is meant.
     #[error("${number} names all spindles, but this code is for one: write its number")]
@@ -289,14 +168,6 @@ pub enum ErrorKind {
     /// The line, and so the text, is for something else.
     #[error("{0}")]
     OtherLanguage(crate::Language),
-    /// A number as programs for a computer write it.
-    #[error("{written} is no number here, as there is no exponent: write {plain}")]
-    Exponent {
-        /// As it stands there.
-        written: String,
-        /// The same without exponent.
-        plain: String,
-    },
     /// Two codes of one modal group.
     #[error("{first} and {second} are both of the modal group \"{group}\": one of them a line")]
     ModalConflict {
@@ -387,21 +258,12 @@ pub enum ErrorKind {
         /// What is wrong with it.
         reason: String,
     },
-    /// An assignment to a parameter that only tells something.
-    #[error("#{name} is read-only: the control sets it")]
-    ReadOnlyParameter {
-        /// Number, or name with its < >.
-        name: String,
-    },
     /// A code without the axis words it needs.
     #[error("{code} needs at least one axis word")]
     AxisMissing {
         /// The code as programmed, such as `G83`.
         code: String,
     },
-    /// M98 without P.
-    #[error("M98 needs P, the number of the program to call")]
-    ProgramNumberMissing,
     /// `$` beyond the spindles of the machine.
     #[error("${number} is no spindle: they are numbered from 0 to {last}, and $-1 names all")]
     NoSuchSpindle {
@@ -452,75 +314,6 @@ pub enum ErrorKind {
     /// G43.2 with nothing to add.
     #[error("G43.2 needs what it adds: H with a tool number, or axis words")]
     AddedOffsetMissing,
-    /// G10 L0 with a tool in the spindle.
-    #[error(
-        "the tool table can only be read again with an empty spindle, but tool {tool} is in it: write T0 M6 before G10 L0"
-    )]
-    ReloadWithTool {
-        /// The tool in the spindle.
-        tool: u32,
-    },
-    /// G10 without L.
-    #[error(
-        "G10 needs L to tell what is set: L1, L10 or L11 a tool, L2 or L20 a work system, L0 reads the tool table again"
-    )]
-    SetDataMissing,
-    /// L of G10.
-    #[error(
-        "L{value} is no use of G10: L1, L10 and L11 set a tool, L2 and L20 a work system, L0 reads the tool table again"
-    )]
-    SetData {
-        /// The number that came.
-        value: f64,
-    },
-    /// G10 L1, L10 or L11 without P.
-    #[error("{code} needs P, the number of the tool to set")]
-    ToolToSetMissing {
-        /// G10 with its L.
-        code: &'static str,
-    },
-    /// P of G10 L1, L10, L11.
-    #[error("P{number} of {code} is the number of a tool: 1 or more")]
-    ToolToSetRange {
-        /// G10 with its L.
-        code: &'static str,
-        /// The number that came.
-        number: f64,
-    },
-    /// G10 L1, L10 or L11 with nothing to set.
-    #[error("{code} sets nothing on this line: write axis words, R (radius), I, J (angles) or Q (orientation)")]
-    ToolValuesMissing {
-        /// G10 with its L.
-        code: &'static str,
-    },
-    /// What the tool table cannot hold.
-    #[error("{0}")]
-    ToolNotSet(crate::SetToolError),
-    /// G10 L2 or L20 without P.
-    #[error("{code} needs P, the work system: 1 for G54 to 9 for G59.3, 0 for the active one")]
-    SystemMissing {
-        /// G10 with its L.
-        code: &'static str,
-    },
-    /// P of G10 L2, L20.
-    #[error("P{value} of {code} is no work system: 1 is G54, 9 is G59.3, 0 the active one")]
-    System {
-        /// G10 with its L.
-        code: &'static str,
-        /// The number that came.
-        value: f64,
-    },
-    /// R of G10 L20.
-    #[error("G10 L20 has no R: a rotation is set by G10 L2")]
-    RotationByPlace,
-    /// I or J of G10 L2, L20.
-    #[error("{code} has no {letter}: I and J are the angles of a tool, set by G10 L1")]
-    AngleOfSystem {
-        /// G10 with its L.
-        code: &'static str,
-        /// I or J.
-        letter: char,
-    },
     /// `@` or `^` where nothing moves.
     #[error("polar coordinates (@, ^) are for motion only: write X and Y with {code}")]
     PolarWithoutMotion {
@@ -587,6 +380,15 @@ pub enum ErrorKind {
     /// The path of the tool's centre cannot be made.
     #[error("{0}")]
     Compensation(motion::compensation::CompensationErrorKind),
+    /// A value, an expression or a parameter.
+    #[error("{0}")]
+    Expression(#[from] ExpressionError),
+    /// An O-word, a subroutine or its call.
+    #[error("{0}")]
+    OWord(#[from] OWordError),
+    /// G10.
+    #[error("{0}")]
+    SetData(#[from] SetDataError),
     /// What is wrong with an arc.
     #[error("{0}")]
     Arc(#[from] ArcError),
@@ -605,107 +407,6 @@ pub enum ErrorKind {
     /// A probing move.
     #[error("{0}")]
     Probe(#[from] ProbeError),
-    /// The number of an O-word.
-    #[error("O{value} is no label: its number must be an integer from 0 on")]
-    LabelNotInteger {
-        /// The number that came.
-        value: f64,
-    },
-    /// A word behind an O-label that is none of its keywords.
-    #[error("{word} is no O-word: there are sub endsub call return if elseif else endif while endwhile do repeat endrepeat break continue{}", named_word_hint(.nearest))]
-    UnknownKeyword {
-        /// The word, lower case.
-        word: String,
-        /// The one that was probably meant.
-        nearest: Option<String>,
-    },
-    /// More arguments than an O-word takes.
-    #[error("{keyword} takes {most} values in brackets at most")]
-    TooManyArguments {
-        /// The O-word.
-        keyword: String,
-        /// Greatest value allowed.
-        most: usize,
-    },
-    /// A label with values, and no word between them.
-    #[error("{label} needs a word between its name and the values: {label} call [...]")]
-    CallMissing {
-        /// The label.
-        label: String,
-    },
-    /// A condition or count is missing.
-    #[error("{keyword} needs a value in brackets behind it: {keyword} [...]")]
-    ConditionMissing {
-        /// The O-word.
-        keyword: String,
-    },
-    /// Something else on an O-word line.
-    #[error("an O-word stands alone on its line: write this on the next one")]
-    WordBehindOWord,
-    /// The line that ends a block or another part of it is missing.
-    #[error("{label} {keyword} has no {expected} behind it in this file")]
-    BlockNotClosed {
-        /// The label.
-        label: String,
-        /// What was opened.
-        keyword: String,
-        /// What would close it.
-        expected: String,
-    },
-    /// A part of a block that was not begun.
-    #[error("{label} {keyword} without {label} {opener} before it")]
-    BlockNotOpen {
-        /// The label.
-        label: String,
-        /// What stands there.
-        keyword: String,
-        /// What would have to stand before it.
-        opener: &'static str,
-    },
-    /// A label twice.
-    #[error("{label} is already the label of line {line}: each block needs its own")]
-    DuplicateLabel {
-        /// The label.
-        label: String,
-        /// Where it was first.
-        line: u32,
-    },
-    /// `call` of what M98 calls, or M98 of what `call` calls.
-    #[error("{label} {}", if *.by_m98 { "is defined by sub and endsub: call it with `call`" } else { "is ended by M99: call it with M98" })]
-    WrongCall {
-        /// The label.
-        label: String,
-        /// How it was called.
-        by_m98: bool,
-    },
-    /// M98, M99 or a bare O-word where the settings do not allow them.
-    #[error(
-        "{word} belongs to subprograms in Fanuc's style, which the machine has switched off: use sub, call and endsub"
-    )]
-    FanucSubprogram {
-        /// What stands there.
-        word: String,
-    },
-    /// A remapped code without a word that its subroutine needs.
-    #[error("{code} needs {letter}, a parameter of its subroutine")]
-    RemapWordMissing {
-        /// The code as programmed, such as `G83`.
-        code: String,
-        /// Letter of the word.
-        letter: char,
-    },
-    /// A remapped code that demands a feed.
-    #[error("{code} needs a feed: write F before it")]
-    RemapNeedsFeed {
-        /// The code as programmed, such as `G83`.
-        code: String,
-    },
-    /// A remapped code that demands a spindle speed.
-    #[error("{code} needs a spindle speed: write S before it")]
-    RemapNeedsSpeed {
-        /// The code as programmed, such as `G83`.
-        code: String,
-    },
     /// A start at a line that is not run.
     #[error("line {line} is never run: it lies behind the end of the program or in a block that is passed over")]
     LineNotRun {
@@ -723,61 +424,6 @@ pub enum ErrorKind {
     StartInNurbs {
         /// The line.
         line: u32,
-    },
-    /// A subroutine in a subroutine.
-    #[error("{label} sub stands inside the subroutine {outer}: define it before or behind")]
-    NestedSubroutine {
-        /// The label.
-        label: String,
-        /// The subroutine around.
-        outer: String,
-    },
-    /// A subroutine that is neither in the file nor on the search path.
-    #[error("subroutine {label} is not found: it is neither in this file nor as {file} in {folders}")]
-    NoSuchSubroutine {
-        /// The label.
-        label: String,
-        /// The file that was looked for.
-        file: String,
-        /// Where.
-        folders: String,
-    },
-    /// A subroutine behind the `%` that ends the file.
-    #[error(
-        "{label} stands in line {line}, behind the % of line {percent}, which ends the program: move it before that %, or leave the % \
-         out"
-    )]
-    SubroutineBehindPercent {
-        /// The label.
-        label: String,
-        /// Where it stands.
-        line: u32,
-        /// Where the `%` stands.
-        percent: u32,
-    },
-    /// More definitions than are remembered.
-    #[error("more than {max} subroutines: a number computed for each new definition needs another way")]
-    TooManySubroutines {
-        /// Greatest value allowed.
-        max: usize,
-    },
-    /// Too many subroutine calls within each other.
-    #[error("{label} is the {depth}th call within calls: at most {depth_max} are allowed")]
-    CallsTooDeep {
-        /// The label.
-        label: String,
-        /// How deep it would be.
-        depth: usize,
-        /// Greatest value allowed.
-        depth_max: usize,
-    },
-    /// A return in the main program.
-    #[error("{label} {keyword} outside a subroutine")]
-    NoSubroutine {
-        /// The label.
-        label: String,
-        /// What stands there.
-        keyword: String,
     },
     /// The file cannot be read.
     #[error("the file cannot be read: {reason}")]
@@ -867,13 +513,6 @@ fn lathe_tool_hint(number: f64, lathe: Option<[u32; 2]>) -> String {
     })
 }
 
-/// ": did you mean endif?"
-fn named_word_hint(nearest: &Option<String>) -> String {
-    nearest
-        .as_ref()
-        .map_or_else(String::new, |word| format!(": did you mean {word}?"))
-}
-
 fn feed_hint(cleared: bool, zero_line: Option<u32>) -> String {
     match (zero_line, cleared) {
         (Some(line), _) => format!("F is 0 since line {line}"),
@@ -890,24 +529,4 @@ fn character_hint(character: char) -> &'static str {
         '\u{2212}' | '\u{2013}' => "a minus sign is the - of the keyboard",
         _ => "comments stand in ( ) or behind ;",
     }
-}
-
-/// The probable meaning, behind a message.
-fn hint(nearest: Option<&'static str>) -> String {
-    nearest.map_or(String::new(), |nearest| format!("; did you mean {nearest}?"))
-}
-
-fn undefined(name: &str, nearest: &Option<String>) -> String {
-    if name.starts_with("_hal[") {
-        return "is not known: expected a pin that the control has, and for a check or a plan its value in program.pins of the \
-                machine file"
-            .into();
-    }
-    format!("is not defined: assign it before it is read{}", named_hint(nearest))
-}
-
-fn named_hint(nearest: &Option<String>) -> String {
-    nearest
-        .as_ref()
-        .map_or(String::new(), |nearest| format!("; did you mean #<{nearest}>?"))
 }

@@ -5,16 +5,22 @@
 
 mod arc;
 mod cycle;
+mod expression;
 mod kind;
+mod o_word;
 mod probe;
+mod set_data;
 mod spline;
 mod thread;
 mod turning;
 
 pub use arc::ArcError;
 pub use cycle::CycleError;
+pub use expression::ExpressionError;
 pub use kind::ErrorKind;
+pub use o_word::OWordError;
 pub use probe::ProbeError;
+pub use set_data::SetDataError;
 pub use spline::SplineError;
 pub use thread::ThreadError;
 pub use turning::TurningError;

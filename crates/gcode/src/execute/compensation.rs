@@ -24,7 +24,7 @@ impl State {
     /// Cycles, curves and probes are refused where they run.
     #[inline]
     pub(super) fn check_before_compensation(&self, block: &Block) -> Result<(), Fault> {
-        if self.cutter.is_none() {
+        if self.compensation.cutter.is_none() {
             return Ok(());
         }
         let codes = &block.codes;
@@ -50,7 +50,7 @@ impl State {
     /// work coordinates under the contour, or leave it.
     #[inline]
     pub(super) fn check_behind_compensation(&self, block: &Block, motion: Option<Motion>) -> Result<(), Fault> {
-        if self.cutter.is_none() {
+        if self.compensation.cutter.is_none() {
             return Ok(());
         }
         let codes = &block.codes;
@@ -170,11 +170,10 @@ impl State {
             Some(_) => "interpreter: cutter radius compensation on right",
         };
         calls.push_back(Call::Comment(remark.into()));
-        match cutter {
-            None => self.cutter_ended |= self.cutter.is_some(),
-            Some(_) => self.cutter_from = self.at,
+        if cutter.is_some() {
+            self.compensation.from = self.at;
         }
-        self.cutter = cutter;
+        self.compensation.cutter = cutter;
         calls.push_back(Call::SetCutterCompensation(cutter));
     }
 }

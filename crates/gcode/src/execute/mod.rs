@@ -25,7 +25,7 @@ mod usage;
 
 use crate::block::{Assignment, Block, Parameter};
 use crate::code::{Distance, Motion, NonModal, PathCode, Retract, Stop};
-use crate::error::ErrorKind;
+use crate::error::{ErrorKind, ExpressionError, OWordError};
 use crate::machine::Machine;
 use crate::parameter::{self, is_read_only, is_read_only_number};
 use crate::remap::Phase;
@@ -250,12 +250,12 @@ impl State {
             match target {
                 Parameter::Numbered(index) if is_read_only_number(*index) => {
                     let name = index.to_string();
-                    return Err((*span, ErrorKind::ReadOnlyParameter { name }));
+                    return Err((*span, ExpressionError::ReadOnlyParameter { name }.into()));
                 }
                 Parameter::Numbered(index) => self.parameters.set(*index, *value),
                 Parameter::Named(name) if is_read_only(name) => {
                     let name = format!("<{name}>");
-                    return Err((*span, ErrorKind::ReadOnlyParameter { name }));
+                    return Err((*span, ExpressionError::ReadOnlyParameter { name }.into()));
                 }
                 Parameter::Named(name) => self.parameters.set_named(name, *value),
             }
@@ -411,7 +411,7 @@ impl State {
         };
         if matches!(code.value, Stop::Call | Stop::Return) && !self.settings.fanuc_subprograms {
             let word = if code.value == Stop::Call { "M98" } else { "M99" }.into();
-            return Err((code.span, ErrorKind::FanucSubprogram { word }));
+            return Err((code.span, OWordError::FanucSubprogram { word }.into()));
         }
         if matches!(code.value, Stop::End | Stop::PalletEnd) {
             self.check_nurbs_closed(None).map_err(|kind| (code.span, kind))?;
@@ -432,7 +432,7 @@ impl State {
             Stop::Call => {
                 let program = block
                     .word_value(b'P')
-                    .ok_or((code.span, ErrorKind::ProgramNumberMissing))?;
+                    .ok_or((code.span, OWordError::ProgramNumberMissing.into()))?;
                 let integer = |letter: u8, value: f64| {
                     crate::code::integer_in(value, 0..=i64::from(u32::MAX))
                         .map(|integer| integer as u32)
@@ -459,7 +459,7 @@ impl State {
 
     /// What ends with every text: moves under it belong together.
     pub(crate) fn end_compensation(&mut self, calls: &mut Calls) {
-        if self.cutter.take().is_some() {
+        if self.compensation.cutter.take().is_some() {
             calls.push_back(Call::SetCutterCompensation(None));
         }
         if self.tool_centre_point {

@@ -4,7 +4,7 @@ use super::straight::turned_to;
 use super::tool::SetTool;
 use crate::block::Block;
 use crate::code::{NonModal, StoredPoint, integer_in};
-use crate::error::ErrorKind;
+use crate::error::{ErrorKind, SetDataError};
 use crate::parameter::{self, G28_POINT, G30_POINT, G92_ACTIVE, G92_OFFSET};
 use crate::scan::{Fault, Span};
 use crate::state::{Calls, Offsets, State, minus};
@@ -127,7 +127,7 @@ impl State {
 
     /// G10: what is set, L tells.
     fn set_data(&mut self, block: &Block, span: Span, calls: &mut Calls) -> Result<(), Fault> {
-        let value = block.word_value(b'L').ok_or((span, ErrorKind::SetDataMissing))?;
+        let value = block.word_value(b'L').ok_or((span, SetDataError::UseMissing.into()))?;
         match integer_in(value, 0..=20) {
             Some(0) => self.reload_tools(span, calls),
             Some(1) => self.set_tool(SetTool::Words, block, span, calls),
@@ -135,7 +135,7 @@ impl State {
             Some(11) => self.set_tool(SetTool::PlaceInFixture, block, span, calls),
             Some(2) => self.set_system(SetSystem::Words, block, span, calls),
             Some(20) => self.set_system(SetSystem::Place, block, span, calls),
-            Some(_) | None => Err((block.span(b'L'), ErrorKind::SetData { value })),
+            Some(_) | None => Err((block.span(b'L'), SetDataError::Use { value }.into())),
         }
     }
 
@@ -144,16 +144,16 @@ impl State {
         let code = how.name();
         let value = block
             .word_value(b'P')
-            .ok_or((span, ErrorKind::SystemMissing { code }))?;
+            .ok_or((span, SetDataError::SystemMissing { code }.into()))?;
         let system = match value.trunc() {
             whole if !(0.0..=9.0).contains(&whole) || value < 0.0 => {
-                return Err((block.span(b'P'), ErrorKind::System { code, value }));
+                return Err((block.span(b'P'), SetDataError::System { code, value }.into()));
             }
             0.0 => self.offsets.system,
             whole => whole as u8,
         };
         if let Some(letter) = block.first_of(b"IJ") {
-            return Err(block.span(letter).fault(ErrorKind::AngleOfSystem {
+            return Err(block.span(letter).fault(SetDataError::AngleOfSystem {
                 code,
                 letter: letter.into(),
             }));
@@ -161,7 +161,9 @@ impl State {
         let mut offsets = Offsets { system, ..self.offsets };
         self.load_system(&mut offsets);
         match (how, block.word_value(b'R')) {
-            (SetSystem::Place, Some(_)) => return Err((block.span(b'R'), ErrorKind::RotationByPlace)),
+            (SetSystem::Place, Some(_)) => {
+                return Err((block.span(b'R'), SetDataError::RotationByPlace.into()));
+            }
             (SetSystem::Place, None) => self.origin_for_place(&mut offsets, block),
             (SetSystem::Words, degrees) => {
                 for (axis, value) in self.axis_values(block) {

@@ -17,7 +17,7 @@ impl State {
     pub(super) fn probe(&mut self, mode: ProbeMode, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
         let span = block.motion_span();
         let refuse = |error| Err((span, ErrorKind::Probe(error)));
-        if self.cutter.is_some() {
+        if self.compensation.cutter.is_some() {
             return refuse(ProbeError::Compensated);
         }
         if block.first_axis().is_none() {

@@ -37,7 +37,7 @@ impl State {
             tool_offset: self.tools.offset_on.then_some(self.offsets.tool),
             offset_of: self.tools.offset_of,
             tool_centre_point: self.tool_centre_point,
-            cutter: self.cutter,
+            cutter: self.compensation.cutter,
             level,
             on_return,
         });
@@ -105,7 +105,7 @@ impl State {
             self.use_plane(plane, calls);
         }
         self.use_diameter(diameter, calls);
-        if saved.cutter.is_some() != self.cutter.is_some() {
+        if saved.cutter.is_some() != self.compensation.cutter.is_some() {
             self.use_cutter(saved.cutter, calls);
         }
         if saved.tool_offset.is_some() != self.tools.offset_on || saved.tool_centre_point != self.tool_centre_point {

@@ -2,7 +2,7 @@
 
 use crate::block::Block;
 use crate::code::{LengthOffset, Motion, ToolCode, integer_in};
-use crate::error::ErrorKind;
+use crate::error::{ErrorKind, SetDataError};
 use crate::scan::{Fault, Span};
 use crate::state::{Calls, Offsets, Question, State, plus, turned};
 use crate::{SetToolError, Tool, ToolChanger};
@@ -262,7 +262,7 @@ impl State {
     pub(super) fn reload_tools(&mut self, span: Span, calls: &mut Calls) -> Result<(), Fault> {
         match self.tools.in_spindle {
             0 => calls.push_back(Call::ReloadToolTable),
-            tool => return Err((span, ErrorKind::ReloadWithTool { tool })),
+            tool => return Err((span, SetDataError::ReloadWithTool { tool }.into())),
         }
         Ok(())
     }
@@ -272,7 +272,7 @@ impl State {
     pub(super) fn set_tool(&mut self, how: SetTool, block: &Block, span: Span, calls: &mut Calls) -> Result<(), Fault> {
         let mut tool = self.tool_to_set(block, span, how)?;
         if !block.has_axes() && !block.has(crate::block::letters(b"RIJQ")) {
-            return Err((span, ErrorKind::ToolValuesMissing { code: how.name() }));
+            return Err((span, SetDataError::ToolValuesMissing { code: how.name() }.into()));
         }
         match how {
             SetTool::Words => {
@@ -303,10 +303,12 @@ impl State {
             tool.orientation =
                 orientation.ok_or((block.span(b'Q'), ErrorKind::Orientation { letter: 'Q', value }))? as u8;
         }
-        self.tools
-            .table
-            .set(tool.clone())
-            .map_err(|error| (letter_of(&error, block).unwrap_or(span), ErrorKind::ToolNotSet(error)))?;
+        self.tools.table.set(tool.clone()).map_err(|error| {
+            (
+                letter_of(&error, block).unwrap_or(span),
+                SetDataError::ToolNotSet(error).into(),
+            )
+        })?;
         let line = self.tools.line_of(tool.number);
         let entry = |line| Call::SetToolEntry(tool.entry(line));
         calls.push_back(entry(line.unwrap_or(0)));
@@ -318,10 +320,10 @@ impl State {
 
     /// The tool that P of G10 names.
     fn tool_to_set(&self, block: &Block, span: Span, how: SetTool) -> Result<Tool, Fault> {
-        let missing = || (span, ErrorKind::ToolToSetMissing { code: how.name() });
+        let missing = || (span, SetDataError::ToolToSetMissing { code: how.name() }.into());
         let number = block.word_value(b'P').ok_or_else(missing)?.round();
         if number < 1.0 {
-            return Err(block.span(b'P').fault(ErrorKind::ToolToSetRange {
+            return Err(block.span(b'P').fault(SetDataError::ToolToSetRange {
                 code: how.name(),
                 number,
             }));

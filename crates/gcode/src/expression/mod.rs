@@ -11,7 +11,7 @@
 //! too and breaks no rule, so that a program can be checked without running it. Nothing else is ever NaN or infinite.
 
 use crate::degrees;
-use crate::error::ErrorKind;
+use crate::error::{ErrorKind, ExpressionError};
 use crate::near_miss::nearest;
 use crate::number::{self, NumberFault};
 use crate::octet::is_blank;
@@ -109,7 +109,7 @@ impl<'l> Cursor<'l> {
             }
         };
         if !self.consume(b'=') {
-            return Err((self.span_from(start), ErrorKind::AssignmentMissing));
+            return Err((self.span_from(start), ExpressionError::AssignmentMissing.into()));
         }
         Ok(target)
     }
@@ -122,7 +122,7 @@ impl<'l> Cursor<'l> {
         let rest = &self.line[start..];
         let Some(length) = rest.iter().position(|octet| *octet == b'>') else {
             self.at = self.line.len();
-            return Err((self.span_from(start - 1), ErrorKind::NameNotClosed));
+            return Err((self.span_from(start - 1), ExpressionError::NameNotClosed.into()));
         };
         self.at += length + 1;
         let name = std::str::from_utf8(&rest[..length]).map_err(|error| {
@@ -201,7 +201,10 @@ impl<'l> Cursor<'l> {
             let right_start = self.at;
             let right = self.expression(values, open, operator.level() + 1)?;
             value = operator.apply(value, right.value).map_err(|kind| {
-                let divisor = matches!(kind, ErrorKind::DivideByZero { operator: "/" | "MOD" });
+                let divisor = matches!(
+                    kind,
+                    ErrorKind::Expression(ExpressionError::DivideByZero { operator: "/" | "MOD" })
+                );
                 (self.span_of(if divisor { right_start } else { start }, right.end), kind)
             })?;
             (next, end) = (right.next, right.end);
@@ -238,7 +241,10 @@ impl<'l> Cursor<'l> {
             }
             None | Some(b'(' | b';') => {
                 self.at = start;
-                return Err((self.span_of(open, self.line.len()), ErrorKind::BracketNotClosed));
+                return Err((
+                    self.span_of(open, self.line.len()),
+                    ExpressionError::BracketNotClosed.into(),
+                ));
             }
             Some(_) => return Err(self.unknown_operator()),
         };
@@ -253,7 +259,7 @@ impl<'l> Cursor<'l> {
             let name = self.name()?;
             return values.named(&name).ok_or_else(|| {
                 let nearest = values.nearest(&name);
-                self.span_from(start).fault(ErrorKind::ParameterUndefined {
+                self.span_from(start).fault(ExpressionError::ParameterUndefined {
                     name: name.into_owned(),
                     nearest,
                 })
@@ -265,7 +271,7 @@ impl<'l> Cursor<'l> {
         let index = self.in_range(index, start)?;
         values
             .numbered(index)
-            .ok_or_else(|| (self.span_from(start), ErrorKind::ParameterHidden { index }))
+            .ok_or_else(|| (self.span_from(start), ExpressionError::ParameterHidden { index }.into()))
     }
 
     /// The number of a parameter, an integer of any size; `None`: it depends on an unknown value.
@@ -276,7 +282,7 @@ impl<'l> Cursor<'l> {
         if (value - rounded).abs() > 1e-4 {
             return Err(self
                 .span_of(start, self.at)
-                .fault(ErrorKind::ParameterIndexNotInteger { value }));
+                .fault(ExpressionError::ParameterIndexNotInteger { value }));
         }
         Ok((!value.is_nan()).then_some(rounded))
     }
@@ -286,7 +292,7 @@ impl<'l> Cursor<'l> {
         if (1.0..=f64::from(PARAMETER_MAX)).contains(&index) {
             return Ok(index as u32);
         }
-        Err(self.span_from(start).fault(ErrorKind::ParameterIndexRange {
+        Err(self.span_from(start).fault(ExpressionError::ParameterIndexRange {
             index,
             max: PARAMETER_MAX,
         }))
@@ -300,7 +306,7 @@ impl<'l> Cursor<'l> {
         let name_span = self.span_from(start);
         if self.peek() != Some(b'[') {
             return Err(match function {
-                Some(function) => name_span.fault(ErrorKind::FunctionBracketMissing {
+                Some(function) => name_span.fault(ExpressionError::FunctionBracketMissing {
                     function: function.name(),
                 }),
                 None => {
@@ -316,14 +322,17 @@ impl<'l> Cursor<'l> {
                 return Err(self.value_missing());
             }
             let hint = nearest(&name, Function::ALL.map(Function::name));
-            return Err((name_span, ErrorKind::UnknownFunction { name, nearest: hint }));
+            return Err((
+                name_span,
+                ExpressionError::UnknownFunction { name, nearest: hint }.into(),
+            ));
         };
         match function {
             Function::Exists => self.exists(values, name_span),
             Function::Atan => {
                 let y = self.brackets(values)?;
                 if !self.consume(b'/') || self.peek() != Some(b'[') {
-                    return Err((self.span_of(start, self.at), ErrorKind::AtanSlashMissing));
+                    return Err((self.span_of(start, self.at), ExpressionError::AtanSlashMissing.into()));
                 }
                 let x = self.brackets(values)?;
                 Ok(degrees::atan2(y, x))
@@ -353,7 +362,7 @@ impl<'l> Cursor<'l> {
     fn exists(&mut self, values: &impl Values, name_span: Span) -> Result<f64, Fault> {
         self.at += 1;
         if !self.consume(b'#') {
-            return Err((name_span, ErrorKind::ExistsNeedsParameter));
+            return Err((name_span, ExpressionError::ExistsNeedsParameter.into()));
         }
         let exists = if self.peek() == Some(b'<') {
             // Unknown for a checker that knows the name but not the value.
@@ -369,7 +378,7 @@ impl<'l> Cursor<'l> {
             }
         };
         if !self.consume(b']') {
-            return Err((name_span, ErrorKind::ExistsNeedsParameter));
+            return Err((name_span, ExpressionError::ExistsNeedsParameter.into()));
         }
         Ok(exists)
     }
@@ -447,17 +456,17 @@ impl<'l> Cursor<'l> {
             > self.line[..start].iter().filter(|octet| **octet == b']').count();
         let start = if within { start } else { end - 1.min(end) };
         let after = String::from_utf8_lossy(&self.line[start..end]).to_ascii_uppercase();
-        (Span::new(start, end), ErrorKind::ValueMissing { after })
+        (Span::new(start, end), ExpressionError::ValueMissing { after }.into())
     }
 
     #[cold]
     fn number_fault(&mut self, fault: NumberFault, start: usize) -> Fault {
         match fault {
             NumberFault::Missing => self.value_missing(),
-            NumberFault::NoDigit => (self.span_of(start, self.at), ErrorKind::DigitMissing),
+            NumberFault::NoDigit => (self.span_of(start, self.at), ExpressionError::DigitMissing.into()),
             NumberFault::SecondPoint => {
                 self.at += 1;
-                (self.span_of(start, self.at), ErrorKind::SecondPoint)
+                (self.span_of(start, self.at), ExpressionError::SecondPoint.into())
             }
         }
     }
@@ -481,10 +490,11 @@ impl<'l> Cursor<'l> {
         let start = self.at;
         for (sign, meant) in SIGNS {
             if self.consume_word(sign.as_bytes()) {
-                let kind = ErrorKind::UnknownOperator {
+                let kind = ExpressionError::UnknownOperator {
                     found: sign.into(),
                     nearest: Some(meant),
-                };
+                }
+                .into();
                 return (self.span_from(start), kind);
             }
         }
@@ -497,7 +507,7 @@ impl<'l> Cursor<'l> {
             let found = char::from(self.line[start]).into();
             return self
                 .span_from(start)
-                .fault(ErrorKind::UnknownOperator { found, nearest: None });
+                .fault(ExpressionError::UnknownOperator { found, nearest: None });
         }
         if found == "E"
             && let Some(fault) = number_with_exponent(self.line, start)
@@ -506,7 +516,10 @@ impl<'l> Cursor<'l> {
             return fault;
         }
         let nearest = nearest(&found, Operator::WORDS.map(Operator::name));
-        (self.span_from(start), ErrorKind::UnknownOperator { found, nearest })
+        (
+            self.span_from(start),
+            ExpressionError::UnknownOperator { found, nearest }.into(),
+        )
     }
 
     /// The octets from `start` to `end` without blanks around them.

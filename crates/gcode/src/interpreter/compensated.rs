@@ -34,7 +34,7 @@ impl Run<'_> {
             return;
         };
         if compensator.is_idle() {
-            compensator.set_position(self.state.cutter_from);
+            compensator.set_position(self.state.compensation.from);
             compensator.set_plane(self.state.modal.plane);
             compensator.set_path_mode(self.state.modal.path_mode);
         }
@@ -43,12 +43,13 @@ impl Run<'_> {
             _ => None,
         };
         let result = compensator.push(event, &mut self.compensated);
-        self.state.cutter_at = compensator.is_on().then(|| compensator.position());
+        self.state.compensation.centre = compensator.is_on().then(|| compensator.position());
         if !compensator.is_on() {
             self.compensated.end();
         } else if let Some(cutter) = switched {
             let (plane, feed) = (self.state.modal.plane, self.state.canonical_feed());
-            self.compensated.begin(&cutter, plane, self.state.cutter_from, feed);
+            self.compensated
+                .begin(&cutter, plane, self.state.compensation.from, feed);
         }
         if let Err(error) = result {
             self.refuse(error);

@@ -4,7 +4,7 @@
 //! Out: the place from which reading goes on.
 
 use super::{Outcome, Run};
-use crate::error::ErrorKind;
+use crate::error::OWordError;
 use crate::flow::{LevelKind, Open, OpenKind, Place, REMEMBERED_MAX, Search, SearchEnd, Subroutine};
 use crate::o_word::{self, Keyword, Label, OWord};
 
@@ -21,11 +21,12 @@ impl Run<'_> {
         let at = |kind| (o_word.span, kind);
         let label = &o_word.label;
         let not_open = |opener| {
-            Err(at(ErrorKind::BlockNotOpen {
+            Err(at(OWordError::BlockNotOpen {
                 label: label.to_string(),
                 keyword: o_word.keyword.name(),
                 opener,
-            }))
+            }
+            .into()))
         };
         let level = self.levels.last_mut().expect("the program's own level is never left");
         let open = |kind| Open {
@@ -157,7 +158,7 @@ impl Run<'_> {
             && keyword == Keyword::Sub
         {
             let (label, outer) = (label.to_string(), search.label.to_string());
-            return self.fail(cursor.span(), ErrorKind::NestedSubroutine { label, outer });
+            return self.fail(cursor.span(), OWordError::NestedSubroutine { label, outer }.into());
         }
         let found = |search: &mut Search| search.label == label && search.target.is(keyword);
         let Some(search) = self.search.take_if(found) else {
@@ -262,19 +263,20 @@ impl Run<'_> {
             self.leave_failed_call();
             self.set_source(search.source);
             let kind = match behind {
-                Some(line) => ErrorKind::SubroutineBehindPercent { label, line, percent },
-                None => ErrorKind::NoSuchSubroutine { label, file, folders },
+                Some(line) => OWordError::SubroutineBehindPercent { label, line, percent }.into(),
+                None => OWordError::NoSuchSubroutine { label, file, folders }.into(),
             };
             return self.fail(search.span, kind);
         }
         self.set_source(search.source);
         self.fail(
             search.span,
-            ErrorKind::BlockNotClosed {
+            OWordError::BlockNotClosed {
                 label,
                 keyword: search.keyword.name(),
                 expected: format!("{} {}", search.label, search.target.name()),
-            },
+            }
+            .into(),
         );
     }
 

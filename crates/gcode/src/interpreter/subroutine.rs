@@ -1,7 +1,7 @@
 //! Subroutines: where they are, their call and their return.
 
 use super::{File, Outcome, ReadSeek, Run};
-use crate::error::ErrorKind;
+use crate::error::{ErrorKind, OWordError};
 use crate::flow::{CALLS_MAX, Level, LevelKind, Place, SUBROUTINES_MAX, Search, SearchEnd, Subroutine};
 use crate::o_word::{Keyword, Label, OWord};
 use crate::parameter::ARGUMENTS_MAX;
@@ -13,7 +13,7 @@ impl Run<'_> {
     pub(super) fn define(&mut self, o_word: &OWord) -> Outcome {
         let level = self.levels.last().expect("the program's own level is never left");
         if let Some(outer) = &level.label {
-            return Err(o_word.span.fault(ErrorKind::NestedSubroutine {
+            return Err(o_word.span.fault(OWordError::NestedSubroutine {
                 label: o_word.label.to_string(),
                 outer: outer.to_string(),
             }));
@@ -22,7 +22,7 @@ impl Run<'_> {
         let is_program = o_word.keyword == Keyword::Program;
         if is_program && !self.state.settings.fanuc_subprograms {
             let word = o_word.label.to_string();
-            return Err((o_word.span, ErrorKind::FanucSubprogram { word }));
+            return Err((o_word.span, OWordError::FanucSubprogram { word }.into()));
         }
         let found = Subroutine {
             start: here,
@@ -30,12 +30,12 @@ impl Run<'_> {
         };
         if self.subroutines.len() >= SUBROUTINES_MAX {
             let max = SUBROUTINES_MAX;
-            return Err((o_word.span, ErrorKind::TooManySubroutines { max }));
+            return Err((o_word.span, OWordError::TooManySubroutines { max }.into()));
         }
         let known = self.subroutines.insert(o_word.label.clone(), found);
         if o_word.keyword == Keyword::Sub {
             if let Some(first) = known.map(|first| first.start).filter(|first| *first != here) {
-                return Err(o_word.span.fault(ErrorKind::DefinedTwice {
+                return Err(o_word.span.fault(OWordError::DefinedTwice {
                     label: o_word.label.to_string(),
                     file: self.files[first.file].name.clone(),
                     line: first.line,
@@ -55,7 +55,7 @@ impl Run<'_> {
     /// Begins a subroutine: where it is known, goes there, else looks for it further down or in a file of its own.
     pub(super) fn enter(&mut self, label: Label, kind: LevelKind, span: Span) -> Outcome {
         if self.levels.len() > CALLS_MAX {
-            return Err(span.fault(ErrorKind::CallsTooDeep {
+            return Err(span.fault(OWordError::CallsTooDeep {
                 label: label.to_string(),
                 depth: self.levels.len(),
                 depth_max: CALLS_MAX,
@@ -67,7 +67,7 @@ impl Run<'_> {
         let by_m98 = matches!(kind, LevelKind::Subprogram { .. });
         if known.is_some_and(|known| known.is_program != by_m98) {
             let label = label.to_string();
-            return Err((span, ErrorKind::WrongCall { label, by_m98 }));
+            return Err((span, OWordError::WrongCall { label, by_m98 }.into()));
         }
         if known.is_none() {
             self.open_file(&label, span)?;
@@ -162,7 +162,7 @@ impl Run<'_> {
     pub(super) fn return_from(&mut self, o_word: &OWord) -> Outcome {
         let level = self.levels.last().expect("the program's own level is never left");
         if matches!(level.kind, LevelKind::Program) {
-            return Err(o_word.span.fault(ErrorKind::NoSubroutine {
+            return Err(o_word.span.fault(OWordError::NoSubroutine {
                 label: o_word.label.to_string(),
                 keyword: o_word.keyword.name(),
             }));
@@ -259,11 +259,12 @@ impl Run<'_> {
         self.ended = true;
         self.fail(
             Span::default(),
-            ErrorKind::BlockNotClosed {
+            OWordError::BlockNotClosed {
                 expected: format!("{label} endsub"),
                 label,
                 keyword: "sub".into(),
-            },
+            }
+            .into(),
         );
     }
 }

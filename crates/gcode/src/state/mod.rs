@@ -177,6 +177,17 @@ impl Tools {
     }
 }
 
+/// Compensation of the cutter's radius.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Compensation {
+    /// `None`: it is off, G40.
+    pub(crate) cutter: Option<Cutter>,
+    /// Where the tool's centre is while it is on and the events are the moves of the centre.
+    pub(crate) centre: Option<Position>,
+    /// The current point when it was switched on.
+    pub(crate) from: Position,
+}
+
 /// Something that only the machine knows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Question {
@@ -244,14 +255,7 @@ pub(crate) struct State {
     pub(crate) tools: Tools,
     /// G43.4: X Y Z are those of the tool's tip on the work.
     pub(crate) tool_centre_point: bool,
-    /// Radius compensation that is on.
-    pub(crate) cutter: Option<Cutter>,
-    /// Where the tool's centre is while compensation is on and the events are its moves.
-    pub(crate) cutter_at: Option<Position>,
-    /// The current point when it was switched on.
-    pub(crate) cutter_from: Position,
-    /// A G40 was run and no move since.
-    pub(crate) cutter_ended: bool,
+    pub(crate) compensation: Compensation,
     pub(crate) parameters: Parameters,
     /// What the machine is asked before the next line is read, in the order of the calls of this one.
     pub(crate) questions: Vec<Question>,
@@ -333,10 +337,7 @@ impl State {
             },
             tools,
             tool_centre_point: false,
-            cutter: None,
-            cutter_at: None,
-            cutter_from: Position::ZERO,
-            cutter_ended: false,
+            compensation: Compensation::default(),
             parameters,
             questions: Vec::new(),
             pins: None,

@@ -22,7 +22,7 @@ impl State {
     fn visible_position(&self) -> Position {
         match &self.turning {
             Some(_) => self.at,
-            None => self.cutter_at.unwrap_or(self.at),
+            None => self.compensation.centre.unwrap_or(self.at),
         }
     }
 
@@ -113,7 +113,7 @@ impl State {
                 Plane::Wu => 181.0,
                 Plane::Vw => 191.0,
             }),
-            "_ccomp" => Some(match self.cutter {
+            "_ccomp" => Some(match self.compensation.cutter {
                 None => 400.0,
                 Some(Cutter { side: Side::Left, .. }) => 410.0,
                 Some(Cutter { side: Side::Right, .. }) => 420.0,

@@ -169,7 +169,7 @@ impl State {
 
     /// Refuses a cycle or a thread while cutter compensation is on.
     pub(super) fn need_no_compensation(&self, block: &Block) -> Result<(), Fault> {
-        if self.cutter.is_none() {
+        if self.compensation.cutter.is_none() {
             return Ok(());
         }
         let code = self.motion_name(block);

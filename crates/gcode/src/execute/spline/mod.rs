@@ -338,7 +338,7 @@ impl State {
     /// The rules of all curves.
     fn check_curve(&self, block: &Block) -> Result<(), Fault> {
         let span = block.motion_span();
-        if self.cutter.is_some() {
+        if self.compensation.cutter.is_some() {
             return Err(span.fault(SplineError::Compensated));
         }
         let plane = self.modal.plane;

@@ -53,7 +53,7 @@ impl State {
     pub(super) fn rough(&mut self, roughing: Roughing, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
         let mm = self.modal.unit.mm();
         let word = |letter, default| block.word_value(letter).unwrap_or(default);
-        if self.cutter.is_some() {
+        if self.compensation.cutter.is_some() {
             let code = self.motion_name(block);
             return Err(block.motion_span().fault(TurningError::Compensated { code }));
         }
