@@ -3,7 +3,8 @@
 //! In:  a program that is run down.
 //! Out: set-points; the programmed path; the smoothed path with its derivatives.
 
-use super::run_down::{Cycle, whole};
+use super::judge::Cycle;
+use super::run_down::whole;
 use config::Config;
 use machine::tables::Tables;
 use motion::canon::{Axis, Position};

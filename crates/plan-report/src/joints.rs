@@ -14,6 +14,13 @@ use motion::kinematics::{Kinematics, ToolFrame};
 pub(super) const ORDERS: usize = 3;
 /// Their names.
 pub(super) const NAMES: [&str; ORDERS] = ["velocity", "acceleration", "jerk"];
+
+/// `joint 0 (X)`, or `joint 0` where it follows no axis.
+pub(super) fn joint_name(joint: usize, axis: Option<char>) -> String {
+    let axis = axis.map_or_else(String::new, |axis| format!(" ({axis})"));
+    format!("joint {joint}{axis}")
+}
+
 /// Excess that is rounding and not motion, as a part of the limit.
 const SLACK: f64 = 1e-6;
 

@@ -9,7 +9,7 @@
 //!
 //! | to learn | file |
 //! |---|---|
-//! | the run of the plan; it says how many cycles it has judged | `run_down.rs` |
+//! | the run of the plan; what is judged of each of its cycles | `run_down.rs`; `judge.rs` |
 //! | the operator from a file | `script.rs` |
 //! | what takes the time; why a place is slow | `times.rs`; `slow_places.rs` |
 //! | the page for a browser; pictures | `page.rs`; `picture/mod.rs` |
@@ -25,6 +25,7 @@ mod efficiency;
 mod export;
 mod ideal_spindle;
 mod joints;
+mod judge;
 mod lines;
 mod page;
 mod picture;
@@ -183,30 +184,33 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
             let script = args.script.as_deref().unwrap_or(&args.program).display();
             files::errln!("{script}:{line}: never came: {what}");
         }
-        if let Some((line, what)) = report.real_time_factor.warning() {
+        if let Some((line, what)) = report.planning.real_time_factor.warning() {
             files::errln!("{program}:{line}: warning: {what}");
         }
         doubts.iter().for_each(|doubt| files::errln!("warning: {doubt}"));
     }
     let put = |file: &Path, text: String| files::write(file, text).with_context(|| file.display().to_string());
-    for (file, lines) in [(&args.samples, work.samples.take()), (&args.path, work.path.take())] {
+    for (file, lines) in [
+        (&args.samples, work.judged.samples.take()),
+        (&args.path, work.judged.path.take()),
+    ] {
         if let Some((file, lines)) = file.as_ref().zip(lines) {
             put(file, lines)?;
         }
     }
     if let Some(file) = &args.smoothed {
-        let feeds = std::mem::take(&mut work.feeds);
+        let feeds = std::mem::take(&mut work.judged.feeds);
         let points = export::smoothed(&config, &tables, (&name, text), feeds);
         put(file, points.map_err(|error| anyhow!(error.located(&name)))?)?;
     }
-    if let Some((file, recording)) = args.svg.as_ref().zip(work.recording.as_ref()) {
+    if let Some((file, recording)) = args.svg.as_ref().zip(work.judged.recording.as_ref()) {
         let name = args.program.file_name().unwrap_or_default().to_string_lossy();
-        put(file, picture::picture(&name, &config, recording, &work, &report))?;
+        put(file, picture::picture(&name, &config, recording, &work.judged, &report))?;
     }
     if let Some((file, record)) = args.timeline.as_ref().zip(work.timeline.as_ref()) {
         let name = args.program.file_name().unwrap_or_default().to_string_lossy();
         let title = format!("{name} on {}: who plans what", config.name);
-        let (blocks, seconds, threads) = (work.blocks, work.wall_time_s, work.threads);
+        let (blocks, seconds, threads) = (work.judged.blocks, work.planned.wall_time_s, work.planned.threads);
         let rate = blocks as f64 / seconds;
         let figures = format!("{blocks} blocks in {seconds:.3} s, {rate:.0} blocks/s, {threads} threads");
         put(file, timeline::picture(&[title, figures], record))?;

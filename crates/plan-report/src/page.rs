@@ -62,11 +62,11 @@ impl Page<'_> {
     /// # Errors
     /// The text cannot be read any more.
     pub(super) fn html(&self) -> io::Result<Option<String>> {
-        let Some(recording) = self.work.recording.as_ref() else {
+        let Some(recording) = self.work.judged.recording.as_ref() else {
             return Ok(None);
         };
         let places = self.places();
-        let [above, isometric, strips] = picture::pictures(self.config, recording, self.work, &places);
+        let [above, isometric, strips] = picture::pictures(self.config, recording, &self.work.judged, &places);
         let title = format!("{} on {}", self.name, self.config.name);
         let mut html = String::with_capacity(1 << 20);
         let _ = write!(
@@ -81,7 +81,7 @@ impl Page<'_> {
             title = escaped(&title),
         );
         let wrong = self.report.wrong();
-        let warning = self.report.real_time_factor.warning();
+        let warning = self.report.planning.real_time_factor.warning();
         for (line, what) in wrong.iter().chain(&warning) {
             let _ = writeln!(html, "<p class=\"wrong\">{}: {}</p>", link(*line), escaped(what));
         }
@@ -107,7 +107,7 @@ impl Page<'_> {
 
     /// Slow places, then stops, numbered.
     fn places(&self) -> Vec<Place> {
-        let feed = &self.work.feed;
+        let feed = &self.work.judged.feed;
         let all = feed.slow_places.iter().chain(&feed.stop_places);
         let numbered = all.zip(1..).map(|(place, number)| Place {
             number,
@@ -144,7 +144,7 @@ impl Page<'_> {
                  <th>waiting s</th><th>cutting m</th><th>rapid m</th><th>changes</th><th class=\"t\">name</th></tr>\n"
             )
         };
-        let table = &self.work.times;
+        let table = &self.work.judged.times;
         let _ = write!(
             html,
             "<h2 id=\"times\">Times by tool and operation</h2>\n{}",
@@ -177,13 +177,13 @@ impl Page<'_> {
 
     /// The lines that are named with those around them; all where they are few.
     fn write_program(&self, html: &mut String, wrong: &[(u32, String)]) -> io::Result<()> {
-        let feed = &self.work.feed;
+        let feed = &self.work.judged.feed;
         let places = feed.slow_places.iter().chain(&feed.stop_places).map(|place| place.line);
         let least = self.work.real_time.least;
         let stretch = least.iter().flat_map(|least| [least.from_line, least.to_line]);
         let set = |lines: &mut dyn Iterator<Item = u32>| lines.map(|line| line as usize).collect::<BTreeSet<usize>>();
         let places = set(&mut places.chain(stretch).chain(wrong.iter().map(|(line, _)| *line)));
-        let headings = set(&mut self.work.times.operations.iter().map(|own| own.line));
+        let headings = set(&mut self.work.judged.times.operations.iter().map(|own| own.line));
         let mut count = 0;
         each_line(self.text, 0, |_, _| {
             count += 1;

@@ -154,7 +154,7 @@ mod tests {
         let raster = "G21 G90 F600 M3 S1\n#1 = 0\no1 repeat [60]\n#1 = [#1 + 1]\nG1 X#1 S[#1 + 1]\no1 endrepeat\nG4 P0.1\nM5\nM2\n";
         for (waits_for_speed, count) in [(true, 60), (false, 0)] {
             let (work, report) = planned(waits_for_speed, raster);
-            assert_eq!(work.feed.stops, 0, "{:?}", work.feed.stop_places);
+            assert_eq!(work.judged.feed.stops, 0, "{:?}", work.judged.feed.stop_places);
             // What comes behind the last move delays none.
             let wanted = [Rests {
                 what: For::Spindle,
@@ -162,7 +162,7 @@ mod tests {
                 line: 1,
             }];
             let wanted = wanted.iter().filter(|rests| rests.count > 0);
-            assert_eq!(work.rests.iter().collect::<Vec<_>>(), wanted.collect::<Vec<_>>());
+            assert_eq!(work.judged.rests.iter().collect::<Vec<_>>(), wanted.collect::<Vec<_>>());
             let text = report.to_string();
             let told = "\nrests           60 for the spindle (the first in line 1)\n";
             assert_eq!(text.contains(told), waits_for_speed, "{text}");
@@ -182,7 +182,12 @@ mod tests {
         let text = "G21 G90 F1000\nT1 M6\nG0 X1\nM64 P1\nG1 X2\nM65 P1\nM64 P2\nG1 X3\nM3 S100\nG4 P0.2\nG1 X4\nM66 P0 L3 Q1\nG1 X5\nM0\nG4 P0.1\nG1 X6\n\
                     G4 P0.1\nG1 X7\nG64\nM8\nG1 X8\nM2\n";
         let (work, _) = planned(true, text);
-        let found: Vec<(For, u64, u32)> = work.rests.iter().map(|it| (it.what, it.count, it.line)).collect();
+        let found: Vec<(For, u64, u32)> = work
+            .judged
+            .rests
+            .iter()
+            .map(|it| (it.what, it.count, it.line))
+            .collect();
         // M8 is done on the way.
         assert_eq!(
             found,

@@ -3,32 +3,23 @@
 //! An element that takes long is not run in every one of its cycles, of which there may be millions that differ in nothing: its
 //! beginning, its end and many places between them are. What was run is counted, and nothing else is judged.
 
-use super::ahead::Ahead;
-use super::export;
 use super::ideal_spindle::IdealSpindle;
-use super::joints::{Joints, ORDERS};
-use super::picture::recording::Recording;
-use super::rests::{RestWatch, Rests};
+use super::judge::{Judge, Judged};
 use super::script::{Manner, Operator, Script, ScriptReport};
-use super::slow_places::{FeedKept, FeedWatch, On};
-use super::times::{TimeTable, TimeWatch};
 use config::Config;
 use host::wait::thread_cpu_s;
 use machine::motion_settings::{ring_capacity, stop_ramp};
 use machine::tables::Tables;
-use motion::canon::{Axis, Position};
+use motion::canon::Axis;
 use motion::element::Element;
 use motion::kinematics::Kinematics;
 use motion::path::{Piece, Shape};
-use motion::plan::Programmed;
-use motion::plan::deviation::{Deviation, DeviationJudge};
 use motion::plan::timeline::{Record, Timeline};
 use motion::ring::{self, Producer, Publish, Sink, Timed as _};
 use motion::rt::{Interpolator, Sample, SampleState, Shares, SyncFault};
 use program::real_time::{Measure, Pace, RealTimeFactor};
 use program::text::Reader;
 use program::{FeedError, Feeder, Progress, Threads, home};
-use std::collections::HashMap;
 use std::num::NonZero;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -52,21 +43,6 @@ const FULL_CYCLES: u64 = 64;
 /// Cycles after which the planner looks for an override that was turned.
 const LOOK_CYCLES: u64 = 5;
 
-/// What there is to know of one cycle.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Cycle {
-    /// Its number; the first is 0.
-    pub(super) number: u64,
-    /// Axes, machine coordinates.
-    pub(super) position: Position,
-    /// On the path.
-    pub(super) speed_mm_s: f64,
-    pub(super) line: u32,
-    pub(super) rapid: bool,
-    /// On the way, neither waiting nor acting.
-    pub(super) moving: bool,
-}
-
 /// What is to be kept of a run besides its figures: it takes memory with the length of the program, but for a picture.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Wanted {
@@ -85,30 +61,13 @@ pub(super) struct Wanted {
 
 /// A program, planned and run down.
 pub(super) struct Work {
-    pub(super) cycle_s: f64,
-    /// Cycles of the whole program, and how many of them were run and judged.
-    pub(super) cycles: u64,
-    pub(super) cycles_judged: u64,
-    pub(super) joints: Joints,
-    /// Programmed moves.
-    pub(super) blocks: usize,
-    pub(super) deviation: Deviation,
-    /// Greatest way of a tap behind its depth, mm.
-    pub(super) over_run_mm: f64,
-    pub(super) feed: FeedKept,
-    pub(super) rests: Vec<Rests>,
-    pub(super) times: TimeTable,
+    pub(super) planned: Planned,
+    pub(super) judged: Judged,
     /// Everything planned, by the cycle-independent clock of the plan, s; where the spindle leads a move, as it was run down.
     pub(super) motion_time_s: f64,
-    /// From text to committed profile, s.
-    pub(super) wall_time_s: f64,
     /// How much quicker than motion one thread plans it.
     pub(super) real_time: RealTimeFactor,
-    /// That planned.
-    pub(super) threads: usize,
     pub(super) lines: u32,
-    /// Elements that went through the ring.
-    pub(super) elements: usize,
     /// Greatest deviation that the program allows, mm; 0: none.
     pub(super) tolerance_mm: f64,
     /// Cycles in which the machine stood because nothing was planned yet.
@@ -116,12 +75,19 @@ pub(super) struct Work {
     /// Line of a move in step with the spindle that was given up, and why: nothing behind it was run down.
     pub(super) given_up: Option<(u32, SyncFault)>,
     pub(super) script: Option<ScriptReport>,
-    /// What was wanted besides.
-    pub(super) samples: Option<String>,
-    pub(super) path: Option<String>,
-    pub(super) feeds: HashMap<u32, f64>,
-    pub(super) recording: Option<Recording>,
     pub(super) timeline: Option<Record>,
+}
+
+/// A program, planned against the clock.
+pub(super) struct Planned {
+    /// From text to committed profile, s.
+    pub(super) wall_time_s: f64,
+    /// Of all that was planned, s.
+    motion_time_s: f64,
+    /// Elements that went through the ring.
+    pub(super) elements: usize,
+    /// That planned.
+    pub(super) threads: usize,
 }
 
 /// The ring. Where nobody turns overrides, what is in it stays as it is: what takes long need not be cut into parts.
@@ -179,155 +145,245 @@ pub(super) fn run_down(
     threads: Option<usize>,
     wanted: Wanted,
 ) -> Result<Work, FeedError> {
-    let start = home(config);
     let threads = threads.or(config.program.threads);
     let threads = threads.unwrap_or_else(|| available_parallelism().map_or(1, NonZero::get));
     let timeline = wanted.timeline.then(Timeline::default);
-    let (wall_time_s, motion_time_s, elements) = std::thread::scope(|scope| {
+    let planned = plan(config, tables, (name, text), threads, timeline.as_ref())?;
+    let mut run = Run::new(config, tables, (name, text), wanted);
+    run.run_to_end()?;
+    Ok(run.finish(planned, timeline))
+}
+
+/// Plans a whole program in as many threads as on the machine, against the clock.
+fn plan(
+    config: &Config,
+    tables: &Tables,
+    (name, text): (&str, Reader<'_>),
+    threads: usize,
+    timeline: Option<&Timeline>,
+) -> Result<Planned, FeedError> {
+    std::thread::scope(|scope| {
         let mut planning = Threads::new(threads, scope);
-        if let Some(timeline) = &timeline {
+        if let Some(timeline) = timeline {
             planning = planning.recorded(timeline.clone());
         }
         let began = Instant::now();
         let measure = Measure::new(thread_cpu_s);
-        let mut feeder = Feeder::in_threads((config, tables), text, start, measure, planning).beside(name);
+        let mut feeder = Feeder::in_threads((config, tables), text, home(config), measure, planning).beside(name);
         whole(&mut feeder)?;
         let wall_time_s = began.elapsed().as_secs_f64();
         let measure = feeder.sink();
-        Ok((wall_time_s, measure.time_s(), measure.elements()))
-    })?;
+        Ok(Planned {
+            wall_time_s,
+            motion_time_s: measure.time_s(),
+            elements: measure.elements(),
+            threads,
+        })
+    })
+}
 
-    let (producer, consumer) = ring::channel(ring_capacity(config));
-    let cycle_s = f64::from(config.cycle_us) * 1e-6;
-    let planner = config.program.planner;
-    let script = wanted.script.clone();
-    let mut operator = script.map(|script| Operator::new(script, planner, cycle_s));
-    let followed = Followed {
-        ring: producer,
-        overridden: operator.is_some(),
-    };
-    let passed = Arc::new(AtomicU64::new(0));
-    // Alone, so that what it takes can be told from what others do meanwhile.
-    let mut feeder = Feeder::new(config, tables, text, start, followed)
-        .beside(name)
-        .keeping_near(Arc::clone(&passed));
-    let (mut pace, mut planning_s) = (Pace::new(0.0), 0.0);
-    if let Some(operator) = &operator {
-        feeder = feeder.following(operator.live());
+/// A program on its way through ring and interpolation.
+struct Run<'a> {
+    feeder: Feeder<'a, Followed>,
+    /// Whether all of it is planned.
+    is_planned: bool,
+    /// The cycle in which the planner goes on.
+    plan_at: u64,
+    /// Of the path, for the planner.
+    passed: Arc<AtomicU64>,
+    pace: Pace,
+    planning_s: f64,
+    operator: Option<Operator>,
+    kinematics: Kinematics,
+    interpolator: Interpolator,
+    spindle: IdealSpindle,
+    judge: Judge,
+    /// Whether every cycle is run; else how many were run since the last gap.
+    every_cycle: bool,
+    in_a_row: u64,
+    sample: Sample,
+    starved_cycles: u64,
+    given_up: Option<(u32, SyncFault)>,
+}
+
+impl<'a> Run<'a> {
+    fn new(config: &'a Config, tables: &'a Tables, (name, text): (&'a str, Reader<'a>), wanted: Wanted) -> Run<'a> {
+        let start = home(config);
+        let (producer, consumer) = ring::channel(ring_capacity(config));
+        let script = wanted.script.clone();
+        let cycle_s = f64::from(config.cycle_us) * 1e-6;
+        let operator = script.map(|script| Operator::new(script, config.program.planner, cycle_s));
+        let followed = Followed {
+            ring: producer,
+            overridden: operator.is_some(),
+        };
+        let passed = Arc::new(AtomicU64::new(0));
+        // Alone, so that what it takes can be told from what others do meanwhile.
+        let mut feeder = Feeder::new(config, tables, text, start, followed)
+            .beside(name)
+            .keeping_near(Arc::clone(&passed));
+        if let Some(operator) = &operator {
+            feeder = feeder.following(operator.live());
+        }
+        let every_cycle = wanted.samples;
+        let mut judge = Judge::new(config, tables, text, wanted);
+        let sample = Sample::resting(start);
+        judge.push(&sample, None, 0.0, Manner::PLAIN);
+        Run {
+            feeder,
+            is_planned: false,
+            plan_at: 0,
+            passed,
+            pace: Pace::new(0.0),
+            planning_s: 0.0,
+            operator,
+            kinematics: config.kinematics(),
+            interpolator: Interpolator::new(consumer, start, stop_ramp(config)),
+            spindle: IdealSpindle::new(cycle_s, config.spindle.rpm_max),
+            judge,
+            every_cycle,
+            in_a_row: 0,
+            sample,
+            starved_cycles: 0,
+            given_up: None,
+        }
     }
-    let kinematics = config.kinematics();
-    let mut interpolator = Interpolator::new(consumer, start, stop_ramp(config));
-    let every_cycle = wanted.samples;
-    let mut judge = Judge::new(config, tables, text, wanted);
-    let mut spindle = IdealSpindle::new(judge.cycle_s, config.spindle.rpm_max);
-    let mut sample = Sample::resting(start);
-    judge.push(&sample, None, 0.0, Manner::PLAIN);
-    let (mut done, mut in_a_row, mut starved_cycles, mut given_up) = (false, 0, 0, None);
-    let mut feed_at = 0;
-    loop {
+
+    fn run_to_end(&mut self) -> Result<(), FeedError> {
+        loop {
+            self.plan_on()?;
+            let (wanted, skip_max) = self.ask_operator();
+            let turning = self.spindle.feed_share();
+            self.skip_even(skip_max);
+            if !self.step(&wanted, turning) {
+                return Ok(());
+            }
+        }
+    }
+
+    /// Plans as much as there is room for, if it is time to.
+    fn plan_on(&mut self) -> Result<(), FeedError> {
         // The last elements may be in the ring, and an override changes them yet.
-        let mut once = operator.is_some() && judge.number.is_multiple_of(LOOK_CYCLES) && !feeder.is_over();
-        while (!done && judge.number >= feed_at) || once {
+        let looks = self.operator.is_some() && self.judge.number.is_multiple_of(LOOK_CYCLES);
+        let mut once = looks && !self.feeder.is_over();
+        while (!self.is_planned && self.judge.number >= self.plan_at) || once {
             once = false;
             let began_s = thread_cpu_s();
-            let progress = feeder.pump()?;
-            planning_s += thread_cpu_s() - began_s;
-            let published_s = feeder.sink().ring.published_s().unwrap_or(0.0);
-            pace.planned(published_s, feeder.line(), || planning_s);
-            judge.deviation.allow(feeder.tolerance_mm());
-            feeder.ideal_path().for_each(|part| judge.push_path(&part));
-            passed.store(judge.deviation.passed(), Ordering::Relaxed);
+            let progress = self.feeder.pump()?;
+            self.planning_s += thread_cpu_s() - began_s;
+            let planning_s = self.planning_s;
+            let published_s = self.feeder.sink().ring.published_s().unwrap_or(0.0);
+            self.pace.planned(published_s, self.feeder.line(), || planning_s);
+            self.judge.deviation.allow(self.feeder.tolerance_mm());
+            self.feeder.ideal_path().for_each(|part| self.judge.push_path(&part));
+            self.passed.store(self.judge.deviation.passed(), Ordering::Relaxed);
             match progress {
                 Progress::Working => {}
-                Progress::RingFull => feed_at = judge.number + FULL_CYCLES,
+                Progress::RingFull => self.plan_at = self.judge.number + FULL_CYCLES,
                 Progress::Waiting => break,
-                Progress::Done => done = true,
+                Progress::Done => self.is_planned = true,
             }
         }
-        let mut wanted = Shares::FULL;
-        let mut skip_max = u64::MAX;
-        if let Some(operator) = &mut operator {
-            operator.act(judge.number, &sample, &mut interpolator);
-            spindle.set_override(operator.spindle(&sample));
-            (wanted, skip_max) = (operator.shares(), operator.may_skip(judge.number));
-            if !every_cycle && skip_max < u64::MAX && operator.is_still(judge.number as f64 * cycle_s) {
-                operator.skip_rest(skip_max);
-                judge.number += skip_max;
-                in_a_row = 0;
-                skip_max = 0;
-            }
-        }
-        let shares = Shares {
-            turning: spindle.feed_share(),
-            ..wanted
+        Ok(())
+    }
+
+    /// The shares that the operator wants, and how many cycles may be skipped before his next order.
+    fn ask_operator(&mut self) -> (Shares, u64) {
+        let Some(operator) = &mut self.operator else {
+            return (Shares::FULL, u64::MAX);
         };
-        in_a_row += 1;
-        if !every_cycle && in_a_row > AT_PLACE && spindle.keeps(&sample) {
-            let skipped = cycles_to_skip(&interpolator, &kinematics, judge.cycle_s).min(skip_max);
-            if skipped > AT_PLACE {
-                interpolator.skip(skipped);
-                spindle.skip(skipped);
-                judge.number += skipped;
-                in_a_row = 0;
-            }
+        let number = self.judge.number;
+        operator.act(number, &self.sample, &mut self.interpolator);
+        self.spindle.set_override(operator.spindle(&self.sample));
+        let (wanted, skip_max) = (operator.shares(), operator.may_skip(number));
+        let is_still = operator.is_still(number as f64 * self.judge.cycle_s);
+        if self.every_cycle || skip_max == u64::MAX || !is_still {
+            return (wanted, skip_max);
         }
-        judge.turning = shares.turning;
-        sample = interpolator.step_shares(&shares, &spindle.place());
-        spindle.step(&sample);
+        // Nothing moves until then.
+        operator.skip_rest(skip_max);
+        self.judge.number += skip_max;
+        self.in_a_row = 0;
+        (wanted, 0)
+    }
+
+    /// Skips cycles of a long element that differ in nothing.
+    fn skip_even(&mut self, skip_max: u64) {
+        self.in_a_row += 1;
+        if self.every_cycle || self.in_a_row <= AT_PLACE || !self.spindle.keeps(&self.sample) {
+            return;
+        }
+        let skipped = cycles_to_skip(&self.interpolator, &self.kinematics, self.judge.cycle_s).min(skip_max);
+        if skipped > AT_PLACE {
+            self.interpolator.skip(skipped);
+            self.spindle.skip(skipped);
+            self.judge.number += skipped;
+            self.in_a_row = 0;
+        }
+    }
+
+    /// Runs a cycle and judges it; whether others follow. `turning`: the share of the planned feed that goes by the spindle.
+    fn step(&mut self, wanted: &Shares, turning: f64) -> bool {
+        self.judge.turning = turning;
+        let shares = Shares { turning, ..*wanted };
+        let sample = self.interpolator.step_shares(&shares, &self.spindle.place());
+        self.sample = sample;
+        self.spindle.step(&sample);
         if let Some(action) = sample.on_the_way {
-            spindle.act(action, sample.position[Axis::X]);
+            self.spindle.act(action, sample.position[Axis::X]);
         }
         if let Some(action) = sample.action
             && !wanted.hold(sample.enables)
-            && spindle.act(action, sample.position[Axis::X])
+            && self.spindle.act(action, sample.position[Axis::X])
         {
-            interpolator.acknowledge_action();
+            self.interpolator.acknowledge_action();
         }
-        let (manner, goes_on) = match &mut operator {
-            Some(operator) => operator.see(judge.number, &sample, &interpolator),
+        let (manner, goes_on) = match &mut self.operator {
+            Some(operator) => operator.see(self.judge.number, &sample, &self.interpolator),
             None => (Manner::PLAIN, true),
         };
-        judge.push(&sample, interpolator.element(), interpolator.over_run_mm(), manner);
+        let (element, over_run_mm) = (self.interpolator.element(), self.interpolator.over_run_mm());
+        self.judge.push(&sample, element, over_run_mm, manner);
         if let Some(fault) = sample.fault {
-            given_up = Some((sample.line, fault));
-            break;
-        }
-        if !goes_on {
-            break;
+            self.given_up = Some((sample.line, fault));
+            return false;
         }
         match sample.state {
-            SampleState::Finished => break,
-            SampleState::Starved if done && sample.action.is_none() && interpolator.remaining_s() == 0.0 => break,
-            SampleState::Starved if sample.action.is_none() => starved_cycles += 1,
-            SampleState::Moving | SampleState::Dwelling | SampleState::Acting | SampleState::Starved => {}
+            _ if !goes_on => false,
+            SampleState::Finished => false,
+            SampleState::Starved if sample.action.is_none() => {
+                let is_over = self.is_planned && self.interpolator.remaining_s() == 0.0;
+                self.starved_cycles += u64::from(!is_over);
+                !is_over
+            }
+            SampleState::Moving | SampleState::Dwelling | SampleState::Acting | SampleState::Starved => true,
         }
     }
-    let led = judge.led;
-    let work = judge.finish();
-    let motion_time_s = match led {
-        true => work
-            .times
-            .tools
-            .iter()
-            .map(|of_tool| of_tool.times.time_s - of_tool.times.waiting_s)
-            .sum(),
-        false => motion_time_s,
-    };
-    let published_s = feeder.sink().ring.published_s().unwrap_or(0.0);
-    Ok(Work {
-        script: operator.map(|operator| operator.finish(work.cycles)),
-        motion_time_s,
-        wall_time_s,
-        real_time: pace.finish(published_s, feeder.line(), planning_s),
-        threads,
-        timeline: timeline.map(|timeline| timeline.record()),
-        lines: feeder.line(),
-        elements,
-        tolerance_mm: feeder.tolerance_mm(),
-        starved_cycles,
-        given_up,
-        ..work
-    })
+
+    fn finish(mut self, planned: Planned, timeline: Option<Timeline>) -> Work {
+        let led = self.judge.led;
+        let judged = self.judge.finish();
+        let motion_time_s = match led {
+            true => {
+                let of_tools = judged.times.tools.iter().map(|of_tool| &of_tool.times);
+                of_tools.map(|times| times.time_s - times.waiting_s).sum()
+            }
+            false => planned.motion_time_s,
+        };
+        let published_s = self.feeder.sink().ring.published_s().unwrap_or(0.0);
+        Work {
+            script: self.operator.map(|operator| operator.finish(judged.cycles)),
+            motion_time_s,
+            real_time: self.pace.finish(published_s, self.feeder.line(), self.planning_s),
+            timeline: timeline.map(|timeline| timeline.record()),
+            lines: self.feeder.line(),
+            tolerance_mm: self.feeder.tolerance_mm(),
+            starved_cycles: self.starved_cycles,
+            given_up: self.given_up,
+            planned,
+            judged,
+        }
+    }
 }
 
 /// How many cycles need not be run now.
@@ -373,219 +429,11 @@ pub(super) fn whole<S: Sink<Element>>(feeder: &mut Feeder<'_, S>) -> Result<(), 
     Ok(())
 }
 
-/// Judges a program cycle by cycle, in memory that does not grow with it.
-pub(super) struct Judge {
-    cycle_s: f64,
-    /// Of the cycle that comes.
-    number: u64,
-    judged: u64,
-    last: Option<Cycle>,
-    joints: Joints,
-    deviation: DeviationJudge,
-    ahead: Ahead,
-    feed: FeedWatch,
-    rests: RestWatch,
-    times: TimeWatch,
-    /// Share of the planned feed that goes by the spindle.
-    turning: f64,
-    /// Whether the spindle has decided how long a move takes.
-    led: bool,
-    blocks: usize,
-    over_run_mm: f64,
-    /// Depth of the tap under way that its spindle has passed.
-    depth: Option<Position>,
-    before: Option<Position>,
-    samples: Option<export::Samples>,
-    path: Option<export::ProgrammedPath>,
-    feeds: Option<HashMap<u32, f64>>,
-    recording: Option<Recording>,
-}
-
-impl Judge {
-    pub(super) fn new(config: &Config, tables: &Tables, text: Reader<'_>, wanted: Wanted) -> Judge {
-        let cycle_s = f64::from(config.cycle_us) * 1e-6;
-        Judge {
-            cycle_s,
-            number: 0,
-            judged: 0,
-            last: None,
-            joints: Joints::new(config),
-            deviation: DeviationJudge::default(),
-            ahead: Ahead::default(),
-            feed: FeedWatch::new(cycle_s),
-            rests: RestWatch::default(),
-            times: TimeWatch::new(text, tables, cycle_s),
-            turning: 1.0,
-            led: false,
-            blocks: 0,
-            over_run_mm: 0.0,
-            depth: None,
-            before: None,
-            samples: wanted.samples.then(|| export::Samples::new(config)),
-            path: wanted.path.then(export::ProgrammedPath::default),
-            feeds: wanted.feeds.then(HashMap::new),
-            recording: wanted.picture.then(|| Recording::new(config)),
-        }
-    }
-
-    /// The programmed path goes on.
-    fn push_path(&mut self, part: &Programmed) {
-        self.blocks += 1;
-        self.deviation.push_path(&part.piece);
-        self.ahead.push_path(part);
-        if let Some(path) = &mut self.path {
-            path.push(part);
-        }
-        if let Some(feeds) = self.feeds.as_mut().filter(|_| !part.rapid) {
-            let feed = feeds.entry(part.line).or_insert(part.feed);
-            *feed = part.feed.max(*feed);
-        }
-    }
-
-    /// The next cycle.
-    pub(super) fn push(&mut self, sample: &Sample, element: Option<&Element>, over_run_mm: f64, manner: Manner) {
-        let cycle = Cycle {
-            number: self.number,
-            position: sample.position,
-            speed_mm_s: sample.velocity_mm_s,
-            line: sample.line,
-            rapid: sample.rapid,
-            moving: sample.state == SampleState::Moving,
-        };
-        let follows = self.last.is_none_or(|last| last.number + 1 == cycle.number);
-        self.number += 1;
-        self.judged += 1;
-        if manner.scaling {
-            self.joints.scale();
-        }
-        self.joints
-            .push(&sample.position, &sample.frame, (cycle.number, cycle.line), follows);
-        let on = self.on(&cycle, sample, element, manner);
-        self.feed.push(cycle, on, &self.joints);
-        self.rests.push(sample);
-        self.times.push(&cycle, sample, manner);
-        self.over_run_mm = self.over_run_mm.max(over_run_mm);
-        let programmed = self.programmed_position(&sample.position, over_run_mm);
-        // What is run again was judged when it was run first: path and set-points are compared in their order.
-        if !manner.again {
-            self.deviation.push_sample(&programmed);
-        }
-        if let Some(samples) = &mut self.samples {
-            samples.push(&cycle, self.cycle_s);
-        }
-        if let Some(recording) = &mut self.recording {
-            recording.push(sample, &cycle, &self.joints);
-        }
-        self.last = Some(cycle);
-    }
-
-    /// What the machine is on.
-    fn on(&mut self, cycle: &Cycle, sample: &Sample, element: Option<&Element>, manner: Manner) -> On {
-        if !cycle.moving || manner.again {
-            return On::default();
-        }
-        let times = &mut self.times;
-        let Some(line) = self.ahead.reach(cycle.line, |line| times.leave(line)) else {
-            return On::default();
-        };
-        let is_curve = matches!(element, Some(Element::Span(span)) if matches!(span.piece.shape(), Shape::Blend(_)));
-        let by_turns = sample.enables.spindle_speed;
-        let by_spindle = by_turns || matches!(element, Some(Element::Synced(_)));
-        self.led |= by_spindle;
-        // Feed by turns is planned for the greatest speed of the spindle.
-        let feed = manner.feed * if by_turns { self.turning } else { 1.0 };
-        On {
-            feed: (line.feed.filter(|_| feed > 0.0 && !manner.scaling)).map(|programmed| programmed * feed),
-            by_spindle,
-            smoothed: is_curve && !line.is_curve,
-            corner_degrees: self.ahead.corner_degrees(),
-        }
-    }
-
-    /// Where the machine is as far as the program says: where a tap is behind its depth, at its depth.
-    fn programmed_position(&mut self, position: &Position, over_run_mm: f64) -> Position {
-        // A tap is straight: the depth lies back on the way of the first cycle behind it.
-        self.depth = match (self.before, self.depth) {
-            (_, _) if over_run_mm <= 0.0 => None,
-            (Some(before), None) => Some(back_towards(position, &before, over_run_mm)),
-            (_, depth) => depth,
-        };
-        let programmed = self.depth.unwrap_or(*position);
-        self.before = Some(programmed);
-        programmed
-    }
-
-    /// What was found; what only the caller knows is left open.
-    pub(super) fn finish(mut self) -> Work {
-        let cycles = self.number;
-        let times = &mut self.times;
-        self.ahead.finish(|line| times.leave(line));
-        if let Some(last) = self.last {
-            for behind in 0..ORDERS as u64 {
-                let number = cycles + behind;
-                self.joints.rest((number, last.line));
-                let resting = Cycle {
-                    number,
-                    speed_mm_s: 0.0,
-                    moving: false,
-                    ..last
-                };
-                self.feed.push(resting, On::default(), &self.joints);
-                if let Some(recording) = &mut self.recording {
-                    recording.rest(number, &self.joints);
-                }
-            }
-        }
-        Work {
-            cycle_s: self.cycle_s,
-            cycles,
-            cycles_judged: self.judged,
-            feed: self.feed.finish(&self.joints),
-            rests: self.rests.finish(),
-            times: self.times.finish(),
-            joints: self.joints,
-            blocks: self.blocks,
-            deviation: self.deviation.finish(),
-            over_run_mm: self.over_run_mm,
-            motion_time_s: 0.0,
-            wall_time_s: 0.0,
-            real_time: RealTimeFactor::default(),
-            threads: 0,
-            lines: 0,
-            elements: 0,
-            tolerance_mm: 0.0,
-            starved_cycles: 0,
-            given_up: None,
-            script: None,
-            samples: self.samples.map(export::Samples::finish),
-            path: self.path.map(|path| path.text),
-            feeds: self.feeds.unwrap_or_default(),
-            recording: self.recording,
-            timeline: None,
-        }
-    }
-}
-
-/// The place at a distance from `at` on the straight way to another one.
-fn back_towards(at: &Position, to: &Position, distance_mm: f64) -> Position {
-    let square = |(a, b): (&f64, &f64)| (a - b).powi(2);
-    let length_mm = at.0.iter().zip(&to.0).map(square).sum::<f64>().sqrt();
-    let share = if length_mm > 0.0 {
-        (distance_mm / length_mm).min(1.0)
-    } else {
-        0.0
-    };
-    let mut place = *at;
-    for (place, to) in place.0.iter_mut().zip(to.0) {
-        *place += (to - *place) * share;
-    }
-    place
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::report::Report;
+    use motion::canon::Position;
     use motion::plan::PlannerKind;
     use std::path::Path;
 
@@ -612,15 +460,19 @@ mod tests {
         for planner in [PlannerKind::Optimal, PlannerKind::Classic] {
             let config = machine(planner);
             let [all, some] = [true, false].map(|every_cycle| run(&config, text, every_cycle));
-            assert_eq!(all.cycles_judged, all.cycles);
+            assert_eq!(all.judged.cycles_judged, all.judged.cycles);
             assert!(
-                some.cycles_judged < all.cycles_judged * 3 / 4,
+                some.judged.cycles_judged < all.judged.cycles_judged * 3 / 4,
                 "{planner:?}: {}",
-                some.cycles_judged
+                some.judged.cycles_judged
             );
             // Long elements are cut otherwise where every cycle is run: by rounding.
-            assert!(all.cycles.abs_diff(some.cycles) <= 2, "{planner:?}: {}", some.cycles);
-            for (all, some) in all.joints.all.iter().zip(&some.joints.all) {
+            assert!(
+                all.judged.cycles.abs_diff(some.judged.cycles) <= 2,
+                "{planner:?}: {}",
+                some.judged.cycles
+            );
+            for (all, some) in all.judged.joints.all.iter().zip(&some.judged.joints.all) {
                 let [all, some] = [all.peaks, some.peaks];
                 assert_eq!((all.over, some.over), ([0; 3], [0; 3]));
                 for (all, some) in all.greatest.iter().zip(some.greatest) {
@@ -630,15 +482,15 @@ mod tests {
                     );
                 }
             }
-            for found in [all.deviation, some.deviation] {
+            for found in [all.judged.deviation, some.judged.deviation] {
                 assert!(
                     found.off_mm <= 0.01 && found.missed_mm <= 0.0101,
                     "{planner:?}: {found:?}"
                 );
                 assert!(found.length_mm - found.reached_mm < 1e-3, "{planner:?}: {found:?}");
             }
-            let lines = all.samples.expect("set-points").lines().count() as u64;
-            assert_eq!(lines, 1 + all.cycles);
+            let lines = all.judged.samples.expect("set-points").lines().count() as u64;
+            assert_eq!(lines, 1 + all.judged.cycles);
         }
     }
 
@@ -653,8 +505,12 @@ mod tests {
         let minutes = 40.0 / (0.2 * 120.0e3 / (std::f64::consts::TAU * 60.0));
         let took_s = after.motion_time_s - before.motion_time_s;
         assert!((took_s / (60.0 * minutes) - 1.0).abs() < 0.01, "{took_s} {minutes}");
-        assert!(after.feed.at_feed_share > 0.9, "{}", after.feed.at_feed_share);
-        assert_eq!(after.feed.limited_by[0].what, "feed");
+        assert!(
+            after.judged.feed.at_feed_share > 0.9,
+            "{}",
+            after.judged.feed.at_feed_share
+        );
+        assert_eq!(after.judged.feed.limited_by[0].what, "feed");
     }
 
     #[test]
@@ -673,16 +529,16 @@ mod tests {
                     let work = run(&config, &format!("G21 G90\nG0 X0 Y0 Z0\nF{feed}\n{text}\nM2\n"), false);
                     println!(
                         "{text} F{feed} {planner:?}: {} of {} cycles",
-                        work.cycles_judged, work.cycles
+                        work.judged.cycles_judged, work.judged.cycles
                     );
                     work
                 });
-                assert!(days.cycles > 100_000_000, "{text} {planner:?}");
-                let most = 2 * minutes.cycles_judged.max(60_000);
+                assert!(days.judged.cycles > 100_000_000, "{text} {planner:?}");
+                let most = 2 * minutes.judged.cycles_judged.max(60_000);
                 assert!(
-                    days.cycles_judged < most,
+                    days.judged.cycles_judged < most,
                     "{text} {planner:?}: {} {most}",
-                    days.cycles_judged
+                    days.judged.cycles_judged
                 );
             }
         }
@@ -693,7 +549,8 @@ mod tests {
         let text = "G21 G90\nG0 X10 Y10\nG38.3 X30 F100\nG0 X10\nG38.3 X-2\nG61\nG0 Z5\nG38.3 Z-3\nM2\n";
         for planner in [PlannerKind::Optimal, PlannerKind::Classic] {
             let config = machine(planner);
-            assert_eq!(Report::new(&config, &run(&config, text, false)).wrong(), []);
+            let mut work = run(&config, text, false);
+            assert_eq!(Report::new(&config, &work).wrong(), []);
             // A jump in the fourth line.
             let mut judge = Judge::new(&config, &Tables::read(&config).unwrap(), text.into(), Wanted::default());
             for cycle in 0..1000 {
@@ -701,7 +558,8 @@ mod tests {
                 (sample.line, sample.position[Axis::X]) = (cycle / 200, if cycle == 900 { 1e-3 } else { 0.0 });
                 judge.push(&sample, None, 0.0, Manner::PLAIN);
             }
-            let wrong = Report::new(&config, &judge.finish()).wrong();
+            work.judged = judge.finish();
+            let wrong = Report::new(&config, &work).wrong();
             let told = |what: &str| wrong.iter().any(|(line, text)| *line == 4 && text.contains(what));
             assert!(told("joint 0 (X) passes its jerk limit: "), "{wrong:?}");
             assert!(told("of 30000.0, ") && told(" s after the start; "), "{wrong:?}");

@@ -496,7 +496,7 @@ mod tests {
         let work = run_down(&config, &tables, ("part.ngc", program.into()), Some(1), wanted).unwrap();
         // Whatever was ordered: within the limits, on the path.
         assert_eq!(Report::new(&config, &work).wrong(), [], "{planner:?} {script}");
-        let found = work.deviation;
+        let found = work.judged.deviation;
         assert!(found.off_mm <= 0.02 + 1e-9, "{planner:?} {script}: {found:?}");
         work
     }
@@ -529,7 +529,7 @@ mod tests {
             let rest_s = hold.rest_s.expect("it rests") - hold.time_s;
             assert!(rest_s > 0.02 && rest_s < 1.0, "{rest_s}");
             // From rest to the order nothing moves.
-            let samples = held.samples.as_ref().unwrap();
+            let samples = held.judged.samples.as_ref().unwrap();
             let rows: Vec<&str> = samples
                 .lines()
                 .skip(1)
@@ -538,11 +538,11 @@ mod tests {
             let rests = &rows[(hold.rest_s.unwrap() * 1000.0) as usize + 1..4000];
             assert!(rests.windows(2).all(|pair| pair[0] == pair[1]) && rows[999] != rows[1001]);
             assert!(
-                report.held_s > 2.0 && held.cycles as f64 > plain.cycles as f64 + 2000.0,
+                report.held_s > 2.0 && held.judged.cycles as f64 > plain.judged.cycles as f64 + 2000.0,
                 "{report:#?}"
             );
-            let length = held.deviation.length_mm - held.deviation.reached_mm;
-            assert!(length < 1e-3, "{:?}", held.deviation);
+            let length = held.judged.deviation.length_mm - held.judged.deviation.reached_mm;
+            assert!(length < 1e-3, "{:?}", held.judged.deviation);
         }
     }
 
@@ -552,7 +552,7 @@ mod tests {
             let plain = run(planner, PART, "", false);
             let slow = run(planner, PART, "feed 50\nrapid 25\nspindle 80\n", false);
             let times = |work: &Work| {
-                let tool = &work.times.tools[0].times;
+                let tool = &work.judged.times.tools[0].times;
                 (tool.cutting_s, tool.rapid_s, tool.dwell_s)
             };
             let (plain, slow) = (times(&plain), times(&slow));
@@ -582,7 +582,7 @@ mod tests {
             let report = report(&work);
             assert_eq!(report.end, "finished");
             assert!(report.orders[1].line <= 3, "{report:#?}");
-            let found = work.deviation;
+            let found = work.judged.deviation;
             assert!(
                 found.length_mm - found.reached_mm < 1e-3 && found.missed_mm < 0.021,
                 "{found:?}"
@@ -609,9 +609,9 @@ mod tests {
             let work = run(planner, PART, "at 1 s hold\nat 80000 s resume\n", false);
             assert_eq!(report(&work).end, "finished");
             assert!(
-                report(&work).held_s > 79_000.0 && work.cycles_judged < 100_000,
+                report(&work).held_s > 79_000.0 && work.judged.cycles_judged < 100_000,
                 "{}",
-                work.cycles_judged
+                work.judged.cycles_judged
             );
         }
     }

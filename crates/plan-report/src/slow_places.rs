@@ -4,8 +4,8 @@
 //! Out: its slowest places, each with its reason, the joint and the limit that comes nearest there; how much of the time the feed is
 //! reached, and what limits the rest; stops on the way.
 
-use super::joints::{Joints, NAMES, ORDERS};
-use super::run_down::Cycle;
+use super::joints::{Joints, NAMES, ORDERS, joint_name};
+use super::judge::Cycle;
 use motion::canon::Axis;
 use serde::Serialize;
 use std::collections::VecDeque;
@@ -79,16 +79,15 @@ pub(super) struct SlowPlace {
 impl SlowPlace {
     /// What is the matter there, without the line.
     pub(super) fn in_words(&self) -> String {
-        let axis = self.axis.map(|axis| format!(" ({axis})")).unwrap_or_default();
         if self.feed_share < STOP {
             return format!("stop: {}", self.reason);
         }
         format!(
-            "{}; limited to {:.1} % of feed ({:.2} mm/s) by joint {}{axis} {} ({:.0} % of its limit)",
+            "{}; limited to {:.1} % of feed ({:.2} mm/s) by {} {} ({:.0} % of its limit)",
             self.reason,
             self.feed_share * 100.0,
             self.speed_mm_s,
-            self.joint,
+            joint_name(self.joint, self.axis),
             self.limit,
             self.limit_share * 100.0
         )

@@ -9,8 +9,8 @@
 //! behind that many is added to the last one.
 
 use super::ahead::Line;
+use super::judge::Cycle;
 use super::lines::each_line;
-use super::run_down::Cycle;
 use super::script::Manner;
 use machine::tables::Tables;
 use motion::element::Action;

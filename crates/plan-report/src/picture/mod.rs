@@ -8,8 +8,8 @@ pub(super) mod recording;
 mod strips;
 mod tool_path;
 
+use super::judge::Judged;
 use super::report::Report;
-use super::run_down::Work;
 use config::Config;
 use plot::sheet::Sheet;
 use plot::{BODY, TITLE};
@@ -40,9 +40,9 @@ impl Place {
 }
 
 /// Draws it.
-pub(super) fn picture(name: &str, config: &Config, recording: &Recording, work: &Work, report: &Report) -> String {
+pub(super) fn picture(name: &str, config: &Config, recording: &Recording, judged: &Judged, report: &Report) -> String {
     let view = tool_path::View::new(&recording.moving, config.work_offsets[0], None, &[]);
-    let strips = strips::Strips::new(recording, work);
+    let strips = strips::Strips::new(recording, judged);
     let mut sheet = Sheet::new(WIDTH);
     sheet.text((EDGE, 34.0), TITLE, &format!("{name} on {}", config.name));
     sheet.text((EDGE, 56.0), BODY, &report.in_short());
@@ -52,14 +52,14 @@ pub(super) fn picture(name: &str, config: &Config, recording: &Recording, work: 
 }
 
 /// The path from above and isometrically, and the strips over time, each with places that lead to lines.
-pub(super) fn pictures(config: &Config, recording: &Recording, work: &Work, places: &[Place]) -> [String; 3] {
+pub(super) fn pictures(config: &Config, recording: &Recording, judged: &Judged, places: &[Place]) -> [String; 3] {
     let [above, isometric] = [false, true].map(|isometric| {
         let view = tool_path::View::new(&recording.moving, config.work_offsets[0], Some(isometric), places);
         let mut sheet = Sheet::new(WIDTH);
         view.draw(&mut sheet, EDGE, places);
         sheet.finish(EDGE + view.height())
     });
-    let strips = strips::Strips::new(recording, work);
+    let strips = strips::Strips::new(recording, judged);
     let mut sheet = Sheet::new(WIDTH);
     strips.draw(&mut sheet, EDGE, places);
     [above, isometric, sheet.finish(EDGE + strips.height())]

@@ -4,7 +4,7 @@
 //! Out: places of the path, thinned out where they are many; the least and the greatest value of each stretch of time; marks.
 
 use crate::joints::{Joints, NAMES, ORDERS};
-use crate::run_down::Cycle;
+use crate::judge::Cycle;
 use config::Config;
 use motion::canon::Axis;
 use motion::element::Action;

@@ -6,7 +6,7 @@
 use super::recording::{Event, Extremes, Recording, Stretches};
 use super::{Place, WIDTH};
 use crate::joints::{Joint, NAMES, ORDERS};
-use crate::run_down::Work;
+use crate::judge::Judged;
 use plot::lines::{number, round_up};
 use plot::sheet::{Anchor, Face, Sheet};
 use plot::{BODY, GRID, INK, SMALL};
@@ -28,14 +28,14 @@ const BEYOND: f64 = 1.18;
 /// What is drawn.
 pub(super) struct Strips<'a> {
     recording: &'a Recording,
-    work: &'a Work,
+    judged: &'a Judged,
     moving: Vec<(usize, &'a Joint)>,
     strip_height: f64,
 }
 
 impl<'a> Strips<'a> {
-    pub(super) fn new(recording: &'a Recording, work: &'a Work) -> Strips<'a> {
-        let moving: Vec<_> = work
+    pub(super) fn new(recording: &'a Recording, judged: &'a Judged) -> Strips<'a> {
+        let moving: Vec<_> = judged
             .joints
             .all
             .iter()
@@ -50,7 +50,7 @@ impl<'a> Strips<'a> {
         };
         Strips {
             recording,
-            work,
+            judged,
             moving,
             strip_height,
         }
@@ -89,13 +89,13 @@ impl<'a> Strips<'a> {
 
     /// Where a time is.
     fn pixel(&self, time_s: f64) -> f64 {
-        let end_s = self.work.cycles.max(2) as f64 * self.work.cycle_s;
+        let end_s = self.judged.cycles.max(2) as f64 * self.judged.cycle_s;
         LEFT + time_s / end_s * COLUMNS as f64
     }
 
     /// Grid of time, and what happened at rest.
     fn draw_time(&self, sheet: &mut Sheet, top: f64, bottom: f64) {
-        let end_s = self.work.cycles.max(2) as f64 * self.work.cycle_s;
+        let end_s = self.judged.cycles.max(2) as f64 * self.judged.cycle_s;
         let pixel = |time_s: f64| self.pixel(time_s);
         let step_s = round_up(end_s / 12.0);
         for k in 0..=(end_s / step_s) as i32 {
@@ -109,7 +109,7 @@ impl<'a> Strips<'a> {
         let marks = &self.recording.marks;
         let mut named = f64::NEG_INFINITY;
         for mark in marks.iter().step_by(marks.len().div_ceil(MARKS_MAX).max(1)) {
-            let x = pixel(mark.cycle as f64 * self.work.cycle_s);
+            let x = pixel(mark.cycle as f64 * self.judged.cycle_s);
             sheet.line((x, top - 4.0), (x, bottom), MARK, 0.8, "");
             let name = match mark.what {
                 Event::Dwell => "wait".to_owned(),
@@ -125,7 +125,7 @@ impl<'a> Strips<'a> {
 
     fn draw_strip(&self, sheet: &mut Sheet, top: f64, index: usize, joint: &Joint, order: usize) {
         let limit = joint.limits[order];
-        let columns = columns(self.work.cycles, &self.recording.values[index][order]);
+        let columns = columns(self.judged.cycles, &self.recording.values[index][order]);
         let peak = columns
             .iter()
             .flatten()

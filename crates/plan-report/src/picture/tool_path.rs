@@ -3,7 +3,7 @@
 //! Flat programs are seen from above, others isometrically; one scale for all axes.
 
 use super::{EDGE, Place, WIDTH};
-use crate::run_down::Cycle;
+use crate::judge::Cycle;
 use motion::canon::{Axis, Position};
 use plot::lines::{number, round_up, thin_out};
 use plot::sheet::{Anchor, Sheet};
