@@ -5,123 +5,16 @@
 //!
 //! Travel is not looked at: the control does that with all that it knows.
 
+use crate::modes::{MM_PER_INCH, Modes, Motion};
+use crate::moves::{follow, motion_words};
 use crate::number::ErrorNumber;
 use crate::words::{Word, words};
 use std::fmt::Write;
 
-const MM_PER_INCH: f64 = 25.4;
 /// Greatest line number.
 const LINE_NUMBER_MAX: f64 = 10_000_000.0;
 /// Greatest tool number.
 const TOOL_MAX: f64 = 255.0;
-
-/// The motion in force.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) enum Motion {
-    #[default]
-    Rapid,
-    Feed,
-    /// G2, G3.
-    Arc {
-        clockwise: bool,
-    },
-    /// G38.2 to G38.5: the digit behind the point.
-    Probe(u8),
-    /// G80.
-    None,
-}
-
-impl Motion {
-    pub(crate) fn word(self) -> String {
-        match self {
-            Motion::Rapid => "G0".into(),
-            Motion::Feed => "G1".into(),
-            Motion::Arc { clockwise: true } => "G2".into(),
-            Motion::Arc { clockwise: false } => "G3".into(),
-            Motion::Probe(kind) => format!("G38.{kind}"),
-            Motion::None => "G80".into(),
-        }
-    }
-
-    fn of_code(code: u16) -> Option<Motion> {
-        Some(match code {
-            0 => Motion::Rapid,
-            100 => Motion::Feed,
-            200 => Motion::Arc { clockwise: true },
-            300 => Motion::Arc { clockwise: false },
-            3820 | 3830 | 3840 | 3850 => Motion::Probe((code % 100 / 10) as u8),
-            8000 => Motion::None,
-            _ => return None,
-        })
-    }
-}
-
-/// Modes, as the lines that were accepted leave them. What Grbl begins with is the default.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Modes {
-    pub(crate) motion: Motion,
-    /// 17, 18 or 19.
-    pub(crate) plane: u8,
-    pub(crate) inch: bool,
-    pub(crate) relative: bool,
-    /// G93.
-    pub(crate) inverse_time: bool,
-    /// 54 to 59.
-    pub(crate) system: u8,
-    /// 3, 4 or 5.
-    pub(crate) spindle: u8,
-    pub(crate) flood: bool,
-    pub(crate) mist: bool,
-    /// mm/min; 0: none yet.
-    pub(crate) feed_mm_min: f64,
-    pub(crate) speed_rpm: f64,
-    pub(crate) tool: u32,
-    /// Where the lines lead, work coordinates, mm; `None`: not known here.
-    at: [Option<f64>; 3],
-}
-
-impl Default for Modes {
-    fn default() -> Modes {
-        Modes {
-            motion: Motion::Rapid,
-            plane: 17,
-            inch: false,
-            relative: false,
-            inverse_time: false,
-            system: 54,
-            spindle: 5,
-            flood: false,
-            mist: false,
-            feed_mm_min: 0.0,
-            speed_rpm: 0.0,
-            tool: 0,
-            at: [None; 3],
-        }
-    }
-}
-
-impl Modes {
-    /// The line that puts a control into these modes, whatever it was in. Spindle and coolant are left as they are.
-    pub(crate) fn line(&self) -> String {
-        let Modes { plane, system, .. } = self;
-        let [unit, distance, feed] = [
-            20 + u8::from(!self.inch),
-            90 + u8::from(self.relative),
-            93 + u8::from(!self.inverse_time),
-        ];
-        format!("G80G{unit}G{distance}G{feed}G{plane}G40G49G91.1G{system}\n")
-    }
-
-    /// mm in the unit of the program.
-    pub(crate) fn unit_mm(&self) -> f64 {
-        if self.inch { MM_PER_INCH } else { 1.0 }
-    }
-
-    /// Where the axes are is not known any more, as after a stop.
-    pub(crate) fn forget_place(&mut self) {
-        self.at = [None; 3];
-    }
-}
 
 /// A line that can be run.
 #[derive(Clone, Debug, PartialEq)]
@@ -151,7 +44,7 @@ pub(crate) struct JogBlock {
 
 /// Codes of no group that stays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Once {
+pub(crate) enum Once {
     Dwell,
     SetOffset,
     Home(u8),
@@ -163,14 +56,14 @@ enum Once {
 
 /// Words with a value that are there at most once.
 #[derive(Debug, Default)]
-struct Values {
-    axes: [Option<f64>; 3],
-    centre: [Option<f64>; 3],
-    f: Option<f64>,
+pub(crate) struct Values {
+    pub(crate) axes: [Option<f64>; 3],
+    pub(crate) centre: [Option<f64>; 3],
+    pub(crate) f: Option<f64>,
     l: Option<f64>,
     n: Option<f64>,
     p: Option<f64>,
-    r: Option<f64>,
+    pub(crate) r: Option<f64>,
     s: Option<f64>,
     t: Option<f64>,
 }
@@ -203,8 +96,25 @@ impl Values {
         Ok(())
     }
 
-    fn has_axes(&self) -> bool {
+    pub(crate) fn has_axes(&self) -> bool {
         self.axes.iter().any(Option::is_some)
+    }
+
+    /// Whether there are words of centres, L, P or R beside these letters.
+    fn has_others(&self, used: &[&str]) -> bool {
+        let [i, j, k] = self.centre;
+        let words = [
+            ('I', i),
+            ('J', j),
+            ('K', k),
+            ('L', self.l),
+            ('P', self.p),
+            ('R', self.r),
+        ];
+        let is_used = |letter: char| used.iter().any(|letters| letters.contains(letter));
+        words
+            .into_iter()
+            .any(|(letter, value)| value.is_some() && !is_used(letter))
     }
 }
 
@@ -214,121 +124,53 @@ impl Values {
 /// The first thing that is wrong with it.
 pub(crate) fn block(line: &str, before: &Modes) -> Result<Block, ErrorNumber> {
     let words = words(line)?;
-    let (mut values, mut modes) = (Values::default(), before.clone());
-    let mut seen: u32 = 0;
-    let mut group = |bit: u8| {
-        let is_new = seen & 1 << bit == 0;
-        seen |= 1 << bit;
-        is_new.then_some(()).ok_or(ErrorNumber::Group)
-    };
-    let (mut motion, mut once, mut tool_offset, mut stop) = (None, None, None, None);
+    let (mut codes, mut values, mut modes) = (Codes::default(), Values::default(), before.clone());
     for word in &words {
         match word.letter {
-            'G' => {
-                let code = word.code().ok_or(ErrorNumber::NotWhole)?;
-                if let Some(new) = Motion::of_code(code) {
-                    group(1)?;
-                    motion = Some(new);
-                    continue;
-                }
-                let new = match code {
-                    400 => Once::Dwell,
-                    1000 => Once::SetOffset,
-                    2800 => Once::Home(28),
-                    3000 => Once::Home(30),
-                    2810 | 3010 => Once::StoreHome,
-                    5300 => Once::Machine,
-                    9200 => Once::SetPosition,
-                    9210 => Once::ResetPosition,
-                    _ => {
-                        mode_word(code, &mut modes, &mut group, &mut tool_offset)?;
-                        continue;
-                    }
-                };
-                group(0)?;
-                once = Some(new);
-            }
+            'G' => codes.g(word.code().ok_or(ErrorNumber::NotWhole)?, &mut modes)?,
             'M' => {
-                let code = word
-                    .code()
-                    .filter(|code| code.is_multiple_of(100))
-                    .ok_or(ErrorNumber::NotWhole)?;
-                match code / 100 {
-                    new @ (0 | 1 | 2 | 30) => {
-                        group(9)?;
-                        stop = Some(new);
-                    }
-                    new @ (3..=5) => {
-                        group(10)?;
-                        modes.spindle = new as u8;
-                    }
-                    // Both kinds of coolant may be on.
-                    7 => modes.mist = true,
-                    8 => modes.flood = true,
-                    9 => (modes.mist, modes.flood) = (false, false),
-                    _ => return Err(ErrorNumber::Unsupported),
-                }
+                let code = word.code().filter(|code| code.is_multiple_of(100));
+                codes.m(code.ok_or(ErrorNumber::NotWhole)? / 100, &mut modes)?;
             }
             _ => values.put(*word)?,
         }
     }
+    let Codes { motion, once, stop, .. } = codes;
     numbers(&values)?;
-    let unit_mm = modes.unit_mm();
     if let Some(f) = values.f {
-        modes.feed_mm_min = f * unit_mm;
+        modes.feed_mm_min = f * modes.unit_mm();
     } else if modes.inverse_time != before.inverse_time {
         // That of the other mode means something else.
         modes.feed_mm_min = 0.0;
     }
     modes.speed_rpm = values.s.unwrap_or(modes.speed_rpm);
     modes.tool = values.t.map_or(modes.tool, |tool| tool as u32);
-    axes_once(&motion, once, tool_offset, &values)?;
-    let axes_taken = matches!(
-        once,
-        Some(Once::SetOffset | Once::Home(_) | Once::StoreHome | Once::SetPosition)
-    ) || tool_offset == Some(true);
+    codes.check_axes(&values)?;
     modes.motion = motion.unwrap_or(modes.motion);
-    let moves = values.has_axes() && !axes_taken && once != Some(Once::ResetPosition);
-    let mut used = String::new();
-    if moves || motion.is_some() {
-        used.push_str(motion_words(&values, &modes, motion, once)?);
-    }
-    used.push_str(match once {
+    let moves = values.has_axes() && !codes.take_axes() && once != Some(Once::ResetPosition);
+    let of_motion = match moves || motion.is_some() {
+        true => motion_words(&values, &modes, motion, once)?,
+        false => "",
+    };
+    let of_once = match once {
         Some(Once::Dwell) => "P",
         Some(Once::SetOffset) => "LP",
         _ => "",
-    });
-    let is_there = [("L", values.l), ("P", values.p), ("R", values.r)];
-    let centre = ["I", "J", "K"].into_iter().zip(values.centre);
-    if is_there
-        .into_iter()
-        .chain(centre)
-        .any(|(letter, value)| value.is_some() && !used.contains(letter))
-    {
+    };
+    if values.has_others(&[of_motion, of_once]) {
         return Err(ErrorNumber::Unused);
     }
     follow(&values, before, &mut modes, once, moves);
     let probes = moves && matches!(modes.motion, Motion::Probe(_));
     let ends = matches!(stop, Some(2 | 30));
     if ends {
-        // What Grbl keeps at the end of a program.
-        let end = Modes::default();
-        let kept = modes.clone();
-        modes = Modes {
-            inch: kept.inch,
-            feed_mm_min: kept.feed_mm_min,
-            speed_rpm: kept.speed_rpm,
-            tool: kept.tool,
-            at: [None; 3],
-            motion: Motion::Feed,
-            ..end
-        };
+        modes = modes.at_end();
     }
-    let mut text = String::new();
     // Another client may have left the control in another motion.
-    if moves && motion.is_none() {
-        text.push_str(&modes.motion.word());
-    }
+    let mut text = match moves && motion.is_none() {
+        true => modes.motion.word(),
+        false => String::new(),
+    };
     for Word { letter, value } in words.iter().filter(|word| word.letter != 'N') {
         // Writing to a text cannot fail.
         let _ = write!(text, "{letter}{value}");
@@ -345,48 +187,165 @@ pub(crate) fn block(line: &str, before: &Modes) -> Result<Block, ErrorNumber> {
     })
 }
 
-/// A G code of a group that stays.
-fn mode_word(
-    code: u16,
-    modes: &mut Modes,
-    group: &mut impl FnMut(u8) -> Result<(), ErrorNumber>,
-    tool_offset: &mut Option<bool>,
-) -> Result<(), ErrorNumber> {
-    match code {
-        1700 | 1800 | 1900 => {
-            group(2)?;
-            modes.plane = (code / 100) as u8;
-        }
-        9000 | 9100 => {
-            group(3)?;
-            modes.relative = code == 9100;
-        }
-        // Centres of arcs are relative, always.
-        9110 => group(4)?,
-        9300 | 9400 => {
-            group(5)?;
-            modes.inverse_time = code == 9300;
-        }
-        2000 | 2100 => {
-            group(6)?;
-            modes.inch = code == 2000;
-        }
-        4000 => group(7)?,
-        4310 | 4900 => {
-            group(8)?;
-            *tool_offset = Some(code == 4310);
-        }
-        5400..=5900 if code.is_multiple_of(100) => {
-            group(12)?;
-            modes.system = (code / 100) as u8;
-        }
-        5910 | 5920 | 5930 => return Err(ErrorNumber::WorkSystem),
-        6100 => group(13)?,
-        // Codes that would be known without what is behind the point.
-        _ if !code.is_multiple_of(100) && is_whole(code / 100) => return Err(ErrorNumber::NotWhole),
-        _ => return Err(ErrorNumber::Unsupported),
+/// The codes of a line.
+#[derive(Debug, Default)]
+struct Codes {
+    /// Groups of which there is one, a bit each.
+    groups: u32,
+    motion: Option<Motion>,
+    once: Option<Once>,
+    /// G43.1, not G49.
+    tool_offset: Option<bool>,
+    /// M0, M1, M2 or M30.
+    stop: Option<u16>,
+}
+
+impl Codes {
+    /// A code of a group, of which a line has one.
+    fn group(&mut self, group: u8) -> Result<(), ErrorNumber> {
+        let is_new = self.groups & 1 << group == 0;
+        self.groups |= 1 << group;
+        is_new.then_some(()).ok_or(ErrorNumber::Group)
     }
-    Ok(())
+
+    /// A G code, as 100 times its number.
+    fn g(&mut self, code: u16, modes: &mut Modes) -> Result<(), ErrorNumber> {
+        if let Some(motion) = Motion::of_code(code) {
+            self.motion = Some(motion);
+            return self.group(1);
+        }
+        let once = match code {
+            400 => Once::Dwell,
+            1000 => Once::SetOffset,
+            2800 => Once::Home(28),
+            3000 => Once::Home(30),
+            2810 | 3010 => Once::StoreHome,
+            5300 => Once::Machine,
+            9200 => Once::SetPosition,
+            9210 => Once::ResetPosition,
+            _ => return self.mode(code, modes),
+        };
+        self.once = Some(once);
+        self.group(0)
+    }
+
+    /// A G code of a group that stays.
+    fn mode(&mut self, code: u16, modes: &mut Modes) -> Result<(), ErrorNumber> {
+        match code {
+            1700 | 1800 | 1900 => {
+                modes.plane = (code / 100) as u8;
+                self.group(2)
+            }
+            9000 | 9100 => {
+                modes.relative = code == 9100;
+                self.group(3)
+            }
+            // Centres of arcs are relative, always.
+            9110 => self.group(4),
+            9300 | 9400 => {
+                modes.inverse_time = code == 9300;
+                self.group(5)
+            }
+            2000 | 2100 => {
+                modes.inch = code == 2000;
+                self.group(6)
+            }
+            4000 => self.group(7),
+            4310 | 4900 => {
+                self.tool_offset = Some(code == 4310);
+                self.group(8)
+            }
+            5400..=5900 if code.is_multiple_of(100) => {
+                modes.system = (code / 100) as u8;
+                self.group(12)
+            }
+            5910 | 5920 | 5930 => Err(ErrorNumber::WorkSystem),
+            6100 => self.group(13),
+            // Codes that would be known without what is behind the point.
+            _ if !code.is_multiple_of(100) && is_whole(code / 100) => Err(ErrorNumber::NotWhole),
+            _ => Err(ErrorNumber::Unsupported),
+        }
+    }
+
+    /// An M code.
+    fn m(&mut self, code: u16, modes: &mut Modes) -> Result<(), ErrorNumber> {
+        match code {
+            0 | 1 | 2 | 30 => {
+                self.stop = Some(code);
+                self.group(9)
+            }
+            3..=5 => {
+                modes.spindle = code as u8;
+                self.group(10)
+            }
+            // Both kinds of coolant may be on.
+            7 => {
+                modes.mist = true;
+                Ok(())
+            }
+            8 => {
+                modes.flood = true;
+                Ok(())
+            }
+            9 => {
+                (modes.mist, modes.flood) = (false, false);
+                Ok(())
+            }
+            _ => Err(ErrorNumber::Unsupported),
+        }
+    }
+
+    /// Whether a code that is no motion takes the axis words.
+    fn take_axes(&self) -> bool {
+        self.once_takes_axes() || self.tool_offset == Some(true)
+    }
+
+    fn once_takes_axes(&self) -> bool {
+        matches!(
+            self.once,
+            Some(Once::SetOffset | Once::Home(_) | Once::StoreHome | Once::SetPosition)
+        )
+    }
+
+    /// What codes that stand for one line want of the axes.
+    fn check_axes(&self, values: &Values) -> Result<(), ErrorNumber> {
+        let has_axes = values.has_axes();
+        let takes = [
+            self.once_takes_axes(),
+            self.motion.is_some_and(|motion| motion != Motion::None),
+            self.tool_offset == Some(true),
+        ];
+        if takes.into_iter().filter(|takes| *takes).count() > 1 {
+            return Err(ErrorNumber::TwoAxisCodes);
+        }
+        match self.once {
+            Some(Once::Dwell) if values.p.is_none() => return Err(ErrorNumber::ValueMissing),
+            Some(Once::SetOffset) => {
+                if !has_axes {
+                    return Err(ErrorNumber::NoAxis);
+                }
+                let (Some(p), Some(l)) = (values.p, values.l) else {
+                    return Err(ErrorNumber::ValueMissing);
+                };
+                if p > 6.0 || p.fract() != 0.0 {
+                    return Err(ErrorNumber::WorkSystem);
+                }
+                if l != 2.0 && l != 20.0 || values.r.is_some() {
+                    return Err(ErrorNumber::Unsupported);
+                }
+            }
+            Some(Once::SetPosition) if !has_axes => return Err(ErrorNumber::NoAxis),
+            _ => {}
+        }
+        if self.tool_offset == Some(true) {
+            match values.axes {
+                [None, None, None] => return Err(ErrorNumber::NoAxis),
+                [None, None, Some(_)] => {}
+                _ => return Err(ErrorNumber::ToolAxis),
+            }
+        }
+        Ok(())
+    }
 }
 
 fn is_whole(code: u16) -> bool {
@@ -407,192 +366,6 @@ fn numbers(values: &Values) -> Result<(), ErrorNumber> {
     match values.t.is_some_and(|t| t > TOOL_MAX) {
         true => Err(ErrorNumber::Tool),
         false => Ok(()),
-    }
-}
-
-/// What codes that stand for one line want of the axes.
-fn axes_once(
-    motion: &Option<Motion>,
-    once: Option<Once>,
-    tool_offset: Option<bool>,
-    values: &Values,
-) -> Result<(), ErrorNumber> {
-    let has_axes = values.has_axes();
-    let takes = [
-        matches!(
-            once,
-            Some(Once::SetOffset | Once::Home(_) | Once::StoreHome | Once::SetPosition)
-        ),
-        motion.is_some_and(|motion| motion != Motion::None),
-        tool_offset == Some(true),
-    ];
-    if takes.into_iter().filter(|takes| *takes).count() > 1 {
-        return Err(ErrorNumber::TwoAxisCodes);
-    }
-    match once {
-        Some(Once::Dwell) if values.p.is_none() => return Err(ErrorNumber::ValueMissing),
-        Some(Once::SetOffset) => {
-            if !has_axes {
-                return Err(ErrorNumber::NoAxis);
-            }
-            let (Some(p), Some(l)) = (values.p, values.l) else {
-                return Err(ErrorNumber::ValueMissing);
-            };
-            if p > 6.0 || p.fract() != 0.0 {
-                return Err(ErrorNumber::WorkSystem);
-            }
-            if l != 2.0 && l != 20.0 || values.r.is_some() {
-                return Err(ErrorNumber::Unsupported);
-            }
-        }
-        Some(Once::SetPosition) if !has_axes => return Err(ErrorNumber::NoAxis),
-        _ => {}
-    }
-    if tool_offset == Some(true) {
-        match values.axes {
-            [None, None, None] => return Err(ErrorNumber::NoAxis),
-            [None, None, Some(_)] => {}
-            _ => return Err(ErrorNumber::ToolAxis),
-        }
-    }
-    Ok(())
-}
-
-/// What a motion wants; the letters that it uses.
-fn motion_words(
-    values: &Values,
-    modes: &Modes,
-    motion: Option<Motion>,
-    once: Option<Once>,
-) -> Result<&'static str, ErrorNumber> {
-    let has_axes = values.has_axes();
-    if once == Some(Once::Machine) && !matches!(modes.motion, Motion::Rapid | Motion::Feed) {
-        return Err(ErrorNumber::MachineMove);
-    }
-    if modes.motion == Motion::None {
-        return match has_axes {
-            true => Err(ErrorNumber::UnusedAxis),
-            false => Ok(""),
-        };
-    }
-    if modes.motion == Motion::Rapid || !has_axes && modes.motion == Motion::Feed {
-        return Ok("");
-    }
-    let has_feed = match modes.inverse_time {
-        // It counts for one line.
-        true => values.f.is_some_and(|f| f > 0.0),
-        false => modes.feed_mm_min > 0.0,
-    };
-    if !has_feed && has_axes {
-        return Err(ErrorNumber::Feed);
-    }
-    if !has_axes {
-        return match motion {
-            Some(Motion::Arc { .. } | Motion::Probe(_)) => Err(ErrorNumber::NoAxis),
-            _ => Ok(""),
-        };
-    }
-    match modes.motion {
-        Motion::Arc { .. } => arc(values, modes),
-        Motion::Probe(_) => {
-            let stays = ends(values, modes)
-                .iter()
-                .zip(modes.at)
-                .zip(values.axes)
-                .all(|((end, at), word)| word.is_none() || at.is_some() && *end == at);
-            if stays { Err(ErrorNumber::Target) } else { Ok("") }
-        }
-        Motion::Rapid | Motion::Feed | Motion::None => Ok(""),
-    }
-}
-
-/// Where a move ends, work coordinates, mm; `None`: not known here.
-fn ends(values: &Values, modes: &Modes) -> [Option<f64>; 3] {
-    let mut ends = modes.at;
-    for (end, word) in ends.iter_mut().zip(values.axes) {
-        let Some(word) = word.map(|word| word * modes.unit_mm()) else {
-            continue;
-        };
-        *end = match modes.relative {
-            true => end.map(|at| at + word),
-            false => Some(word),
-        };
-    }
-    ends
-}
-
-fn arc(values: &Values, modes: &Modes) -> Result<&'static str, ErrorNumber> {
-    let [a, b, _] = match modes.plane {
-        17 => [0, 1, 2],
-        18 => [2, 0, 1],
-        _ => [1, 2, 0],
-    };
-    if values.axes[a].is_none() && values.axes[b].is_none() {
-        return Err(ErrorNumber::ArcEnd);
-    }
-    let unit_mm = modes.unit_mm();
-    let end = ends(values, modes);
-    // How far the end is from where it begins, where that is known.
-    let way = |axis: usize| match (modes.relative, values.axes[axis]) {
-        (true, word) => Some(word.unwrap_or(0.0) * unit_mm),
-        (false, _) => Some(end[axis]? - modes.at[axis]?),
-    };
-    let way = way(a).zip(way(b));
-    if let Some(radius) = values.r {
-        let radius_mm = radius * unit_mm;
-        return match way {
-            Some((0.0, 0.0)) => Err(ErrorNumber::Target),
-            Some((x, y)) if x.hypot(y) > 2.0 * radius_mm.abs() + 0.005 => Err(ErrorNumber::ArcRadius),
-            _ => Ok("R"),
-        };
-    }
-    let (i, j) = (values.centre[a], values.centre[b]);
-    if i.is_none() && j.is_none() {
-        return Err(ErrorNumber::ArcCentre);
-    }
-    if let Some((x, y)) = way {
-        let (i, j) = (i.unwrap_or(0.0) * unit_mm, j.unwrap_or(0.0) * unit_mm);
-        let (radius_mm, at_end_mm) = (i.hypot(j), (x - i).hypot(y - j));
-        let off_mm = (radius_mm - at_end_mm).abs();
-        // The tolerances of Grbl.
-        if off_mm > 0.5 || off_mm > 0.005 && off_mm > 0.001 * radius_mm {
-            return Err(ErrorNumber::Target);
-        }
-    }
-    Ok(match modes.plane {
-        17 => "IJ",
-        18 => "IK",
-        _ => "JK",
-    })
-}
-
-/// Follows where the axes are.
-fn follow(values: &Values, before: &Modes, modes: &mut Modes, once: Option<Once>, moves: bool) {
-    let is_elsewhere =
-        before.system != modes.system || matches!(once, Some(Once::SetOffset | Once::Home(_) | Once::ResetPosition));
-    match once {
-        Some(Once::SetPosition) => {
-            for (at, word) in modes.at.iter_mut().zip(values.axes) {
-                *at = word.map(|word| word * before.unit_mm()).or(*at);
-            }
-        }
-        Some(Once::Machine) => {
-            for (at, _) in modes.at.iter_mut().zip(values.axes).filter(|(_, word)| word.is_some()) {
-                *at = None;
-            }
-        }
-        _ if is_elsewhere => modes.at = [None; 3],
-        _ if moves => {
-            let end = ends(values, modes);
-            modes.at = end;
-            if matches!(modes.motion, Motion::Probe(_)) {
-                // It ends where something is touched.
-                for (at, _) in modes.at.iter_mut().zip(values.axes).filter(|(_, word)| word.is_some()) {
-                    *at = None;
-                }
-            }
-        }
-        _ => {}
     }
 }
 

@@ -6,10 +6,11 @@
 //! | to learn | file |
 //! |---|---|
 //! | real-time octets, which are taken out at once; lines | `octets.rs` |
-//! | words of a line and everything that Grbl finds wrong with it, before the control sees it | `words.rs`, `block.rs` |
+//! | words of a line and everything that Grbl finds wrong with it, before the control sees it | `words.rs`, `block.rs`, `moves.rs` |
+//! | what lines leave in force | `modes.rs` |
 //! | numbers of errors and alarms | `number.rs` |
 //! | what is told: status, settings, offsets, modes | `status.rs`, `reports.rs` |
-//! | a sender, from its greeting to its end | `session.rs` |
+//! | a sender, from its greeting to its end | `session/mod.rs` |
 //!
 //! # How a job runs without stops between its lines
 //!
@@ -20,6 +21,8 @@
 //! machine has come to them (dwells, pauses, the end of a program, probing moves) are answered so here, too.
 
 mod block;
+mod modes;
+mod moves;
 mod number;
 mod octets;
 mod reports;

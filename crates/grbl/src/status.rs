@@ -1,6 +1,6 @@
 //! How the machine is, and the line that tells it.
 
-use crate::block::Modes;
+use crate::modes::Modes;
 use std::fmt::Write;
 
 /// Lines between two that tell the work offset and the overrides, while something moves and while nothing does, as Grbl has them.

@@ -5,11 +5,17 @@
 //! Lines are taken one after the other. One that must be answered only when the machine has come to it keeps those behind it waiting,
 //! in the sender's own 128 octets; real-time octets go on meanwhile.
 
-use crate::block::{Block, JogBlock, Modes, block, jog};
+mod dollar;
+mod jog;
+mod lines;
+mod real_time;
+
+use crate::modes::Modes;
 use crate::number::{AlarmNumber, ErrorNumber};
 use crate::octets::{Input, Inputs};
 use crate::reports::{self, Offsets, VERSION};
-use crate::status::{Activity, Machine, Overrides, Reporter, Seen, Status, modes_line};
+use crate::status::{Activity, Machine, Reporter, Seen, Status};
+use jog::Jog;
 use std::collections::VecDeque;
 use std::fmt::Display;
 
@@ -22,11 +28,6 @@ pub const TAKE_MAX: usize = 1024;
 const INPUTS_MAX: usize = 512;
 /// What Grbl has room for: lines, octets.
 const ROOM: [usize; 2] = [15, 128];
-/// Jogs ahead of where the machine stands can be told only so well, mm.
-const TRAVEL_TOLERANCE_MM: f64 = 1e-6;
-/// So many statuses in a row without motion end a jog: more than it takes one to begin.
-const JOG_RESTS: u8 = 5;
-
 /// What the control is to do. Each is answered once, by [`Session::answered`].
 #[derive(Clone, Debug, PartialEq)]
 pub enum Order {
@@ -122,6 +123,23 @@ enum Lock {
     Sleep,
 }
 
+/// A hold of the sender, until it resumes.
+#[derive(Debug, Default)]
+struct Hold {
+    is_on: bool,
+    /// A door was opened.
+    is_door: bool,
+    /// The order, while it is not answered.
+    order: Option<u32>,
+}
+
+impl Hold {
+    /// Nothing is held any more; the answer may be under way.
+    fn end(&mut self) {
+        (self.is_on, self.is_door) = (false, false);
+    }
+}
+
 /// One sender.
 #[derive(Debug)]
 pub struct Session {
@@ -151,17 +169,8 @@ pub struct Session {
     busy: Option<Busy>,
     lock: Option<Lock>,
     is_check: bool,
-    /// A door was opened, and nothing resumed since.
-    is_door: bool,
-    holds: bool,
-    /// A hold that is not answered yet.
-    hold: Option<u32>,
-    /// Where jogs lead, machine coordinates, mm.
-    jog_to: Option<[f64; 3]>,
-    /// A status may still be older than the last jog: so many of them.
-    jog_unseen: u8,
-    /// Statuses in a row in which a jog rests: the control takes one for over only when nobody keeps it any more.
-    jog_rests: u8,
+    hold: Hold,
+    jog: Jog,
     homing: bool,
     /// The sender has been told what the machine waits for.
     is_wait_told: bool,
@@ -191,12 +200,8 @@ impl Session {
             busy: None,
             lock: None,
             is_check: false,
-            is_door: false,
-            holds: false,
-            hold: None,
-            jog_to: None,
-            jog_unseen: 0,
-            jog_rests: 0,
+            hold: Hold::default(),
+            jog: Jog::default(),
             homing: false,
             is_wait_told: false,
             probed: ([0.0; 3], false),
@@ -247,7 +252,7 @@ impl Session {
 
     /// Whether something is moved by hand: the control wants to hear that the sender is still there.
     pub fn is_jogging(&self) -> bool {
-        self.jog_to.is_some()
+        self.jog.to.is_some()
     }
 
     /// What came of an order; `Err`: why the control has not carried it out.
@@ -274,7 +279,7 @@ impl Session {
                 self.idle_since = Some(self.number);
             }
         }
-        if self.hold.take_if(|hold| *hold == number).is_some() && self.is_under_way {
+        if self.hold.order.take_if(|hold| *hold == number).is_some() && self.is_under_way {
             // Where it was refused, the next status sees whether there is something to hold by then.
             return self.go_on();
         }
@@ -369,29 +374,16 @@ impl Session {
         self.say(format_args!("Grbl {VERSION} ['$' for help]"));
     }
 
-    // -- how the machine is ------------------------------------------------------------------------------------------------------
-
     fn see(&mut self, status: Status) {
         let before = self.status.alarm.take();
         self.status = status;
-        match self.status.activity {
-            Activity::Jogging => self.jog_unseen = 0,
-            _ => self.jog_unseen = self.jog_unseen.saturating_sub(1),
-        }
-        let is_jogging = self.status.activity == Activity::Jogging;
-        self.jog_rests = match is_jogging && self.status.feed_mm_min == 0.0 {
-            true => self.jog_rests.saturating_add(1),
-            false => 0,
-        };
-        if !is_jogging && self.jog_unseen == 0 || self.jog_rests >= JOG_RESTS {
-            self.jog_to = None;
-        }
+        self.jog.see(&self.status);
         if !self.is_under_way && self.status.activity == Activity::Idle {
-            (self.holds, self.is_door) = (false, false);
+            self.hold.end();
         }
         // A hold that came before the first line had begun was refused: it counts for what runs now.
-        if self.holds && self.status.activity == Activity::Running && self.hold.is_none() {
-            self.hold = Some(self.give(Order::Hold));
+        if self.hold.is_on && self.status.activity == Activity::Running && self.hold.order.is_none() {
+            self.hold.order = Some(self.give(Order::Hold));
         }
         if let Some(cause) = self.status.alarm.clone() {
             if before.is_none() {
@@ -422,11 +414,11 @@ impl Session {
             (Some(Lock::Sleep), _) => "Sleep",
             (_, Activity::Homing) => "Home",
             _ if self.homing => "Home",
-            (_, Activity::Held) if self.is_door => "Door:0",
+            (_, Activity::Held) if self.hold.is_door => "Door:0",
             (_, Activity::Held) => "Hold:0",
             _ if self.is_locked() => "Alarm",
-            (_, Activity::Running) if self.is_door => "Door:2",
-            (_, Activity::Running) if self.holds => "Hold:1",
+            (_, Activity::Running) if self.hold.is_door => "Door:2",
+            (_, Activity::Running) if self.hold.is_on => "Hold:1",
             (_, Activity::Stopping) => "Hold:1",
             (_, Activity::Jogging) => "Jog",
             _ if self.is_jogging() => "Jog",
@@ -458,381 +450,6 @@ impl Session {
         };
         let line = self.reporter.line(&self.status, &seen);
         self.output.extend(line.into_bytes());
-    }
-
-    // -- real-time octets --------------------------------------------------------------------------------------------------------
-
-    fn real_time(&mut self, command: &Input) {
-        let Overrides { feed, spindle, .. } = self.status.overrides;
-        match command {
-            Input::Status => {
-                // One that asks faster than it is answered gets as many answers as it can be told.
-                if self.asked.len() < 8 {
-                    let number = self.give(Order::Status);
-                    self.asked.push_back((number, true));
-                }
-            }
-            Input::Hold => self.hold(false),
-            Input::Door => self.hold(true),
-            Input::Resume => {
-                // The last status may be older than a hold.
-                if self.holds || matches!(self.status.activity, Activity::Held | Activity::Running) {
-                    self.give(Order::Resume);
-                }
-                (self.holds, self.is_door) = (false, false);
-            }
-            Input::Reset => self.reset(),
-            Input::CancelJog => self.cancel_jog(),
-            Input::Feed(by) => {
-                let percent = overridden(feed, *by, self.machine.feed_percent);
-                self.status.overrides.feed = percent;
-                self.give(Order::Feed(percent));
-            }
-            Input::Rapid(percent) => {
-                self.give(Order::Rapid(u16::from(*percent)));
-            }
-            Input::Spindle(by) => {
-                let percent = overridden(spindle, *by, self.machine.spindle_percent);
-                self.status.overrides.spindle = percent;
-                self.give(Order::Spindle(percent));
-            }
-            Input::StopSpindle => self.message("the spindle cannot be stopped in a hold from here"),
-            Input::Flood => self.coolant("M8", self.status.flood),
-            Input::Mist => self.coolant("M7", self.status.mist),
-            Input::Line(_) | Input::LongLine => {}
-        }
-    }
-
-    fn hold(&mut self, by_door: bool) {
-        if self.is_jogging() {
-            self.cancel_jog();
-        }
-        if self.is_under_way || matches!(self.status.activity, Activity::Running) {
-            self.hold = Some(self.give(Order::Hold));
-            self.holds = true;
-        }
-        self.is_door |= by_door;
-    }
-
-    fn cancel_jog(&mut self) {
-        if self.is_jogging() {
-            self.give(Order::StopJog);
-            self.waiting_inputs
-                .retain(|input| !matches!(input, Input::Line(line) if line.starts_with("$J=")));
-        }
-    }
-
-    fn reset(&mut self) {
-        let moves = self.is_under_way || self.status.activity != Activity::Idle || self.is_jogging();
-        let homes = self.homing || self.status.activity == Activity::Homing;
-        self.inputs.clear();
-        self.waiting_inputs.clear();
-        // Nobody waits for these answers any more.
-        (self.busy, self.sent, self.settling) = (None, None, None);
-        self.text.clear();
-        (self.is_under_way, self.is_check, self.holds, self.is_door, self.homing) = (false, false, false, false, false);
-        self.jog_to = None;
-        self.modes = Modes::default();
-        self.modes_unknown = true;
-        if self.lock == Some(Lock::Sleep) {
-            self.lock = None;
-        }
-        if moves {
-            self.give(Order::Stop);
-            self.lock = Some(Lock::Reset);
-            self.say(if homes {
-                AlarmNumber::HomingReset
-            } else {
-                AlarmNumber::Stopped
-            });
-        }
-        self.greet();
-        if self.is_locked() {
-            self.say("[MSG:'$H'|'$X' to unlock]");
-        }
-    }
-
-    /// Coolant goes on and off by lines; while lines run, nothing gets between them.
-    fn coolant(&mut self, on: &str, is_on: bool) {
-        if self.is_under_way || self.is_locked() || self.status.activity != Activity::Idle {
-            return self.message("coolant can be switched from here only while the machine is idle");
-        }
-        // The other kind stays.
-        let other = match on {
-            "M8" if self.status.mist => "M7",
-            "M7" if self.status.flood => "M8",
-            _ => "",
-        };
-        let line = match is_on {
-            false => on.to_owned(),
-            true => format!("M9{other}"),
-        };
-        if let Ok(block) = block(&line, &self.modes) {
-            self.accept(block);
-        }
-    }
-
-    // -- lines -------------------------------------------------------------------------------------------------------------------
-
-    /// Takes lines as long as nothing has to be waited for.
-    fn go_on(&mut self) {
-        self.send_lines();
-        while self.busy.is_none()
-            && let Some(input) = self.waiting_inputs.pop_front()
-        {
-            match input {
-                Input::Line(line) => self.line(&line),
-                _ => self.say(ErrorNumber::LineLong),
-            }
-            self.send_lines();
-        }
-        self.settle();
-    }
-
-    /// Hands the control what it has room for.
-    fn send_lines(&mut self) {
-        if self.sent.is_none() && !self.text.is_empty() {
-            let text = std::mem::take(&mut self.text);
-            self.sent = Some(self.give(Order::Lines { text, wait: false }));
-            if let Some((_, others)) = &mut self.settling {
-                *others = true;
-            }
-        }
-        if self.busy == Some(Busy::Room) && self.text.len() <= WAITING_MAX {
-            self.busy = None;
-            self.say("ok");
-        }
-    }
-
-    /// Finds out when all lines have been executed.
-    fn settle(&mut self) {
-        if self.is_under_way && self.settling.is_none() && self.sent.is_none() && self.text.is_empty() {
-            let order = Order::Lines {
-                text: String::new(),
-                wait: true,
-            };
-            self.settling = Some((self.give(order), false));
-        }
-    }
-
-    fn line(&mut self, line: &str) {
-        match line.strip_prefix('$') {
-            Some(rest) => self.dollar(rest),
-            None if line.is_empty() || line.chars().all(|c| c == '%') => self.say("ok"),
-            None if self.is_locked() && !self.is_check => self.say(ErrorNumber::Locked),
-            None => match block(line, &self.modes) {
-                Err(error) => self.say(error),
-                Ok(block) if self.is_check => {
-                    self.modes = block.modes;
-                    self.say("ok");
-                }
-                Ok(block) => self.accept_line(block),
-            },
-        }
-    }
-
-    fn accept_line(&mut self, block: Block) {
-        let (waits, probes, ends) = (block.waits, block.probes, block.ends);
-        if !waits {
-            self.accept(block);
-            match self.text.len() <= WAITING_MAX {
-                true => self.say("ok"),
-                false => self.busy = Some(Busy::Room),
-            }
-            return;
-        }
-        let text = self.with_modes(&block);
-        self.modes = block.modes;
-        // Behind an end, the control is in modes of its own.
-        self.modes_unknown |= ends;
-        self.is_under_way = true;
-        let before = std::mem::take(&mut self.text);
-        if let Some((_, others)) = &mut self.settling {
-            *others = true;
-        }
-        let (order, then) = match probes {
-            true => {
-                if !before.is_empty() {
-                    self.give(Order::Lines {
-                        text: before,
-                        wait: false,
-                    });
-                }
-                (Order::Probe { text }, Then::Probed)
-            }
-            false => (
-                Order::Lines {
-                    text: before + &text,
-                    wait: true,
-                },
-                Then::Ok,
-            ),
-        };
-        let number = self.give(order);
-        self.busy = Some(Busy::On(number, then));
-        // Then all before it has been executed, too.
-        if !probes {
-            self.settling = Some((number, false));
-        }
-    }
-
-    fn accept(&mut self, block: Block) {
-        let text = self.with_modes(&block);
-        self.modes = block.modes;
-        if !text.is_empty() {
-            self.text.push_str(&text);
-            self.is_under_way = true;
-        }
-        self.jog_to = None;
-        self.send_lines();
-    }
-
-    /// The text of a line, behind the modes that it counts on where the control may be in others.
-    fn with_modes(&mut self, block: &Block) -> String {
-        match self.modes_unknown && !block.text.is_empty() {
-            true => {
-                self.modes_unknown = false;
-                self.modes.line() + &block.text
-            }
-            false => block.text.clone(),
-        }
-    }
-
-    // -- lines that begin with $ -------------------------------------------------------------------------------------------------
-
-    fn dollar(&mut self, line: &str) {
-        let is_idle = !self.is_under_way && self.status.activity == Activity::Idle;
-        match line {
-            "" => {
-                self.say("[HLP:$$ $# $G $I $N $x=val $Nx=line $J=line $SLP $C $X $H ~ ! ? ctrl-x]");
-                self.say("ok");
-            }
-            "$" => {
-                let text = reports::settings(&self.machine);
-                self.output.extend(text.into_bytes());
-                self.say("ok");
-            }
-            "G" => {
-                let text = modes_line(&self.modes);
-                self.output.extend(text.into_bytes());
-                self.say("ok");
-            }
-            "I" => {
-                self.output.extend(reports::build().into_bytes());
-                self.say("ok");
-            }
-            "N" => {
-                self.say("$N0=");
-                self.say("$N1=");
-                self.say("ok");
-            }
-            "#" => {
-                let number = self.give(Order::Offsets);
-                self.busy = Some(Busy::On(number, Then::Offsets));
-            }
-            "C" if self.is_check => {
-                self.say("[MSG:Disabled]");
-                self.say("ok");
-                self.reset();
-            }
-            "C" if !is_idle || self.is_locked() => self.say(ErrorNumber::NotIdle),
-            "C" => {
-                self.is_check = true;
-                self.say("[MSG:Enabled]");
-                self.say("ok");
-            }
-            "X" if !is_idle => self.say(ErrorNumber::NotIdle),
-            // Nothing is locked.
-            "X" if !self.is_locked() => self.say("ok"),
-            "X" => {
-                let number = self.give(Order::Unlock);
-                self.busy = Some(Busy::On(number, Then::Unlocked));
-            }
-            "H" if !is_idle || self.is_check || self.lock == Some(Lock::Sleep) => self.say(ErrorNumber::NotIdle),
-            "H" => {
-                self.lock = self.lock.filter(|lock| *lock != Lock::Reset);
-                self.homing = true;
-                self.modes.forget_place();
-                self.modes_unknown = true;
-                let number = self.give(Order::Home);
-                self.busy = Some(Busy::On(number, Then::Ok));
-            }
-            "SLP" if !is_idle => self.say(ErrorNumber::NotIdle),
-            "SLP" => {
-                self.lock = Some(Lock::Sleep);
-                self.say("[MSG:Sleeping]");
-                let number = self.give(Order::Off);
-                self.busy = Some(Busy::On(number, Then::Ok));
-            }
-            _ => match line.strip_prefix("J=") {
-                Some(rest) => self.jog(rest),
-                None => self.say(ErrorNumber::BadDollar),
-            },
-        }
-    }
-
-    fn jog(&mut self, line: &str) {
-        let is_free = !self.is_under_way && matches!(self.status.activity, Activity::Idle | Activity::Jogging);
-        if !is_free || self.is_check {
-            return self.say(ErrorNumber::NotIdle);
-        }
-        if self.is_locked() {
-            return self.say(ErrorNumber::Locked);
-        }
-        let asked = match jog(line, &self.modes) {
-            Ok(asked) => asked,
-            Err(error) => return self.say(error),
-        };
-        let from = self.jog_to.unwrap_or(self.status.position_mm);
-        let to = self.jog_end(&asked, from);
-        let is_inside = (0..3).all(|axis| match (asked.axes[axis], self.machine.axes[axis]) {
-            (None, _) => true,
-            (Some(_), None) => false,
-            (Some(_), Some(limits)) => {
-                let [low, high] = limits.travel_mm;
-                (low - TRAVEL_TOLERANCE_MM..=high + TRAVEL_TOLERANCE_MM).contains(&to[axis])
-            }
-        });
-        if !is_inside {
-            return self.say(ErrorNumber::Travel);
-        }
-        let distance_mm = [0, 1, 2].map(|axis| to[axis] - from[axis]);
-        let length_mm = distance_mm.iter().map(|part| part * part).sum::<f64>().sqrt();
-        if length_mm == 0.0 {
-            return self.say("ok");
-        }
-        let velocity_mm_s = distance_mm.map(|part| part / length_mm * asked.feed_mm_min / 60.0);
-        self.jog_to = Some(to);
-        // One may be under way, and the cycle has to take the order.
-        self.jog_unseen = 3;
-        self.jog_rests = 0;
-        self.modes.forget_place();
-        self.give(Order::Jog {
-            distance_mm,
-            velocity_mm_s,
-        });
-        self.say("ok");
-    }
-
-    fn jog_end(&self, asked: &JogBlock, from: [f64; 3]) -> [f64; 3] {
-        let mut to = from;
-        for (axis, to) in to.iter_mut().enumerate() {
-            let Some(value) = asked.axes[axis] else { continue };
-            *to = match (asked.relative, asked.of_machine) {
-                (true, _) => *to + value,
-                (false, true) => value,
-                (false, false) => value + self.status.work_offset_mm[axis],
-            };
-        }
-        to
-    }
-}
-
-/// An override that goes on by so many percent.
-fn overridden(now: u16, by: Option<i8>, [low, high]: [u16; 2]) -> u16 {
-    match by {
-        None => 100,
-        Some(by) => now.saturating_add_signed(i16::from(by)).clamp(low, high),
     }
 }
 

@@ -1,3 +1,4 @@
+use super::jog::JOG_RESTS;
 use super::*;
 use crate::status::Axis;
 
