@@ -33,8 +33,8 @@
 //! |---|---|
 //! | how text becomes declarations and statements | `token.rs`, `parse/mod.rs` |
 //! | what a value is, and what becomes what by itself; operators and conversions | `scalar.rs`; `arithmetic.rs` |
-//! | where a variable lies in memory | `compile/declare.rs`, `compile/place.rs` |
-//! | what is checked of expressions, calls, statements | `compile/expression.rs` and `compile/operator.rs`, `compile/function.rs` and `compile/call.rs`, `compile/statement.rs` |
+//! | where a variable lies in memory | `compile/declare/mod.rs`, `compile/memory.rs`, `compile/place.rs` |
+//! | what is checked of expressions, calls, statements | `compile/expression.rs` and `compile/operator.rs`, `compile/function/mod.rs` and `compile/call.rs`, `compile/statement.rs` |
 //! | how the longest way through a scan is counted | `compile/statement.rs` (branches and loops), `compile/emit.rs` |
 //! | instructions, and what runs them | `code.rs`, `runtime.rs` |
 //! | timers, counters, edges | `block.rs` |

@@ -126,7 +126,7 @@ impl Checker<'_, '_, '_> {
         if instance.indices.is_empty() {
             return Ok(instance);
         }
-        let slot = self.compiler.allocate(&[0], instance.at);
+        let slot = self.compiler.memory.allocate(&[0], instance.at);
         self.emitter.address(self.compiler, &instance);
         self.emitter.op(Op::Store(slot), instance.at);
         Ok(Place {

@@ -109,7 +109,7 @@ impl<'c, 'a, 't> Checker<'c, 'a, 't> {
             ExpressionKind::Bool(value) => constant(Scalar::Bool, i64::from(*value)),
             ExpressionKind::Time(value) => constant(Scalar::Time, *value),
             ExpressionKind::Text(text) => {
-                let number = self.compiler.text(text);
+                let number = self.compiler.texts.number(text);
                 constant(Scalar::String, number)
             }
             ExpressionKind::Typed(prefix, value) => self.literal_of(prefix, value),
@@ -351,7 +351,7 @@ impl<'c, 'a, 't> Checker<'c, 'a, 't> {
             return Node::constant(ty, number, at);
         };
         let short = text[..end].to_owned();
-        let short = self.compiler.text(&short);
+        let short = self.compiler.texts.number(&short);
         let name = self.type_name(ty);
         self.compiler.told.warning(at, Kind::TextCut { ty: name, length });
         Node::constant(ty, short, at)

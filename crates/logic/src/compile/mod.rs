@@ -12,37 +12,37 @@ mod declare;
 mod emit;
 mod expression;
 mod function;
+mod memory;
 mod operator;
 mod place;
 mod statement;
+mod text;
 mod tree;
 mod types;
 
 use crate::block::Block;
 use crate::code::{Op, Switch};
-use crate::diagnostic::{Diagnostic, Diagnostics, Kind, Lines, Reported, Span};
+use crate::diagnostic::{Diagnostic, Diagnostics, Kind, Lines, Span};
 use crate::logic::{Leaf, Logic, Names, Role, Unbound, Variable as LogicVariable};
 use crate::scalar::Scalar;
 use crate::syntax::{self, Section, UnitKind};
 use crate::{parse, token};
+use memory::Memory;
 use std::collections::{BTreeMap, BTreeSet};
 use std::rc::Rc;
+use text::Texts;
 use types::Type;
+
+pub use memory::MEMORY_MAX;
 
 /// Octets of a program at most.
 pub const TEXT_MAX: usize = 1 << 20;
-/// Values that the variables of a program hold at most.
-pub const MEMORY_MAX: usize = 1 << 16;
 /// Iterations to which a loop is bound where the program tells nothing else.
 pub const ITERATIONS_MAX: u32 = 1000;
 /// Instructions of a program at most.
 const CODE_MAX: usize = 1 << 20;
-/// Values that are laid out at most, those of types counted, too.
-const LAYOUT_MAX: usize = 1 << 22;
 /// Octets of the names of all single values at most.
 const NAMES_MAX: usize = 1 << 24;
-/// Octets of all texts that are cut, at most.
-const CUTS_MAX: usize = 1 << 24;
 /// Types and calls are nested so deep at most.
 const DEPTH_MAX: usize = 32;
 
@@ -154,14 +154,9 @@ struct Compiler<'a, 't> {
     unit_by_name: BTreeMap<String, usize>,
     globals: Vec<Variable>,
     global_by_name: BTreeMap<String, usize>,
-    memory: Vec<i64>,
-    /// Values that the variables need, whatever there is room for, and where the first one is beyond it.
-    needed: usize,
-    beyond: Option<Span>,
-    memory_told: bool,
+    memory: Memory,
     /// Names that were declared wrongly, of units and of VAR_GLOBAL: told once.
     refused: BTreeSet<(Option<usize>, String)>,
-    laid_out: usize,
     /// Inputs of functions that calls give values to.
     given: usize,
     depth: usize,
@@ -171,8 +166,7 @@ struct Compiler<'a, 't> {
     switches: Vec<Switch>,
     /// Loops whose bound is missing, and their steps.
     unbound: Vec<(Span, u64)>,
-    texts: Vec<String>,
-    text_by_content: BTreeMap<String, i64>,
+    texts: Texts,
     falling_edge_told: bool,
 }
 
@@ -197,64 +191,21 @@ impl<'a, 't> Compiler<'a, 't> {
             unit_by_name: BTreeMap::new(),
             globals: Vec::new(),
             global_by_name: BTreeMap::new(),
-            memory: Vec::new(),
-            needed: 0,
-            beyond: None,
-            memory_told: false,
+            memory: Memory::default(),
             refused: BTreeSet::new(),
-            laid_out: 0,
             given: 0,
             depth: 0,
             code: Vec::new(),
             places: Vec::new(),
             switches: Vec::new(),
             unbound: Vec::new(),
-            // The text of a STRING that is given none.
-            texts: vec![String::new()],
-            text_by_content: BTreeMap::from([(String::new(), 0)]),
+            texts: Texts::new(),
             falling_edge_told: false,
         }
     }
 
     fn unit(&self, unit: usize) -> &Unit<'a> {
         &self.units[unit]
-    }
-
-    /// The number of a text.
-    fn text(&mut self, text: &str) -> i64 {
-        if let Some(number) = self.text_by_content.get(text) {
-            return *number;
-        }
-        let number = self.texts.len() as i64;
-        self.texts.push(text.to_owned());
-        self.text_by_content.insert(text.to_owned(), number);
-        number
-    }
-
-    /// Puts values into the memory; the slot of the first one. What is beyond it is told at the end, once.
-    fn allocate(&mut self, image: &[i64], at: Span) -> u32 {
-        let slot = self.memory.len();
-        self.needed = self.needed.saturating_add(image.len());
-        if self.needed > MEMORY_MAX {
-            self.beyond = self.beyond.or(Some(at));
-            return 0;
-        }
-        self.memory.extend_from_slice(image);
-        slot as u32
-    }
-
-    /// So many values of one type are more than there is room for.
-    fn too_great(&mut self, needed: usize, at: Span) -> Reported {
-        if !std::mem::replace(&mut self.memory_told, true) {
-            self.told.error(
-                at,
-                Kind::Memory {
-                    needed,
-                    most: MEMORY_MAX,
-                },
-            );
-        }
-        Reported
     }
 
     fn bodies(&mut self) {
@@ -284,13 +235,7 @@ impl<'a, 't> Compiler<'a, 't> {
             nesting = nesting.max(1 + body.nesting);
         }
         self.code.push(Op::Return);
-        if let Some(at) = self.beyond {
-            if self.needed > MEMORY_MAX {
-                self.too_great(self.needed, at);
-            } else {
-                self.told.error(at, Kind::Layout { most: LAYOUT_MAX });
-            }
-        }
+        self.memory.tell_what_is_beyond(&mut self.told);
         if self.code.len() > CODE_MAX {
             self.told.error(Span::default(), Kind::Code { most: CODE_MAX });
         }
@@ -298,8 +243,8 @@ impl<'a, 't> Compiler<'a, 't> {
             return Err(self.told.finish());
         }
         self.addresses();
-        let cuts = self.cuts();
-        let ranks = self.ranks();
+        let cuts = self.texts.cuts(&self.code, &mut self.told);
+        let ranks = self.texts.ranks(&self.code);
         if self.told.has_errors() {
             return Err(self.told.finish());
         }
@@ -332,10 +277,10 @@ impl<'a, 't> Compiler<'a, 't> {
             code: self.code.into(),
             places: places.into(),
             switches: self.switches.into(),
-            texts: self.texts.into(),
+            texts: self.texts.into_all(),
             cuts: cuts.into(),
             ranks: ranks.into(),
-            memory: self.memory.into(),
+            memory: self.memory.into_values(),
             entry,
             stack,
             nesting,
@@ -346,48 +291,6 @@ impl<'a, 't> Compiler<'a, 't> {
             retained: retained.into(),
             warnings: self.told.finish(),
         })
-    }
-
-    /// Every text of the program, cut to every length that it may be cut to: length, text, what is left of it.
-    fn cuts(&mut self) -> Vec<(u32, u32, u32)> {
-        let lengths: BTreeSet<u32> = self
-            .code
-            .iter()
-            .filter_map(|op| if let Op::Cut(length) = op { Some(*length) } else { None })
-            .collect();
-        let (mut cuts, mut octets, mut number) = (Vec::new(), 0, 0);
-        // What is left of a text may be cut again.
-        while let Some(text) = self.texts.get(number).filter(|_| !lengths.is_empty()).cloned() {
-            let mut lengths = lengths.iter().peekable();
-            for (length, (end, _)) in text.char_indices().enumerate() {
-                if lengths.next_if(|wanted| **wanted as usize == length).is_some() {
-                    octets += end;
-                    if octets > CUTS_MAX {
-                        self.told.error(Span::default(), Kind::Texts { most: CUTS_MAX });
-                        return Vec::new();
-                    }
-                    let short = self.text(&text[..end]) as u32;
-                    cuts.push((length as u32, number as u32, short));
-                }
-            }
-            number += 1;
-        }
-        cuts.sort_unstable();
-        cuts
-    }
-
-    /// Of each text its place in the order of all, by the codes of their characters.
-    fn ranks(&self) -> Vec<u32> {
-        if !self.code.contains(&Op::Rank) {
-            return Vec::new();
-        }
-        let mut sorted: Vec<usize> = (0..self.texts.len()).collect();
-        sorted.sort_unstable_by_key(|text| &self.texts[*text]);
-        let mut ranks = vec![0; sorted.len()];
-        for (rank, text) in sorted.into_iter().enumerate() {
-            ranks[text] = rank as u32;
-        }
-        ranks
     }
 
     /// No two variables are at one address: neither would know what the other assigns.

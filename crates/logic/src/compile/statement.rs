@@ -93,7 +93,7 @@ impl Checker<'_, '_, '_> {
             let template = if ty.is_single() {
                 None
             } else {
-                Some(self.compiler.allocate(&image, at))
+                Some(self.compiler.memory.allocate(&image, at))
             };
             self.emitter.initialise(offset, ty, &image, template, at);
         }
@@ -367,7 +367,7 @@ impl Checker<'_, '_, '_> {
     /// A slot with the iterations that are left.
     fn iterations_left(&mut self, bound: Option<u32>, at: Span) -> u32 {
         let bound = bound.unwrap_or(ITERATIONS_MAX);
-        let slot = self.compiler.allocate(&[0], at);
+        let slot = self.compiler.memory.allocate(&[0], at);
         self.emitter.op(Op::Push(i64::from(bound)), at);
         self.emitter.op(Op::Store(slot), at);
         slot
@@ -445,7 +445,7 @@ impl Checker<'_, '_, '_> {
         self.store(&place, &from);
         let bound = limits.bound.unwrap_or(ITERATIONS_MAX);
         // What is left of the loop, its step, what is left of its bound.
-        let slot = self.compiler.allocate(&[0, 0, 0], at);
+        let slot = self.compiler.memory.allocate(&[0, 0, 0], at);
         let step = Op::Load(slot + 1);
         let known = from.value().zip(to.value()).zip(by.value());
         let (step, most) = if let Some(((from, to), by)) = known {
