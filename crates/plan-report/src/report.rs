@@ -7,15 +7,14 @@ use super::rests::Rests;
 use super::run_down::Work;
 use super::script::ScriptReport;
 use super::slow_places::FeedKept;
-use super::times::{TimeTable, Times};
+use super::times::TimeTable;
 use config::Config;
 use motion::plan::{Deviation, PlannerKind};
 use program::real_time::RealTimeFactor;
 use serde::Serialize;
 use std::fmt;
 
-/// Operations and limits that the text shows; JSON has all of them.
-const OPERATIONS_SHOWN: usize = 40;
+/// Limits that the text shows; JSON has all of them.
 const LIMITS_SHOWN: usize = 6;
 
 /// What a plan comes to. Lengths and derivatives of rotary joints are in degrees.
@@ -522,94 +521,16 @@ impl Report {
         }
         Ok(())
     }
-
-    /// What the operator did.
-    fn write_script(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Some(script) = &self.script else {
-            return Ok(());
-        };
-        for done in &script.orders {
-            write!(
-                f,
-                "script          {:.3} s, line {}: {}",
-                done.time_s, done.line, done.order
-            )?;
-            match done.rest_s {
-                Some(rest_s) => writeln!(f, "; at rest {:.3} s later", rest_s - done.time_s)?,
-                None => writeln!(f)?,
-            }
-        }
-        let ScriptReport {
-            end, time_s, held_s, ..
-        } = script;
-        writeln!(f, "with the script {end} after {time_s:.3} s, {held_s:.3} s of it held")
-    }
-
-    /// What takes the time: by tool, and by operation where there is more than one.
-    fn write_times(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let TimeTable { tools, operations } = &self.times;
-        let operations: Vec<_> = operations.iter().filter(|own| own.times.counts()).collect();
-        let head = "time s    cutting      rapid      dwell    waiting   cutting m     rapid m";
-        writeln!(f, "tools           {head}  changes")?;
-        for own in tools.iter().filter(|own| own.times.counts()) {
-            let name = own.name.as_deref().unwrap_or_default();
-            writeln!(
-                f,
-                "  {:13} {}  {:7}  {name}",
-                format!("T{}", own.tool),
-                Row(&own.times),
-                own.times.tool_changes
-            )?;
-        }
-        if operations.len() > 1 {
-            writeln!(f, "operations      {head}")?;
-        }
-        for own in operations
-            .iter()
-            .take(OPERATIONS_SHOWN)
-            .filter(|_| operations.len() > 1)
-        {
-            let name = own.name.as_deref().unwrap_or("before the first heading");
-            let place = format!("line {}, T{}", own.line, own.tool);
-            writeln!(f, "  {place:13} {}  {name}", Row(&own.times))?;
-        }
-        match operations.len().saturating_sub(OPERATIONS_SHOWN) {
-            0 => Ok(()),
-            more => writeln!(f, "                and {more} more: --json"),
-        }
-    }
-}
-
-/// The columns of a table of times.
-struct Row<'a>(&'a Times);
-
-impl fmt::Display for Row<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Times {
-            time_s,
-            cutting_s,
-            rapid_s,
-            dwell_s,
-            waiting_s,
-            cutting_mm,
-            rapid_mm,
-            ..
-        } = self.0;
-        write!(
-            f,
-            "{time_s:6.1} {cutting_s:10.1} {rapid_s:10.1} {dwell_s:10.1} {waiting_s:10.1} {:11.3} {:11.3}",
-            cutting_mm / 1e3,
-            rapid_mm / 1e3
-        )
-    }
 }
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}{}{}", self.planning, self.limits, self.path)?;
         self.write_feed(f)?;
-        self.write_times(f)?;
-        self.write_script(f)?;
+        write!(f, "{}", self.times)?;
+        if let Some(script) = &self.script {
+            write!(f, "{script}")?;
+        }
         if let Some(given_up) = &self.given_up {
             writeln!(f, "given up        line {}: {}", given_up.line, given_up.why)?;
         }

@@ -20,6 +20,7 @@ use motion::rt::{Interpolator, Sample, Shares};
 use rt::overrides::{Overridden, Overrides};
 use rt::shared::{RtStatus, Snapshot};
 use serde::Serialize;
+use std::fmt;
 use std::sync::Arc;
 
 /// Longest run with a script, s: a day.
@@ -208,6 +209,26 @@ pub(super) struct ScriptReport {
     pub(super) left_out: Vec<(u32, String)>,
     /// At rest on the path, held.
     pub(super) held_s: f64,
+}
+
+impl fmt::Display for ScriptReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for done in &self.orders {
+            write!(
+                f,
+                "script          {:.3} s, line {}: {}",
+                done.time_s, done.line, done.order
+            )?;
+            match done.rest_s {
+                Some(rest_s) => writeln!(f, "; at rest {:.3} s later", rest_s - done.time_s)?,
+                None => writeln!(f)?,
+            }
+        }
+        let ScriptReport {
+            end, time_s, held_s, ..
+        } = self;
+        writeln!(f, "with the script {end} after {time_s:.3} s, {held_s:.3} s of it held")
+    }
 }
 
 /// The operator, as the script has him.

@@ -18,8 +18,11 @@ use motion::rt::{Sample, SampleState};
 use program::text::Reader;
 use serde::Serialize;
 use std::collections::BTreeMap;
+use std::fmt;
 use std::ops::ControlFlow;
 
+/// Operations that the text shows; JSON has all of them.
+const OPERATIONS_SHOWN: usize = 40;
 /// Operations that are told apart.
 const ROWS_MAX: usize = 256;
 /// Characters of a name.
@@ -96,6 +99,55 @@ pub(super) struct OfOperation {
 pub(super) struct TimeTable {
     pub(super) tools: Vec<OfTool>,
     pub(super) operations: Vec<OfOperation>,
+}
+
+/// By tool, and by operation where there is more than one.
+impl fmt::Display for TimeTable {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let operations: Vec<_> = self.operations.iter().filter(|own| own.times.counts()).collect();
+        let head = "time s    cutting      rapid      dwell    waiting   cutting m     rapid m";
+        writeln!(f, "tools           {head}  changes")?;
+        for own in self.tools.iter().filter(|own| own.times.counts()) {
+            let name = own.name.as_deref().unwrap_or_default();
+            let tool = format!("T{}", own.tool);
+            writeln!(f, "  {tool:13} {}  {:7}  {name}", own.times, own.times.tool_changes)?;
+        }
+        if operations.len() <= 1 {
+            return Ok(());
+        }
+        writeln!(f, "operations      {head}")?;
+        for own in operations.iter().take(OPERATIONS_SHOWN) {
+            let name = own.name.as_deref().unwrap_or("before the first heading");
+            let place = format!("line {}, T{}", own.line, own.tool);
+            writeln!(f, "  {place:13} {}  {name}", own.times)?;
+        }
+        match operations.len().saturating_sub(OPERATIONS_SHOWN) {
+            0 => Ok(()),
+            more => writeln!(f, "                and {more} more: --json"),
+        }
+    }
+}
+
+/// The columns of a table.
+impl fmt::Display for Times {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Times {
+            time_s,
+            cutting_s,
+            rapid_s,
+            dwell_s,
+            waiting_s,
+            cutting_mm,
+            rapid_mm,
+            ..
+        } = self;
+        write!(
+            f,
+            "{time_s:6.1} {cutting_s:10.1} {rapid_s:10.1} {dwell_s:10.1} {waiting_s:10.1} {:11.3} {:11.3}",
+            cutting_mm / 1e3,
+            rapid_mm / 1e3
+        )
+    }
 }
 
 /// What a text says of its operations and tools.
