@@ -12,48 +12,28 @@ fn told(statements: &str) -> Vec<String> {
 }
 
 #[test]
+#[rustfmt::skip]
 fn statements() {
     let cases = [
         ("a = 5;", "2:3: = compares: write := to assign"),
         ("a := 5\nb := 6;", "2:6: ; is missing behind the statement"),
         ("IF c THEN a := 1; END_IF\nb := 2;", "2:19: ; is missing behind END_IF"),
         ("IF c a := 1; END_IF;", "2:6: THEN is expected here, not a"),
-        (
-            "a := r;",
-            "2:6: REAL does not become INT by itself: write REAL_TO_INT(..)",
-        ),
-        (
-            "a := 1.5;",
-            "2:6: a real number does not become INT by itself: write LREAL_TO_INT(..)",
-        ),
+        ("a := r;", "2:6: REAL does not become INT by itself: write REAL_TO_INT(..)"),
+        ("a := 1.5;", "2:6: a real number does not become INT by itself: write LREAL_TO_INT(..)"),
         ("a := 40000;", "2:6: 40000 is out of the range of INT: -32768 to 32767"),
         ("c := 2;", "2:6: 2 is no BOOL: these are 0 and 1, FALSE and TRUE"),
         ("c := d = -1;", "2:10: -1 is no BOOL: these are 0 and 1, FALSE and TRUE"),
         ("c := a AND b;", "2:6: AND does not take INT: write INT_TO_WORD(..)"),
         ("w := w + 1;", "2:6: + does not take WORD: write WORD_TO_UINT(..)"),
         ("r := a ** 2;", "2:6: ** does not take INT: write INT_TO_LREAL(..)"),
-        (
-            "r := LINT#5 * 0.5;",
-            "2:6: * does not take LINT and a real number together: write LINT_TO_LREAL(..)",
-        ),
-        (
-            "a := b * 0.5;",
-            "2:6: REAL does not become INT by itself: write REAL_TO_INT(..)",
-        ),
+        ("r := LINT#5 * 0.5;", "2:6: * does not take LINT and a real number together: write LINT_TO_LREAL(..)"),
+        ("a := b * 0.5;", "2:6: REAL does not become INT by itself: write REAL_TO_INT(..)"),
         ("u := 5;", "2:6: an integer does not become TIME by itself: write T#5ms"),
-        (
-            "c := t.ET > 500;",
-            "2:13: an integer does not become TIME by itself: write T#500ms",
-        ),
+        ("c := t.ET > 500;", "2:13: an integer does not become TIME by itself: write T#500ms"),
         ("b := SHR(a, 2);", "2:10: SHR does not take INT: write INT_TO_WORD(..)"),
-        (
-            "c := a < b < 3;",
-            "2:14: 3 is no BOOL: these are 0 and 1, FALSE and TRUE",
-        ),
-        (
-            "c := w > BYTE#1;",
-            "2:6: > does not take WORD and BYTE together: write BYTE_TO_WORD(..)",
-        ),
+        ("c := a < b < 3;", "2:14: 3 is no BOOL: these are 0 and 1, FALSE and TRUE"),
+        ("c := w > BYTE#1;", "2:6: > does not take WORD and BYTE together: write BYTE_TO_WORD(..)"),
         (
             "a := TON(IN := c);",
             "2:6: TON is a function block: declare an instance of it, VAR x : TON; END_VAR, and call that",
@@ -62,29 +42,17 @@ fn statements() {
             "TON(IN := c);",
             "2:1: TON is a function block: declare an instance of it, VAR x : TON; END_VAR, and call that",
         ),
-        (
-            "c := t(IN := c);",
-            "2:6: a block is called as a statement; its outputs are read as t.Q",
-        ),
+        ("c := t(IN := c);", "2:6: a block is called as a statement; its outputs are read as t.Q"),
         ("SQRT(r);", "2:1: SQRT is a function: its result is used, x := SQRT(..)"),
-        (
-            "a(b := 1);",
-            "2:1: a is no instance of a function block, and cannot be called",
-        ),
+        ("a(b := 1);", "2:1: a is no instance of a function block, and cannot be called"),
         ("r := SQTR(r);", "2:6: SQTR is no function: is SQRT meant?"),
         ("a := SEL(c, 1);", "2:6: SEL takes 3 inputs, not 2"),
         ("a := MAX(1);", "2:6: MAX takes 2 inputs or more, not 1"),
-        (
-            "a := LIMIT(MN := 0, INN := 5, MX := 9);",
-            "2:21: LIMIT has no input INN: is IN meant?",
-        ),
+        ("a := LIMIT(MN := 0, INN := 5, MX := 9);", "2:21: LIMIT has no input INN: is IN meant?"),
         ("t(INN := c);", "2:3: TON has no input INN: is IN meant?"),
         ("t(IN := c, IN := d);", "2:12: IN is given twice"),
         ("t(IN => c);", "2:3: TON has no output IN"),
-        (
-            "t.Q := TRUE;",
-            "2:1: t.Q is an output of a function block, and is not assigned here",
-        ),
+        ("t.Q := TRUE;", "2:1: t.Q is an output of a function block, and is not assigned here"),
         ("c := t.PHASE;", "2:8: PHASE of TON is not visible from outside"),
         ("c := t.ETT;", "2:8: TON has no ETT: is ET meant?"),
         ("i := TRUE;", "2:1: i is an input, and is not assigned here"),
@@ -99,14 +67,8 @@ fn statements() {
         ("a := b / 0;", "2:10: division by zero"),
         ("a := 5 MOD (2 - 2);", "2:12: division by zero"),
         ("r := r / 0.0;", "2:10: division by zero"),
-        (
-            "FOR a := 1 TO 3 DO a := 2; END_FOR;",
-            "2:20: a counts the loop, and is not assigned inside",
-        ),
-        (
-            "FOR a := 1 TO 3 BY 0 DO ; END_FOR;",
-            "2:20: the step of a loop is not 0",
-        ),
+        ("FOR a := 1 TO 3 DO a := 2; END_FOR;", "2:20: a counts the loop, and is not assigned inside"),
+        ("FOR a := 1 TO 3 BY 0 DO ; END_FOR;", "2:20: the step of a loop is not 0"),
         (
             "FOR r := 1 TO 3 DO ; END_FOR;",
             "2:5: the control variable of FOR is an integer variable, no element, no member and no VAR_IN_OUT",
@@ -116,30 +78,15 @@ fn statements() {
             "2:5: the control variable of FOR is an integer variable, no element, no member and no VAR_IN_OUT",
         ),
         ("EXIT;", "2:1: EXIT stands in a loop only"),
-        (
-            "CASE a OF 1: b := 1; 0..3: b := 2; END_CASE;",
-            "2:22: 1 is already selected above",
-        ),
-        (
-            "CASE a OF 3..1: b := 1; END_CASE;",
-            "2:11: a range begins with its lower value",
-        ),
+        ("CASE a OF 1: b := 1; 0..3: b := 2; END_CASE;", "2:22: 1 is already selected above"),
+        ("CASE a OF 3..1: b := 1; END_CASE;", "2:11: a range begins with its lower value"),
         ("CASE a OF b: b := 1; END_CASE;", "2:11: a constant is needed here"),
-        (
-            "CASE c OF 1: b := 1; END_CASE;",
-            "2:6: TRUE or FALSE are not selected here: write IF",
-        ),
-        (
-            "IF a THEN ; END_IF;",
-            "2:4: INT does not become BOOL by itself: write INT_TO_BOOL(..)",
-        ),
+        ("CASE c OF 1: b := 1; END_CASE;", "2:6: TRUE or FALSE are not selected here: write IF"),
+        ("IF a THEN ; END_IF;", "2:4: INT does not become BOOL by itself: write INT_TO_BOOL(..)"),
         ("a := ;", "2:6: a value is expected here, not ;"),
         ("a := (1 + 2;", "2:12: ) is expected here, not ;"),
         ("END_IF;", "2:1: END_PROGRAM is expected here, not END_IF"),
-        (
-            "a := %IX0.0;",
-            "2:6: %IX0.0 in an expression; a variable may be declared AT it is not supported",
-        ),
+        ("a := %IX0.0;", "2:6: %IX0.0 in an expression; a variable may be declared AT it is not supported"),
     ];
     for (statements, wanted) in cases {
         assert_eq!(told(statements)[0], wanted, "{statements}");
@@ -147,24 +94,13 @@ fn statements() {
 }
 
 #[test]
+#[rustfmt::skip]
 fn declarations() {
     let cases = [
-        (
-            "PROGRAM p VAR a : IMT; END_VAR END_PROGRAM",
-            "1:19: IMT is no type: is INT meant?",
-        ),
-        (
-            "PROGRAM p VAR a : INT; A : INT; END_VAR END_PROGRAM",
-            "1:24: A is already declared",
-        ),
-        (
-            "PROGRAM p VAR if : INT; END_VAR END_PROGRAM",
-            "1:15: if is a word of the language",
-        ),
-        (
-            "PROGRAM p VAR CONSTANT a : INT; END_VAR END_PROGRAM",
-            "1:24: a constant needs a value: write :=",
-        ),
+        ("PROGRAM p VAR a : IMT; END_VAR END_PROGRAM", "1:19: IMT is no type: is INT meant?"),
+        ("PROGRAM p VAR a : INT; A : INT; END_VAR END_PROGRAM", "1:24: A is already declared"),
+        ("PROGRAM p VAR if : INT; END_VAR END_PROGRAM", "1:15: if is a word of the language"),
+        ("PROGRAM p VAR CONSTANT a : INT; END_VAR END_PROGRAM", "1:24: a constant needs a value: write :="),
         (
             "PROGRAM p VAR CONSTANT a : INT := 1; END_VAR a := 2; END_PROGRAM",
             "1:46: a is a constant, and is not assigned here",
@@ -177,18 +113,9 @@ fn declarations() {
             "PROGRAM p VAR a : ARRAY[1..100000] OF INT; END_VAR END_PROGRAM",
             "1:19: the variables need 100000 values, and there is room for 65536",
         ),
-        (
-            "PROGRAM p VAR a : ARRAY[1..2] OF INT := [1, 2, 3]; END_VAR END_PROGRAM",
-            "1:41: 3 values for 2",
-        ),
-        (
-            "PROGRAM p VAR a : INT := [1]; END_VAR END_PROGRAM",
-            "1:26: this is no value of INT",
-        ),
-        (
-            "PROGRAM p VAR a AT %IW0 : BOOL; END_VAR END_PROGRAM",
-            "1:20: %IW0 holds 16 bits, a BOOL does not",
-        ),
+        ("PROGRAM p VAR a : ARRAY[1..2] OF INT := [1, 2, 3]; END_VAR END_PROGRAM", "1:41: 3 values for 2"),
+        ("PROGRAM p VAR a : INT := [1]; END_VAR END_PROGRAM", "1:26: this is no value of INT"),
+        ("PROGRAM p VAR a AT %IW0 : BOOL; END_VAR END_PROGRAM", "1:20: %IW0 holds 16 bits, a BOOL does not"),
         (
             "PROGRAM p VAR a AT %IX0.0 : BOOL; b AT %I0.0 : BOOL; END_VAR END_PROGRAM",
             "1:35: b is at %IX0.0, as another variable is",
@@ -206,18 +133,9 @@ fn declarations() {
             "1:29: VAR_OUTPUT does not belong into a FUNCTION",
         ),
         ("FUNCTION f : INT f := f(); END_FUNCTION", "1:23: f contains itself"),
-        (
-            "FUNCTION f : INT f := g(); END_FUNCTION FUNCTION g : INT g := f(); END_FUNCTION",
-            "1:63: f contains itself",
-        ),
-        (
-            "FUNCTION_BLOCK f VAR x : f; END_VAR END_FUNCTION_BLOCK",
-            "1:26: f contains itself",
-        ),
-        (
-            "TYPE a : STRUCT x : b; END_STRUCT; b : STRUCT x : a; END_STRUCT; END_TYPE",
-            "1:51: a contains itself",
-        ),
+        ("FUNCTION f : INT f := g(); END_FUNCTION FUNCTION g : INT g := f(); END_FUNCTION", "1:63: f contains itself"),
+        ("FUNCTION_BLOCK f VAR x : f; END_VAR END_FUNCTION_BLOCK", "1:26: f contains itself"),
+        ("TYPE a : STRUCT x : b; END_STRUCT; b : STRUCT x : a; END_STRUCT; END_TYPE", "1:51: a contains itself"),
         (
             "FUNCTION_BLOCK f VAR_IN_OUT x : INT; END_VAR END_FUNCTION_BLOCK PROGRAM p VAR b : f; END_VAR b(); END_PROGRAM",
             "1:94: x of f is missing",
@@ -234,10 +152,7 @@ fn declarations() {
             "VAR_GLOBAL g : INT; END_VAR FUNCTION f : INT f := g; END_FUNCTION",
             "1:51: a function sees constants only of VAR_GLOBAL: g may be given as an input",
         ),
-        (
-            "PROGRAM p VAR_EXTERNAL g : INT; END_VAR END_PROGRAM",
-            "1:24: g is not declared",
-        ),
+        ("PROGRAM p VAR_EXTERNAL g : INT; END_VAR END_PROGRAM", "1:24: g is not declared"),
         (
             "VAR_GLOBAL g : INT; END_VAR PROGRAM p VAR_EXTERNAL g : DINT; END_VAR END_PROGRAM",
             "1:56: the type of g is INT where it is declared",
@@ -246,14 +161,8 @@ fn declarations() {
             "TYPE a : (x, y); b : (x, z); END_TYPE PROGRAM p VAR c : INT; END_VAR IF x = x THEN ; END_IF; END_PROGRAM",
             "1:73: x belongs to several enumerations: write a#x",
         ),
-        (
-            "TYPE a : (x, y); END_TYPE PROGRAM p VAR c : a; END_VAR c := a#z; END_PROGRAM",
-            "1:63: a has no z",
-        ),
-        (
-            "PROGRAM p VAR a : INT (0..5); END_VAR END_PROGRAM",
-            "1:19: a subrange is not supported",
-        ),
+        ("TYPE a : (x, y); END_TYPE PROGRAM p VAR c : a; END_VAR c := a#z; END_PROGRAM", "1:63: a has no z"),
+        ("PROGRAM p VAR a : INT (0..5); END_VAR END_PROGRAM", "1:19: a subrange is not supported"),
         (
             "TYPE s : STRUCT if : INT; x : INT; END_STRUCT; t : INT; END_TYPE PROGRAM p VAR a : s; b : t; END_VAR a.x := b; END_PROGRAM",
             "1:17: if is a word of the language",
@@ -296,17 +205,11 @@ fn declarations() {
             "PROGRAM p VAR a : add; END_VAR END_PROGRAM FUNCTION_BLOCK add END_FUNCTION_BLOCK",
             "1:59: add is already declared",
         ),
-        (
-            "PROGRAM p VAR a : STRING[0]; END_VAR END_PROGRAM",
-            "1:26: a STRING holds 1 to 65535 characters",
-        ),
+        ("PROGRAM p VAR a : STRING[0]; END_VAR END_PROGRAM", "1:26: a STRING holds 1 to 65535 characters"),
         ("CLASS c END_CLASS", "1:1: CLASS is not supported (object orientation)"),
         ("TYPE a : INT; END_TYPE", "1:1: there is no PROGRAM in the file"),
         ("", "1:1: there is no PROGRAM in the file"),
-        (
-            "x := 5;",
-            "1:1: PROGRAM, FUNCTION_BLOCK, FUNCTION, TYPE or VAR_GLOBAL is expected here, not x",
-        ),
+        ("x := 5;", "1:1: PROGRAM, FUNCTION_BLOCK, FUNCTION, TYPE or VAR_GLOBAL is expected here, not x"),
     ];
     for (text, wanted) in cases {
         assert_eq!(errors(text)[0], wanted, "{text}");

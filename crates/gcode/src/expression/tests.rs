@@ -143,6 +143,7 @@ fn precedence_and_order() {
 }
 
 #[test]
+#[rustfmt::skip]
 fn mistakes_are_told_at_their_place_and_passed() {
     let operators = "an expression goes on with + - * / ** MOD EQ NE GT GE LT LE AND OR XOR or ends with ]";
     let functions = "there are ABS ACOS ASIN ATAN COS EXISTS EXP FIX FUP LN ROUND SIN SQRT TAN";
@@ -158,55 +159,20 @@ fn mistakes_are_told_at_their_place_and_passed() {
         ("[1 MOD ]", format!("MOD {needs}"), "MOD", ""),
         (". Y1", "a number needs at least one digit".into(), ".", "Y1"),
         ("1.2.3Y1", "a number has one decimal point at most".into(), "1.2.", "Y1"),
-        (
-            "[1+[2]",
-            "[ without ]: the expression does not end on this line".into(),
-            "[1+[2]",
-            "",
-        ),
-        (
-            "[1 (a)]",
-            "[ without ]: the expression does not end on this line".into(),
-            "[1 (a)]",
-            "",
-        ),
+        ("[1+[2]", "[ without ]: the expression does not end on this line".into(), "[1+[2]", ""),
+        ("[1 (a)]", "[ without ]: the expression does not end on this line".into(), "[1 (a)]", ""),
         ("[1 == 2]Y", is_no_operator("==", "; did you mean EQ?"), "==", "Y"),
         ("[1 % 2]Y", is_no_operator("%", "; did you mean MOD?"), "%", "Y"),
         ("[1 MOT 2]Y", is_no_operator("MOT", "; did you mean MOD?"), "MOT", "Y"),
         ("[1 PLUS 2]Y", is_no_operator("PLUS", ""), "PLUS", "Y"),
         ("[#1 [2]]Y", is_no_operator("[", ""), "[", "Y"),
         ("[[1] 2]Y", is_no_operator("2", ""), "2", "Y"),
-        (
-            "SQR[4]Y",
-            format!("SQR is no function: {functions}; did you mean SQRT?"),
-            "SQR",
-            "Y",
-        ),
+        ("SQR[4]Y", format!("SQR is no function: {functions}; did you mean SQRT?"), "SQR", "Y"),
         ("WHAT[4]Y", format!("WHAT is no function: {functions}"), "WHAT", "Y"),
-        (
-            "[SIN 30]Y",
-            "SIN needs its argument in brackets: SIN[...]".into(),
-            "SIN",
-            "Y",
-        ),
-        (
-            "ATAN[1] Y2",
-            "ATAN needs two arguments: ATAN[y]/[x]".into(),
-            "ATAN[1]",
-            "Y2",
-        ),
-        (
-            "[ATAN[1]/2]Y",
-            "ATAN needs two arguments: ATAN[y]/[x]".into(),
-            "ATAN[1]/",
-            "Y",
-        ),
-        (
-            "EXISTS[1]Y",
-            "EXISTS asks for one parameter: EXISTS[#<name>] or EXISTS[#5]".into(),
-            "EXISTS",
-            "Y",
-        ),
+        ("[SIN 30]Y", "SIN needs its argument in brackets: SIN[...]".into(), "SIN", "Y"),
+        ("ATAN[1] Y2", "ATAN needs two arguments: ATAN[y]/[x]".into(), "ATAN[1]", "Y2"),
+        ("[ATAN[1]/2]Y", "ATAN needs two arguments: ATAN[y]/[x]".into(), "ATAN[1]/", "Y"),
+        ("EXISTS[1]Y", "EXISTS asks for one parameter: EXISTS[#<name>] or EXISTS[#5]".into(), "EXISTS", "Y"),
         ("[1 / [2 - #2]]Y", "/ divides by zero here".into(), "[2 - #2]", "Y"),
         ("[1 MOD 0 + 1]Y", "MOD divides by zero here".into(), "0", "Y"),
         ("[0 ** -1]", "** divides by zero here".into(), "0 ** -1", ""),
@@ -216,84 +182,24 @@ fn mistakes_are_told_at_their_place_and_passed() {
             "[0-2] ** 0.5",
             "",
         ),
-        (
-            "SQRT[1-2]Y",
-            "SQRT[-1] has no value: the argument must be 0 or more".into(),
-            "[1-2]",
-            "Y",
-        ),
-        (
-            "ACOS[2]",
-            "ACOS[2] has no value: the argument must be from -1 to 1".into(),
-            "[2]",
-            "",
-        ),
-        (
-            "LN[0]",
-            "LN[0] has no value: the argument must be above 0".into(),
-            "[0]",
-            "",
-        ),
-        (
-            "[10**400]",
-            "the result of ** is too large for a number".into(),
-            "10**400",
-            "",
-        ),
-        (
-            "#0Y",
-            "#0 is no parameter: they are numbered from 1 to 5601".into(),
-            "#0",
-            "Y",
-        ),
-        (
-            "#5602 Y",
-            "#5602 is no parameter: they are numbered from 1 to 5601".into(),
-            "#5602",
-            "Y",
-        ),
-        (
-            "#-1",
-            "#-1 is no parameter: they are numbered from 1 to 5601".into(),
-            "#-1",
-            "",
-        ),
-        (
-            "##9",
-            "#9.5 is no parameter: its number must be an integer".into(),
-            "#9",
-            "",
-        ),
-        (
-            "#[1/2]",
-            "#0.5 is no parameter: its number must be an integer".into(),
-            "[1/2]",
-            "",
-        ),
+        ("SQRT[1-2]Y", "SQRT[-1] has no value: the argument must be 0 or more".into(), "[1-2]", "Y"),
+        ("ACOS[2]", "ACOS[2] has no value: the argument must be from -1 to 1".into(), "[2]", ""),
+        ("LN[0]", "LN[0] has no value: the argument must be above 0".into(), "[0]", ""),
+        ("[10**400]", "the result of ** is too large for a number".into(), "10**400", ""),
+        ("#0Y", "#0 is no parameter: they are numbered from 1 to 5601".into(), "#0", "Y"),
+        ("#5602 Y", "#5602 is no parameter: they are numbered from 1 to 5601".into(), "#5602", "Y"),
+        ("#-1", "#-1 is no parameter: they are numbered from 1 to 5601".into(), "#-1", ""),
+        ("##9", "#9.5 is no parameter: its number must be an integer".into(), "#9", ""),
+        ("#[1/2]", "#0.5 is no parameter: its number must be an integer".into(), "[1/2]", ""),
         (
             "[#7]",
             "#7 (current position) cannot be read while cutter compensation is on: write G40 first".into(),
             "#7",
             "",
         ),
-        (
-            "#<g>Y1",
-            "#<g> is not defined: assign it before it is read; did you mean #<_g>?".into(),
-            "#<g>",
-            "Y1",
-        ),
-        (
-            "[#<none> + 1]",
-            "#<none> is not defined: assign it before it is read".into(),
-            "#<none>",
-            "",
-        ),
-        (
-            "#<a",
-            "< without >: the name does not end on this line".into(),
-            "<a",
-            "",
-        ),
+        ("#<g>Y1", "#<g> is not defined: assign it before it is read; did you mean #<_g>?".into(), "#<g>", "Y1"),
+        ("[#<none> + 1]", "#<none> is not defined: assign it before it is read".into(), "#<none>", ""),
+        ("#<a", "< without >: the name does not end on this line".into(), "<a", ""),
     ] {
         assert_eq!(refused(text), (message, marked.into(), rest.into()), "{text}");
     }
