@@ -246,65 +246,23 @@ impl Runtime {
                 Op::Push(value) => machine.push(value),
                 Op::Load(slot) => machine.push(machine.read(i64::from(slot))),
                 Op::LoadThis(offset) => machine.push(machine.read(i64::from(this) + i64::from(offset))),
-                Op::LoadAt => {
-                    let address = machine.pop();
-                    machine.push(machine.read(address));
-                }
-                Op::Store(slot) => {
-                    let value = machine.pop();
-                    machine.write(i64::from(slot), value);
-                }
-                Op::StoreThis(offset) => {
-                    let value = machine.pop();
-                    machine.write(i64::from(this) + i64::from(offset), value);
-                }
-                Op::StoreAt => {
-                    let value = machine.pop();
-                    let address = machine.pop();
-                    machine.write(address, value);
-                }
+                Op::LoadAt => machine.load_at(),
+                Op::Store(slot) => machine.store(i64::from(slot)),
+                Op::StoreThis(offset) => machine.store(i64::from(this) + i64::from(offset)),
+                Op::StoreAt => machine.store_at(),
                 Op::Address(slot) => machine.push(i64::from(slot)),
                 Op::AddressThis(offset) => machine.push(i64::from(this) + i64::from(offset)),
-                Op::Offset(offset) => {
-                    let address = machine.pop();
-                    machine.push(address.saturating_add(i64::from(offset)));
-                }
-                Op::Index { low, length, stride } => {
-                    let index = machine.pop().wrapping_sub(i64::from(low));
-                    let address = machine.pop();
-                    if (0..i64::from(length)).contains(&index) {
-                        machine.push(address.saturating_add(index * i64::from(stride)));
-                    } else {
-                        flags.wrong = Some(Wrong::Index);
-                        machine.push(NOWHERE);
-                    }
-                }
-                Op::Copy(slots) => {
-                    let source = machine.pop();
-                    let target = machine.pop();
-                    machine.copy(source, target, slots);
-                }
-                Op::Unary(operation, scalar) => {
-                    let a = machine.pop();
-                    machine.push(unary(operation, scalar, a, &mut flags));
-                }
+                Op::Offset(offset) => machine.replace(|address| address.saturating_add(i64::from(offset))),
+                Op::Index { low, length, stride } => machine.index(low, length, stride, &mut flags),
+                Op::Copy(slots) => machine.copy(slots),
+                Op::Unary(operation, scalar) => machine.replace(|a| unary(operation, scalar, a, &mut flags)),
                 Op::Binary(operation, scalar) => {
                     let b = machine.pop();
-                    let a = machine.pop();
-                    machine.push(binary(operation, scalar, a, b, &mut flags));
+                    machine.replace(|a| binary(operation, scalar, a, b, &mut flags));
                 }
-                Op::Convert(from, to) => {
-                    let a = machine.pop();
-                    machine.push(convert(from, to, a, &mut flags));
-                }
-                Op::Cut(length) => {
-                    let text = machine.pop();
-                    machine.push(logic.cut(text, length));
-                }
-                Op::Rank => {
-                    let text = machine.pop();
-                    machine.push(logic.rank(text));
-                }
+                Op::Convert(from, to) => machine.replace(|a| convert(from, to, a, &mut flags)),
+                Op::Cut(length) => machine.replace(|text| logic.cut(text, length)),
+                Op::Rank => machine.replace(|text| logic.rank(text)),
                 Op::Row(operation, scalar, values) => {
                     let holds = |a, b| binary(operation, scalar, a, b, &mut flags) != 0;
                     let holds = machine.row(values, holds);
@@ -313,16 +271,12 @@ impl Runtime {
                 Op::Select => {
                     let b = machine.pop();
                     let a = machine.pop();
-                    let selector = machine.pop();
-                    machine.push(if selector != 0 { b } else { a });
+                    machine.replace(|selector| if selector != 0 { b } else { a });
                 }
-                Op::Choose(values) => match machine.choose(values) {
-                    Some(value) => machine.push(value),
-                    None => {
-                        flags.wrong = Some(Wrong::Selector);
-                        machine.push(0);
-                    }
-                },
+                Op::Choose(values) => {
+                    let value = machine.choose(values);
+                    machine.push_or(value, Wrong::Selector, &mut flags);
+                }
                 Op::Jump(target) => at = target,
                 Op::JumpUnless(target) => {
                     if machine.pop() == 0 {
@@ -340,13 +294,8 @@ impl Runtime {
                     let by = machine.pop();
                     let to = scalar.number(machine.pop());
                     let from = scalar.number(machine.pop());
-                    match iterations(from, to, scalar.number(by)) {
-                        Some(count) => machine.push(count),
-                        None => {
-                            flags.wrong = Some(Wrong::StepZero);
-                            machine.push(0);
-                        }
-                    }
+                    let count = iterations(from, to, scalar.number(by));
+                    machine.push_or(count, Wrong::StepZero, &mut flags);
                 }
                 Op::Count { slot, exit } | Op::Guard { slot, exit } => {
                     let left = machine.read(i64::from(slot));
@@ -369,13 +318,7 @@ impl Runtime {
                         }
                     }
                 }
-                Op::Block(block) => {
-                    let address = machine.pop();
-                    let slots = usize::try_from(address)
-                        .ok()
-                        .and_then(|from| machine.memory.get_mut(from..));
-                    block.call(slots.unwrap_or_default(), now_ns);
-                }
+                Op::Block(block) => block.call(machine.instance(), now_ns),
                 Op::Return => match depth.checked_sub(1).and_then(|last| Some((last, calls.get(last)?))) {
                     Some((last, call)) => {
                         depth = last;
@@ -444,11 +387,66 @@ impl Machine<'_> {
         }
     }
 
-    fn copy(&mut self, source: i64, target: i64, slots: u32) {
+    /// Puts another value in the place of the last one.
+    #[inline]
+    fn replace(&mut self, result: impl FnOnce(i64) -> i64) {
+        let value = self.pop();
+        self.push(result(value));
+    }
+
+    #[inline]
+    fn push_or(&mut self, value: Option<i64>, otherwise: Wrong, flags: &mut Flags) {
+        if value.is_none() {
+            flags.wrong = Some(otherwise);
+        }
+        self.push(value.unwrap_or(0));
+    }
+
+    #[inline]
+    fn load_at(&mut self) {
+        let address = self.pop();
+        self.push(self.read(address));
+    }
+
+    #[inline]
+    fn store_at(&mut self) {
+        let value = self.pop();
+        let address = self.pop();
+        self.write(address, value);
+    }
+
+    #[inline]
+    fn store(&mut self, address: i64) {
+        let value = self.pop();
+        self.write(address, value);
+    }
+
+    #[inline]
+    fn index(&mut self, low: i32, length: u32, stride: u32, flags: &mut Flags) {
+        let index = self.pop().wrapping_sub(i64::from(low));
+        let address = self.pop();
+        if (0..i64::from(length)).contains(&index) {
+            self.push(address.saturating_add(index * i64::from(stride)));
+        } else {
+            flags.wrong = Some(Wrong::Index);
+            self.push(NOWHERE);
+        }
+    }
+
+    fn copy(&mut self, slots: u32) {
+        let source = self.pop();
+        let target = self.pop();
         for offset in 0..i64::from(slots) {
             let value = self.read(source.saturating_add(offset));
             self.write(target.saturating_add(offset), value);
         }
+    }
+
+    /// The slots from the address on that is on the stack; none: there is no such instance.
+    #[inline]
+    fn instance(&mut self) -> &mut [i64] {
+        let from = usize::try_from(self.pop()).ok();
+        from.and_then(|from| self.memory.get_mut(from..)).unwrap_or_default()
     }
 
     /// Takes values off the stack; whether each stands so to the next one.
