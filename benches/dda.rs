@@ -6,7 +6,7 @@
 mod common;
 
 use common::Busyness;
-use motion::rt::dda::{ArcDda, Fill, Method, Registers, Rule, Turn};
+use dda::{ArcDda, Fill, Method, Registers, Rule, Turn};
 use std::time::{Duration, Instant};
 
 const RADIUS: i32 = 100;

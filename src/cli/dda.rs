@@ -6,10 +6,10 @@
 //!
 //! The figures are exact, the same on every PC.
 
+use ::dda::{ArcDda, Fill, Method, Registers, Rule, Turn, path_variance, sawteeth};
 use anyhow::Context;
 use clap::Args;
 use host::terminal;
-use motion::rt::dda::{ArcDda, Fill, Method, Registers, Rule, Turn, path_variance, sawteeth};
 use plot::sheet::escaped;
 use serde_json::{Value as Json, json};
 use std::fmt::Write as _;

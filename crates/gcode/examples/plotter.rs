@@ -5,9 +5,9 @@
 //! how far the worst of them is beside the programmed path, in steps; ends with an error where that is more than one. The control
 //! itself knows where the path is in every cycle, and has its pulses follow that: docs/steps.md.
 
+use dda::{ArcDda, LineDda, Method, Turn};
 use gcode::{Interpreter, Settings};
 use motion::canon::{Axis, Call, Plane, Position};
-use motion::rt::dda::{ArcDda, LineDda, Method, Turn};
 use std::error::Error;
 
 const PROGRAM: &str = include_str!("../../../configs/plotter-part.ngc");

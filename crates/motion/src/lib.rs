@@ -53,7 +53,7 @@
 //! | a probing move, from the plan to the contact and back to the program, which waits for its end | `plan/probing.rs`, `rt/probe/prober.rs`, then `waits.rs` of the crate `program` |
 //! | motion without a plan: jog of joints and of axes (`world`), homing, probing | `rt/otg/`, `rt/jog/`, `rt/homing/`, `rt/probe/` |
 //! | the position loop of a joint | `rt/pid/` |
-//! | step pulses; backlash and pitch errors, and their file; what watches every command | `rt/dda/`; `rt/joint_compensation/`, `pitch_file.rs` in it; `rt/monitor.rs` |
+//! | step pulses; backlash and pitch errors, and their file; what watches every command | `rt/dda.rs`; `rt/joint_compensation/`, `pitch_file.rs` in it; `rt/monitor.rs` |
 //!
 //! # How speeds are planned
 //!

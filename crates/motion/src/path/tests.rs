@@ -151,6 +151,25 @@ fn a_piece_is_small_enough_to_copy() {
     assert!(size_of::<Piece>() <= 700, "{}", size_of::<Piece>());
 }
 
+/// A circle is no DDA: it stays on the circle but for the rounding of a double.
+#[test]
+fn a_circle_is_exact() {
+    for radius in [0.5, 100.0, 1000.0] {
+        let circle = Circle {
+            start: Position::xyz(radius, 0.0, 0.0),
+            end: Position::xyz(0.0, radius, 0.0),
+            centre_mm: [0.0; 3],
+            normal: [0.0, 0.0, 1.0],
+            sweep_rad: std::f64::consts::FRAC_PI_2,
+        };
+        let piece = Piece::arc(&circle).unwrap();
+        for k in 0..=10_000 {
+            let [x, y, ..] = piece.position(piece.length() * f64::from(k) / 1e4).0;
+            assert!((x.hypot(y) - radius).abs() < 1e-9, "radius {radius}, sample {k}");
+        }
+    }
+}
+
 proptest! {
     #[test]
     fn length_and_parameter_of_a_blend_agree(angle in 0.0f64..2.8, d in 1e-3f64..10.0, p1 in 0.5f64..0.75, p2 in 0.1f64..0.5) {

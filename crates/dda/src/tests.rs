@@ -1,8 +1,6 @@
 //! Against the paths of an independent reference, and by properties.
 
 use super::*;
-use crate::canon::Position;
-use crate::path::{Circle, Piece};
 use proptest::prelude::*;
 
 /// One line of `golden.txt`.
@@ -244,25 +242,6 @@ fn an_arc_that_cannot_be_is_refused() {
 fn no_path_has_no_variance() {
     assert!(path_variance([], 1.0).is_nan() && path_variance([[1, 0]], 1.0).is_nan());
     assert_eq!(path_variance([[2, 0], [0, 2]], 1.0), 2.0);
-}
-
-/// The circle of the control is no DDA: it stays on the circle but for the rounding of a double.
-#[test]
-fn the_circle_of_the_control_is_exact() {
-    for radius in [0.5, 100.0, 1000.0] {
-        let circle = Circle {
-            start: Position::xyz(radius, 0.0, 0.0),
-            end: Position::xyz(0.0, radius, 0.0),
-            centre_mm: [0.0; 3],
-            normal: [0.0, 0.0, 1.0],
-            sweep_rad: std::f64::consts::FRAC_PI_2,
-        };
-        let piece = Piece::arc(&circle).unwrap();
-        for k in 0..=10_000 {
-            let [x, y, ..] = piece.position(piece.length() * f64::from(k) / 1e4).0;
-            assert!((x.hypot(y) - radius).abs() < 1e-9, "radius {radius}, sample {k}");
-        }
-    }
 }
 
 proptest! {
