@@ -18,14 +18,14 @@ use super::{FEED_OVERRIDE_MAX, Settings};
 use crate::canon::AXES;
 
 /// A stretch with the bounds of its geometry.
-#[derive(Clone, Copy, Debug)]
+#[derive(Debug)]
 pub(super) struct Bounded {
-    pub(super) stretch: Stretch,
+    pub(super) stretch: Box<Stretch>,
     pub(super) bounds: Bounds,
 }
 
 /// What comes out.
-#[derive(Clone, Copy, Debug)]
+#[derive(Debug)]
 pub(super) enum Joined {
     Stretch(Bounded),
     Stop,
@@ -38,7 +38,7 @@ pub(super) struct Junctions {
 }
 
 impl Junctions {
-    pub(super) fn push(&mut self, passed: &Passed, settings: &Settings, out: &mut Vec<Joined>) {
+    pub(super) fn push(&mut self, passed: Passed, settings: &Settings, out: &mut Vec<Joined>) {
         match passed {
             Passed::Stop => {
                 self.flush(out);
@@ -46,19 +46,20 @@ impl Junctions {
             }
             Passed::Stretch(stretch) => self.go_on(stretch, settings, out),
             Passed::Seam(seam) => {
-                for stretch in &seam.rounded {
+                for stretch in seam.rounded {
                     self.go_on(stretch, settings, out);
                 }
             }
         }
     }
 
-    fn go_on(&mut self, stretch: &Stretch, settings: &Settings, out: &mut Vec<Joined>) {
+    fn go_on(&mut self, mut stretch: Box<Stretch>, settings: &Settings, out: &mut Vec<Joined>) {
+        let known = stretch.bounds.take();
         let mut next = Bounded {
-            stretch: *stretch,
-            bounds: stretch.bounds.unwrap_or_else(|| Bounds::new(&stretch.piece)),
+            bounds: known.map_or_else(|| Bounds::new(&stretch.piece), |bounds| *bounds),
+            stretch,
         };
-        if let Some(last) = &self.last {
+        if let Some(last) = self.last.take() {
             meet(last, &mut next, settings, out);
         }
         self.last = Some(next);
@@ -220,51 +221,48 @@ fn is_rounding(jump: &Bounds, own: &Bounds, feed: f64, lengths: [f64; 2], settin
 }
 
 /// Lets `last` go; puts zones or a halt between it and `next`, which is shortened by its zone.
-fn meet(last: &Bounded, next: &mut Bounded, settings: &Settings, out: &mut Vec<Joined>) {
+fn meet(last: Bounded, next: &mut Bounded, settings: &Settings, out: &mut Vec<Joined>) {
     let (a, b) = (&last.stretch.piece, &next.stretch.piece);
     let Some(jump) = jumps(&a.jet(a.length()), &b.jet(0.0)) else {
-        out.push(Joined::Stretch(*last));
+        out.push(Joined::Stretch(last));
         return;
     };
     let reach_s = 3.0 * settings.cycle_s;
     let own = last.bounds.union(&next.bounds);
     let feed = last.stretch.feed.min(next.stretch.feed);
     if is_rounding(&jump, &own, feed, [a.length(), b.length()], settings) {
-        out.push(Joined::Stretch(*last));
+        out.push(Joined::Stretch(last));
         return;
     }
     let limits = jump.union(&own).limits(feed, settings);
     let speed = limits.v.min(0.5 * a.length().min(b.length()) / reach_s);
     // Slower than what a few cycles of jerk give, rest is no worse.
     if speed < limits.j * (2.0 * settings.cycle_s) * (2.0 * settings.cycle_s) {
-        out.push(Joined::Stretch(*last));
+        out.push(Joined::Stretch(last));
         out.push(Joined::Stop);
         return;
     }
     let zone = reach_s * speed;
-    let part = |whole: &Bounded, from: f64, to: f64| {
-        whole
-            .stretch
-            .piece
-            .cut(from, to)
-            .map(|piece| Stretch { piece, ..whole.stretch })
+    let part = |whole: &Bounded, [from, to]: [f64; 2], is_zone: bool| {
+        let piece = whole.stretch.piece.cut(from, to)?;
+        let mut stretch = whole.stretch.clone();
+        stretch.piece = piece;
+        let mut bounds = whole.bounds;
+        if is_zone {
+            stretch.feed = speed.min(stretch.feed);
+            bounds = jump.union(&bounds);
+        }
+        Some(Bounded { stretch, bounds })
     };
-    let slow = |stretch: Stretch, own: &Bounds| {
-        Joined::Stretch(Bounded {
-            stretch: Stretch {
-                feed: speed.min(stretch.feed),
-                ..stretch
-            },
-            bounds: jump.union(own),
-        })
-    };
-    let end = a.length();
-    let (main, before) = (part(last, 0.0, end - zone), part(last, end - zone, end));
-    let (after, rest) = (part(next, 0.0, zone), part(next, zone, b.length()));
-    out.extend(main.map(|stretch| Joined::Stretch(Bounded { stretch, ..*last })));
-    out.extend(before.map(|stretch| slow(stretch, &last.bounds)));
-    out.extend(after.map(|stretch| slow(stretch, &next.bounds)));
-    if let Some(stretch) = rest {
-        next.stretch = stretch;
+    let (end, length) = (a.length(), b.length());
+    let before = [
+        part(&last, [0.0, end - zone], false),
+        part(&last, [end - zone, end], true),
+    ];
+    let after = [part(next, [0.0, zone], true), part(next, [zone, length], false)];
+    let [zone, rest] = after;
+    out.extend(before.into_iter().chain([zone]).flatten().map(Joined::Stretch));
+    if let Some(rest) = rest {
+        *next = rest;
     }
 }

@@ -52,14 +52,14 @@ enum Engine {
 }
 
 impl Engine {
-    fn push(&mut self, passed: &Passed, settings: &Settings) {
+    fn push(&mut self, passed: Passed, settings: &Settings) {
         match self {
             Engine::Classic(steps) => steps.push(passed, settings),
             Engine::Optimal(stream) => stream.push(passed, settings),
         }
     }
 
-    fn rest(&mut self, element: Option<Element>, settings: &Settings) {
+    fn rest(&mut self, element: Option<Box<Element>>, settings: &Settings) {
         match self {
             Engine::Classic(steps) => steps.rest(element, settings),
             Engine::Optimal(stream) => stream.rest(element),
@@ -112,7 +112,7 @@ enum What {
     /// The path goes on.
     Passed(Passed),
     /// What is known ends at rest, where this happens if there is something.
-    Rest(Option<Element>),
+    Rest(Option<Box<Element>>),
     /// Nothing follows for now.
     Finish,
 }
@@ -160,10 +160,8 @@ impl PathPlanner {
     pub fn push(&mut self, event: &Event) -> Result<(), PlanError> {
         self.program.use_modes(event.source.modes);
         if let Some(action) = self.program.take_wait(&event.call, &self.settings) {
-            self.rest_told(Some(Element::Action {
-                action,
-                line: event.source.line,
-            }));
+            let line = event.source.line;
+            self.rest_told(Some(Element::Action { action, line }.into()));
         }
         let entry = self
             .program
@@ -182,7 +180,7 @@ impl PathPlanner {
                 self.frame = self.program.tool_frame();
             }
             Some(Entry::Rest(element)) => {
-                match &element {
+                match &*element {
                     Element::Synced(synced) => self.ideal.extend(programmed(synced)),
                     Element::Probing(probing) => {
                         self.probing_s = probing.duration_s();
@@ -195,10 +193,10 @@ impl PathPlanner {
                     }
                     Element::Span(_) | Element::Dwell { .. } | Element::Action { .. } => {}
                 }
-                if let Element::Synced(_) | Element::Probing(_) = element {
+                if let Element::Synced(_) | Element::Probing(_) = *element {
                     let line = element.line();
                     for action in self.program.take_outputs().actions() {
-                        self.rest_told(Some(Element::Action { action, line }));
+                        self.rest_told(Some(Element::Action { action, line }.into()));
                     }
                 }
                 self.rest_told(Some(element));
@@ -250,7 +248,7 @@ impl PathPlanner {
         self.program.to_work(machine)
     }
 
-    fn moved(&mut self, part: Move) {
+    fn moved(&mut self, part: Box<Move>) {
         self.program.begins();
         self.ideal.push(Programmed {
             piece: part.piece,
@@ -263,29 +261,29 @@ impl PathPlanner {
     }
 
     /// Rest, where the program is, at which what no move has brought about is done first.
-    fn rest_told(&mut self, element: Option<Element>) {
+    fn rest_told(&mut self, element: Option<Box<Element>>) {
         if let Some(owed) = self.program.take_owed() {
             self.smoother.flush(&self.settings, &mut self.passed);
             self.passed.push(Passed::Stop);
             self.moved(owed);
         }
         self.tell();
-        if let Some(line) = element.as_ref().map(Element::line)
+        if let Some(line) = element.as_ref().map(|element| element.line())
             && let Some(action) = self.program.take_modes()
         {
-            self.rest(Some(Element::Action { action, line }));
+            self.rest(Some(Element::Action { action, line }.into()));
         }
         self.rest(element);
     }
 
     fn tell(&mut self) {
         for told in self.program.take_on_the_way() {
-            self.rest(Some(told));
+            self.rest(Some(told.into()));
         }
     }
 
     /// Sends everything through; it ends at rest.
-    fn rest(&mut self, element: Option<Element>) {
+    fn rest(&mut self, element: Option<Box<Element>>) {
         self.smoother.flush(&self.settings, &mut self.passed);
         self.pass();
         self.smoothed.push(Smoothed(What::Rest(element)));
@@ -335,7 +333,7 @@ impl<S: Sink<Element>> SpeedPlanner<S> {
     /// The path goes on, or ends.
     pub fn push(&mut self, smoothed: Smoothed) {
         match smoothed.0 {
-            What::Passed(passed) => self.engine.push(&passed, &self.settings),
+            What::Passed(passed) => self.engine.push(passed, &self.settings),
             What::Rest(element) => self.engine.rest(element, &self.settings),
             What::Finish => self.engine.finish(),
         }

@@ -4,8 +4,7 @@
 //! Out: runs. Acceleration is 0 where runs meet, so they must not be too short; all their pieces share the limits of the
 //! worst, so they must not differ too much. Both are decided by the data alone.
 
-use crate::element::{Auxiliary, Element, Enables, Span};
-use crate::path::Piece;
+use crate::element::{Element, Span};
 use crate::plan::Settings;
 use crate::plan::junctions::{Bounded, Joined};
 use crate::plan::limits::{Bounds, PathLimits};
@@ -21,21 +20,10 @@ const PIECES_PER_CYCLE: f64 = 16.0;
 /// What sums of lengths and times may leave, as a part of the length of a run.
 const ROUNDING: f64 = 1e-12;
 
-/// Pieces with a place in the plan.
-#[derive(Clone, Copy, Debug)]
-struct Part {
-    piece: Piece,
-    line: u32,
-    rapid: bool,
-    enables: Enables,
-    auxiliary: Auxiliary,
-    modes: u32,
-}
-
 /// Consecutive pieces under common limits.
 #[derive(Clone, Debug)]
 pub(super) struct Run {
-    parts: Vec<Part>,
+    parts: Vec<Box<Stretch>>,
     pub(super) length: f64,
     pub(super) limits: PathLimits,
     bounds: Bounds,
@@ -60,7 +48,7 @@ pub(super) struct Runs {
 }
 
 impl Runs {
-    pub(super) fn push(&mut self, joined: &Joined, settings: &Settings, out: &mut Vec<Built>) {
+    pub(super) fn push(&mut self, joined: Joined, settings: &Settings, out: &mut Vec<Built>) {
         let next = match joined {
             Joined::Stretch(next) => next,
             Joined::Stop => {
@@ -71,7 +59,8 @@ impl Runs {
         };
         let limits = next.bounds.limits(next.stretch.feed, settings);
         if let Some(open) = &mut self.open {
-            if open.join(next, &limits, settings) {
+            if open.joins(&next, &limits, settings) {
+                open.parts.push(next.stretch);
                 return;
             }
             let before = self.before;
@@ -90,28 +79,15 @@ impl Runs {
     }
 }
 
-impl Part {
-    fn new(stretch: &Stretch) -> Part {
-        Part {
-            piece: stretch.piece,
-            line: stretch.line,
-            rapid: stretch.rapid,
-            enables: stretch.enables,
-            auxiliary: stretch.auxiliary,
-            modes: stretch.modes,
-        }
-    }
-}
-
 impl Run {
-    fn new(one: &Bounded, limits: PathLimits) -> Run {
+    fn new(one: Bounded, limits: PathLimits) -> Run {
         Run {
-            parts: vec![Part::new(&one.stretch)],
             length: one.stretch.piece.length(),
             limits,
             bounds: one.bounds,
             feed: one.stretch.feed,
             fastest: limits.v,
+            parts: vec![one.stretch],
         }
     }
 
@@ -120,8 +96,8 @@ impl Run {
         self.parts.len()
     }
 
-    /// Appends `next`, which has the given limits on its own, where that loses little.
-    fn join(&mut self, next: &Bounded, own: &PathLimits, settings: &Settings) -> bool {
+    /// Goes on under the limits that `next` needs, which has the given ones on its own, where that loses little; the caller appends it.
+    fn joins(&mut self, next: &Bounded, own: &PathLimits, settings: &Settings) -> bool {
         /// Speeds that differ by less are alike.
         const ALIKE: f64 = 0.85;
         let next_length = next.stretch.piece.length();
@@ -143,7 +119,6 @@ impl Run {
         if !(alike || both_short) || self.pieces() >= RUN_PIECES {
             return false;
         }
-        self.parts.push(Part::new(&next.stretch));
         self.length += next_length;
         self.fastest = if alike { fastest } else { v };
         (self.bounds, self.feed, self.limits) = (bounds, feed, limits);
@@ -215,18 +190,12 @@ impl Run {
         let is_last = part + 1 == self.parts.len();
         let part = &self.parts[part];
         let mut span = Span {
-            piece: part.piece,
             s0: phase.place(from) - part_start,
             v0: phase.speed(from).max(0.0),
             a0: phase.a + from * phase.jerk,
             jerk: phase.jerk,
-            gradient: 0.0,
             duration_s: until - from,
-            line: part.line,
-            rapid: part.rapid,
-            enables: part.enables,
-            auxiliary: part.auxiliary,
-            modes: part.modes,
+            ..part.span()
         };
         if is_last && until == phase.duration {
             // The sum of the lengths before it has its rounding; its own end has none.

@@ -32,7 +32,7 @@ use crate::ring::{Publish, Sink};
 enum What {
     Run(Arc<Run>),
     /// Rest; with something to do or without.
-    Rest(Option<Element>),
+    Rest(Option<Box<Element>>),
 }
 
 impl What {
@@ -162,7 +162,7 @@ impl Steps {
     }
 
     /// The path goes on.
-    pub(in crate::plan) fn push(&mut self, passed: &Passed, settings: &Settings) {
+    pub(in crate::plan) fn push(&mut self, passed: Passed, settings: &Settings) {
         self.finished = false;
         let mut joined = std::mem::take(&mut self.joined);
         self.junctions.push(passed, settings, &mut joined);
@@ -171,7 +171,7 @@ impl Steps {
     }
 
     /// What is known ends at rest, where `element` happens if there is one.
-    pub(in crate::plan) fn rest(&mut self, element: Option<Element>, settings: &Settings) {
+    pub(in crate::plan) fn rest(&mut self, element: Option<Box<Element>>, settings: &Settings) {
         let mut joined = Vec::new();
         self.junctions.flush(&mut joined);
         self.run(&mut joined, settings);
@@ -255,10 +255,9 @@ impl Steps {
 
     fn run(&mut self, joined: &mut Vec<Joined>, settings: &Settings) {
         let mut built = std::mem::take(&mut self.built);
-        for joined in &*joined {
+        for joined in joined.drain(..) {
             self.runs.push(joined, settings, &mut built);
         }
-        joined.clear();
         self.append(&mut built);
         self.built = built;
     }
@@ -505,7 +504,7 @@ impl Steps {
                 end_speed
             }
             What::Rest(element) => {
-                out.extend(*element);
+                out.extend(element.as_deref());
                 0.0
             }
         }

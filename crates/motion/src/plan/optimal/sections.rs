@@ -14,11 +14,11 @@ use crate::plan::smooth::Stretch;
 use crate::plan::smooth::round::distance;
 
 /// One thing after the other, as it came.
-#[derive(Clone, Copy, Debug)]
+#[derive(Debug)]
 pub(super) enum Item {
-    Stretch(Stretch),
+    Stretch(Box<Stretch>),
     /// The machine comes to rest, and does something there or not.
-    Rest(Option<Element>),
+    Rest(Option<Box<Element>>),
 }
 
 /// What a speed that is programmed is multiplied by, each greater than 0.
@@ -52,7 +52,7 @@ pub(super) struct Log {
 }
 
 /// What came.
-#[derive(Clone, Copy, Debug)]
+#[derive(Debug)]
 pub(super) struct Kept {
     pub(super) item: Item,
     /// Least speed along it at which a joint reaches its speed limit, where the override of rapid moves acts; else infinite.
@@ -62,7 +62,7 @@ pub(super) struct Kept {
 }
 
 impl Kept {
-    pub(super) fn rest(element: Option<Element>) -> Kept {
+    pub(super) fn rest(element: Option<Box<Element>>) -> Kept {
         Kept {
             item: Item::Rest(element),
             rapid: f64::INFINITY,
@@ -102,7 +102,7 @@ impl Log {
     /// Takes a seam: both ways over it.
     pub(super) fn push_seam(&mut self, [rounded, exact]: [[Kept; 2]; 2]) {
         let item = self.end();
-        let waits = self.waits_at(&exact);
+        let waits = self.waits_between(&exact[0], &exact[1]);
         let (taken, other) = if waits { (exact, rounded) } else { (rounded, exact) };
         self.items.extend(taken);
         self.seams.push_back(Seam {
@@ -120,7 +120,7 @@ impl Log {
             let seam = &self.seams[k];
             let ahead = seam.item > from.item || (seam.item == from.item && from.s <= 0.0);
             let wanted = if ahead {
-                self.waits_at(&seam.other)
+                self.waits_between(&seam.other[0], &seam.other[1])
             } else {
                 seam.handed_exact
             };
@@ -149,7 +149,7 @@ impl Log {
     }
 
     /// Whether the second of two items is held and the first is not.
-    fn waits_at(&self, [first, second]: &[Kept; 2]) -> bool {
+    fn waits_between(&self, first: &Kept, second: &Kept) -> bool {
         !self.holds(first) && self.holds(second)
     }
 
@@ -169,7 +169,7 @@ impl Log {
     pub(super) fn stops_before(&self, item: u64) -> bool {
         let Some(kept) = self.kept(item) else { return false };
         let before = item.checked_sub(1).and_then(|before| self.kept(before));
-        matches!(kept.meeting, Meeting::Stop) || before.is_some_and(|before| self.waits_at(&[*before, *kept]))
+        matches!(kept.meeting, Meeting::Stop) || before.is_some_and(|before| self.waits_between(before, kept))
     }
 
     /// The kink where this item begins, if there is one that can be passed at speed.
@@ -209,7 +209,7 @@ impl Log {
     /// Greatest speed along a stretch, override included, mm/s; infinite where only the joints limit it.
     pub(super) fn feed(&self, item: u64) -> f64 {
         match self.kept(item) {
-            Some(&Kept {
+            Some(Kept {
                 item: Item::Stretch(stretch),
                 rapid,
                 ..

@@ -111,50 +111,47 @@ impl Emission<'_> {
             && duration_s > 0.0
         {
             let span = Span {
-                piece: stretch.piece,
                 s0,
                 v0,
                 a0,
                 jerk,
                 gradient,
                 duration_s,
-                line: stretch.line,
-                rapid: stretch.rapid,
-                enables: stretch.enables,
-                auxiliary: stretch.auxiliary,
-                modes: stretch.modes,
+                ..stretch.span()
             };
             let end = span.place(duration_s);
-            self.divided(item, span, end, LONG_S[0]);
+            self.divided(item, &span, end, LONG_S[0]);
         }
     }
 
     /// A span that ends at `end`, in parts if it takes long, but not if it takes very long.
-    fn divided(&mut self, item: u64, span: Span, end: f64, long_s: f64) {
-        if span.duration_s > long_s {
-            self.out.push(Made {
-                element: Element::Span(span),
-                end: Place { item, s: end },
-                opens: true,
-            });
-            return;
-        }
-        let parts = (span.duration_s / DIVISION_S).ceil().max(1.0);
+    fn divided(&mut self, item: u64, span: &Span, end: f64, long_s: f64) {
+        let parts = match span.duration_s > long_s {
+            true => 1.0,
+            false => (span.duration_s / DIVISION_S).ceil().max(1.0),
+        };
         let step = span.duration_s / parts;
-        let mut part = span;
+        let (mut s0, mut v0, mut a0) = (span.s0, span.v0, span.a0);
         for k in 1..=parts as u32 {
             let (begin, until) = (step * f64::from(k - 1), step * f64::from(k));
             let last = f64::from(k) == parts;
-            part.duration_s = if last { span.duration_s - begin } else { step };
             let s = if last { end } else { span.place(until) };
             self.out.push(Made {
-                element: Element::Span(part),
+                element: Element::Span(Span {
+                    s0,
+                    v0,
+                    a0,
+                    duration_s: if last { span.duration_s - begin } else { step },
+                    ..*span
+                }),
                 end: Place { item, s },
                 opens: true,
             });
-            part.s0 = s;
-            part.v0 = span.speed(until);
-            part.a0 = span.a0 + span.jerk * until + span.gradient * (s - span.s0);
+            if !last {
+                s0 = s;
+                v0 = span.speed(until);
+                a0 = span.a0 + span.jerk * until + span.gradient * (s - span.s0);
+            }
         }
     }
 
@@ -195,18 +192,12 @@ impl Emission<'_> {
             return;
         };
         let mut span = Span {
-            piece: stretch.piece,
             s0: part.from,
             v0,
             a0: from.u,
-            jerk: 0.0,
             gradient,
             duration_s: mean_s,
-            line: stretch.line,
-            rapid: stretch.rapid,
-            enables: stretch.enables,
-            auxiliary: stretch.auxiliary,
-            modes: stretch.modes,
+            ..stretch.span()
         };
         // Simpson's rule is near; where the motion nearly stands still at one end it is not, nor is any other.
         let middle = from.b + length * (from.u + 0.25 * length * gradient);
@@ -236,7 +227,7 @@ impl Emission<'_> {
                 (false, false) => 2.0 * t,
             };
         }
-        self.divided(part.item, span, part.to, LONG_S[1]);
+        self.divided(part.item, &span, part.to, LONG_S[1]);
     }
 
     /// Spans of the spline from state to state. Where a straight stretch takes several of them, the fastest motion between its

@@ -4,7 +4,7 @@
 //! Out: moves along lines and quintics, of which only the last ends as the mode of the program says.
 
 use super::moves::is_no_move;
-use super::{Corner, Entry, Move, Program};
+use super::{Corner, Entry, Program};
 use crate::canon::Plane;
 use crate::plan::curve::{self, Fault};
 use crate::plan::smooth::round::distance;
@@ -13,18 +13,14 @@ use crate::plan::{PlanErrorKind, Settings};
 /// How far from where the program stands a curve may begin: what the digits of a program take.
 const START_MM: f64 = 1e-6;
 
-/// A curve as the program tells it: control points with weights, order, knots.
-pub(super) struct Nurbs<'c> {
-    pub(super) points: &'c [([f64; 2], f64)],
-    pub(super) order: u32,
-    pub(super) knots: &'c [f64],
-}
-
 impl Program {
+    /// `points`: control points with weights.
     pub(super) fn curve(
         &mut self,
         plane: Plane,
-        &Nurbs { points, order, knots }: &Nurbs<'_>,
+        points: &[([f64; 2], f64)],
+        order: u32,
+        knots: &[f64],
         line: u32,
         settings: &Settings,
     ) -> Result<Option<Entry>, PlanErrorKind> {
@@ -64,7 +60,7 @@ impl Program {
             first: self.frame.direction(first),
             second: self.frame.direction(second),
         };
-        let pieces = curve::pieces(points, order, knots, &plane, &end).map_err(|fault| match fault {
+        let mut pieces = curve::pieces(points, order, knots, &plane, &end).map_err(|fault| match fault {
             Fault::Malformed => PlanErrorKind::BadCurve {
                 order,
                 points: points.len(),
@@ -72,11 +68,14 @@ impl Program {
             Fault::NotFinite => PlanErrorKind::NotFinite,
             Fault::Wild => PlanErrorKind::WildCurve,
         })?;
-        let (position, owed) = (self.position, self.owed);
+        let (position, owed) = (self.position, self.owed.clone());
         let moves = pieces
-            .iter()
-            .map(|piece| self.accept(*piece, piece.position(piece.length()), line, false, settings))
-            .collect::<Result<Vec<Move>, _>>();
+            .iter_mut()
+            .map(|piece| {
+                let end = piece.position(piece.length());
+                self.accept(piece, end, line, false, settings)
+            })
+            .collect::<Result<Vec<_>, _>>();
         match &moves {
             Ok(_) => self.position = end,
             Err(_) => (self.position, self.owed) = (position, owed),

@@ -9,10 +9,10 @@ mod spindle;
 
 use super::frame::Frame;
 use super::{PlanErrorKind, Settings};
-use crate::canon::{Axis, Call, FeedMode, PathMode, Position, Record, SPINDLES, SpindleDirection, SpindleMode};
+use crate::canon::{Axis, Call, PathMode, Position, Record, SPINDLES, SpindleDirection, SpindleMode};
 use crate::element::{Action, Auxiliary, Element, Enables, Outputs};
 use crate::kinematics::ToolFrame;
-use crate::path::{NO_MOVE, Piece};
+use crate::path::Piece;
 
 /// What may happen to the path at the end of a move.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,7 +25,7 @@ pub(super) enum Corner {
     Round(f64),
 }
 
-/// A programmed move.
+/// A programmed move. Stages hand it on in its box: it is large, and there are many of them.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Move {
     pub(super) piece: Piece,
@@ -60,13 +60,19 @@ struct Feed {
 /// What a call comes to.
 #[derive(Clone, Debug)]
 pub(super) enum Entry {
-    Move(Move),
+    Move(Box<Move>),
     /// Parts of one move, in order.
-    Curve(Vec<Move>),
+    Curve(Vec<Box<Move>>),
     /// Rest, as the axes mean something else from here on.
     Halt,
     /// A wait, an action, or motion from rest to rest in step with the spindle.
-    Rest(Element),
+    Rest(Box<Element>),
+}
+
+impl Entry {
+    pub(super) fn rest(element: Element) -> Entry {
+        Entry::Rest(Box::new(element))
+    }
 }
 
 /// State of the program as far as motion is concerned.
@@ -78,7 +84,7 @@ pub(super) struct Program {
     /// Where the program is.
     position: Position,
     /// The way there from where the axes are, if that is no move.
-    owed: Option<Move>,
+    owed: Option<Box<Move>>,
     feed: Option<Feed>,
     /// G95: `feed` counts way per turn, not per second.
     per_turn: bool,
@@ -158,29 +164,28 @@ impl Program {
             self.on_the_way.push(element);
             return None;
         }
-        Some(Entry::Rest(element))
+        Some(Entry::rest(element))
     }
 
-    /// A spindle beside the first is told its speed and direction, at rest.
-    fn turn_other(&mut self, spindle: u8, to: (f64, Option<SpindleDirection>), line: u32) -> Option<Entry> {
-        *self.others.get_mut(usize::from(spindle))? = to;
-        let rpm = to.1.map(|direction| match direction {
-            SpindleDirection::Clockwise => to.0,
-            SpindleDirection::Counterclockwise => -to.0,
-        });
-        let action = Action::TurnSpindle { spindle, rpm };
-        Some(Entry::Rest(Element::Action { action, line }))
-    }
-
-    /// Outputs change with the next move, or at once at rest.
-    fn set_outputs(&mut self, outputs: &Outputs, with_motion: bool, line: u32) -> Option<Entry> {
-        if with_motion {
-            self.outputs = self.outputs.with(outputs);
-            return None;
+    /// An output changes with the next move, or at once at rest; `set` says whether there is one of this number.
+    fn set_output(
+        &mut self,
+        index: u8,
+        set: impl FnOnce(&mut Outputs) -> bool,
+        with_motion: bool,
+        line: u32,
+    ) -> Result<Option<Entry>, PlanErrorKind> {
+        let mut outputs = Outputs::NONE;
+        if !set(&mut outputs) {
+            return Err(PlanErrorKind::NoSuchOutput { index });
         }
-        self.auxiliary.outputs = self.auxiliary.outputs.with(outputs);
-        let action = outputs.actions().next()?;
-        Some(Entry::Rest(Element::Action { action, line }))
+        if with_motion {
+            self.outputs = self.outputs.with(&outputs);
+            return Ok(None);
+        }
+        self.auxiliary.outputs = self.auxiliary.outputs.with(&outputs);
+        let action = outputs.actions().next();
+        Ok(action.map(|action| Entry::rest(Element::Action { action, line })))
     }
 
     /// Outputs that change as the move of the moment begins; at rest before it, if the plan does not know when that is.
@@ -219,44 +224,28 @@ impl Program {
 
     /// What a call comes to, if anything. On an error the position stays, and the call is of no effect.
     pub(super) fn run(&mut self, line: u32, call: &Call, settings: &Settings) -> Result<Option<Entry>, PlanErrorKind> {
-        let unsupported = |what| Err(PlanErrorKind::Unsupported(what));
+        let at_rest = |action| Ok(Some(Entry::rest(Element::Action { action, line })));
         match call {
             // Moves.
             Call::StraightTraverse { to } => return self.straight(to, line, true, settings),
-            Call::StraightFeed { to } => {
-                return match self.pitch_mm {
-                    Some(pitch_mm) => self.synced(to, pitch_mm, None, line, settings),
-                    None => self.straight(to, line, false, settings),
-                };
-            }
-            Call::RigidTap { to, return_scale } => {
-                return match self.pitch_mm {
-                    Some(pitch_mm) => self.synced(to, pitch_mm, Some(*return_scale), line, settings),
-                    None => unsupported("rigid tapping (G33.1) without a pitch"),
-                };
-            }
-            Call::ArcFeed { .. } if self.pitch_mm.is_some() => return unsupported("an arc in step with the spindle"),
-            Call::ArcFeed { to, plane, centre_mm, turns } => {
-                let piece = self.arc(to, *plane, *centre_mm, *turns)?;
-                let end = self.frame.machine(to);
-                if piece.length() <= NO_MOVE && moves::is_no_move(&self.start(), &end) {
-                    return self.owe(end, line, false, settings).map(|()| None);
-                }
-                return self.accept(piece, end, line, false, settings).map(Entry::Move).map(Some);
-            }
-            Call::NurbsFeed { plane, points, order, knots } => {
-                let order = *order;
-                return self.curve(*plane, &curves::Nurbs { points, order, knots }, line, settings);
-            }
+            Call::StraightFeed { to } => return self.straight_feed(to, line, settings),
+            Call::RigidTap { to, return_scale } => return self.tap(to, *return_scale, line, settings),
+            Call::ArcFeed {
+                to,
+                plane,
+                centre_mm,
+                turns,
+            } => return self.arc_feed(to, *plane, *centre_mm, *turns, line, settings),
+            Call::NurbsFeed {
+                plane,
+                points,
+                order,
+                knots,
+            } => return self.curve(*plane, points, *order, knots, line, settings),
             Call::StraightProbe { to, mode } => return self.probe(to, *mode, line, settings),
-            Call::Dwell { seconds } => {
-                let seconds = *seconds;
-                return Ok(Some(Entry::Rest(Element::Dwell { seconds, line })));
-            }
             // What holds for the moves that follow.
-            Call::SetFeedRate { linear, angular } => {
-                self.feed = (*linear > 0.0).then_some(Feed { mm_s: *linear, degrees_s: *angular });
-            }
+            &Call::SetFeedRate { linear, angular } => self.set_feed(linear, angular),
+            Call::SetFeedMode(mode) => self.set_feed_mode(*mode)?,
             Call::SetPathMode(mode) => self.mode = *mode,
             Call::EnableFeedOverride(on) => self.enables.feed_override = *on,
             Call::EnableSpeedOverride { spindle: 0, on } => self.enables.spindle_override = *on,
@@ -265,94 +254,42 @@ impl Program {
             Call::SetXyRotation { degrees } => self.frame.rotate(*degrees),
             Call::SetG5xOffset { origin, .. } => {
                 self.frame.g5x = *origin;
-                return Ok(self.centre_moved(settings).and_then(|action| self.act(action, line)));
+                return Ok(self.tell_centre(line, settings));
             }
             Call::SetG92Offset { offset } => {
                 self.frame.g92 = *offset;
-                return Ok(self.centre_moved(settings).and_then(|action| self.act(action, line)));
+                return Ok(self.tell_centre(line, settings));
             }
-            Call::SetToolLengthOffset { offset } => {
-                let length_mm = if self.tool_frame.tcp { offset[Axis::Z] } else { 0.0 };
-                let entry = self.reframe(ToolFrame { length_mm, ..self.tool_frame }, settings)?;
-                self.frame.tool = *offset;
-                return match entry {
-                    None => Ok(self.centre_moved(settings).and_then(|action| self.act(action, line))),
-                    Some(_) => Ok(entry),
-                };
-            }
-            Call::SetToolCentrePoint(on) => {
-                let length_mm = if *on { self.frame.tool[Axis::Z] } else { 0.0 };
-                return self.reframe(ToolFrame { tcp: *on, length_mm }, settings);
-            }
+            Call::SetToolLengthOffset { offset } => return self.set_tool_offset(offset, line, settings),
+            Call::SetToolCentrePoint(on) => return self.set_tool_centre_point(*on, settings),
             // The spindle.
-            Call::StartSpindleSync { spindle: 1.., .. }
-            | Call::SetFeedMode(FeedMode::PerTurn { spindle: 1.. })
-            | Call::SetSpindleMode { spindle: 1.., mode: SpindleMode::ConstantSurfaceSpeed { .. } }
-            | Call::OrientSpindle { spindle: 1.., .. }
-            | Call::WaitSpindleOriented { spindle: 1.., .. } => {
-                return unsupported("more of a second spindle ($1 and above) than S, M3, M4 and M5");
-            }
-            Call::SetSpindleMode { spindle: 1.., mode: SpindleMode::Rpm } => {}
-            Call::SetSpindleSpeed { spindle: spindle @ 1.., speed } => {
-                let direction = self.others.get(usize::from(*spindle)).and_then(|(_, direction)| *direction);
-                let to = (*speed, direction);
-                return Ok(self.turn_other(*spindle, to, line).filter(|_| direction.is_some()));
-            }
-            Call::StartSpindle { spindle: spindle @ 1.., direction, .. } => {
-                let speed = self.others.get(usize::from(*spindle)).map_or(0.0, |(speed, _)| *speed);
-                return Ok(self.turn_other(*spindle, (speed, Some(*direction)), line));
-            }
-            Call::StopSpindle { spindle: spindle @ 1.. } => {
-                let (speed, before) = self.others.get(usize::from(*spindle)).copied().unwrap_or((0.0, None));
-                return Ok(self.turn_other(*spindle, (speed, None), line).filter(|_| before.is_some()));
-            }
-            Call::StartSpindleSync { velocity: true, .. } => {
-                return unsupported("motion at the speed of the spindle only");
-            }
-            Call::StartSpindleSync { .. } if !settings.spindle_encoder => return Err(PlanErrorKind::NoSpindleEncoder),
-            Call::StartSpindleSync { mm_per_turn, .. } if !(mm_per_turn.is_finite() && *mm_per_turn != 0.0) => {
-                return Err(PlanErrorKind::NotFinite);
-            }
-            Call::StartSpindleSync { mm_per_turn, .. } => self.pitch_mm = Some(mm_per_turn.abs()),
+            &Call::SetSpindleMode { spindle, mode } => self.set_spindle_mode(spindle, mode)?,
+            &Call::SetSpindleSpeed { spindle, speed } => return Ok(self.set_speed(spindle, speed, line, settings)),
+            &Call::StartSpindle {
+                spindle,
+                direction,
+                wait_for_speed,
+            } => return Ok(self.start_spindle(spindle, direction, wait_for_speed, line, settings)),
+            Call::StopSpindle { spindle } => return Ok(self.stop_spindle(*spindle, line)),
+            &Call::OrientSpindle {
+                spindle,
+                degrees,
+                direction,
+            } => return at_rest(self.orient(spindle, degrees, direction)?),
+            &Call::WaitSpindleOriented { spindle, timeout_s } => return at_rest(self.oriented(spindle, timeout_s)?),
+            &Call::StartSpindleSync {
+                spindle,
+                mm_per_turn,
+                velocity,
+            } => self.start_sync(spindle, mm_per_turn, velocity, settings)?,
             Call::StopSpindleSync => self.pitch_mm = None,
-            Call::SetFeedMode(mode) => self.per_turn = matches!(mode, FeedMode::PerTurn { .. }),
-            // S follows, or holds again.
-            Call::SetSpindleMode { mode, .. } => self.spindle_mode = *mode,
-            Call::SetSpindleSpeed { speed, .. } => {
-                self.speed = *speed;
-                self.speed_changed = self.spindle.is_some();
-                return Ok(self.spindle_on(settings).and_then(|action| self.act(action, line)));
-            }
-            Call::StartSpindle { direction, wait_for_speed, .. } => {
-                self.orienting = false;
-                self.spindle = Some(*direction);
-                // A tap in a floating holder goes back while the spindle still comes to its speed.
-                self.speed_changed = *wait_for_speed;
-                return Ok(self.spindle_on(settings).and_then(|action| self.act(action, line)));
-            }
-            Call::OrientSpindle { degrees, direction, .. } => {
-                (self.spindle, self.speed_changed, self.orienting) = (None, false, true);
-                self.auxiliary.spindle = None;
-                let action = Action::OrientSpindle { degrees: *degrees, direction: *direction };
-                return Ok(Some(Entry::Rest(Element::Action { action, line })));
-            }
-            Call::WaitSpindleOriented { timeout_s, .. } => {
-                self.orienting = false;
-                let action = Action::AwaitOriented { timeout_s: Some(*timeout_s) };
-                return Ok(Some(Entry::Rest(Element::Action { action, line })));
-            }
-            Call::StopSpindle { .. } => {
-                self.orienting = false;
-                self.spindle = None;
-                self.speed_changed = false;
-                return Ok(self.act(Action::SpindleOff, line));
-            }
             // What is done between two moves.
+            &Call::Dwell { seconds } => return Ok(Some(Entry::rest(Element::Dwell { seconds, line }))),
             Call::Mist(on) => return Ok(self.act(Action::Mist(*on), line)),
             Call::Flood(on) => return Ok(self.act(Action::Flood(*on), line)),
-            Call::SelectTool { tool } => return Ok(self.act(Action::SelectTool { tool: *tool }, line)),
-            Call::ChangeTool { tool, .. } => return Ok(self.act(Action::ChangeTool { tool: *tool }, line)),
-            Call::SetToolNumber { tool, .. } => return Ok(self.act(Action::SetTool { tool: *tool }, line)),
+            &Call::SelectTool { tool } => return Ok(self.act(Action::SelectTool { tool }, line)),
+            &Call::ChangeTool { tool, .. } => return Ok(self.act(Action::ChangeTool { tool }, line)),
+            &Call::SetToolNumber { tool, .. } => return Ok(self.act(Action::SetTool { tool }, line)),
             // Lines that a program writes are numbered with its messages.
             Call::Message(_)
             | Call::Record(
@@ -361,52 +298,75 @@ impl Program {
                 let number = self.auxiliary.messages;
                 return Ok(self.act(Action::Message { number }, line));
             }
-            Call::SetDigitalOutput { index, on, with_motion } => {
-                let mut outputs = Outputs::NONE;
-                if !outputs.set_digital(*index, *on) {
-                    return Err(PlanErrorKind::NoSuchOutput { index: *index });
-                }
-                return Ok(self.set_outputs(&outputs, *with_motion, line));
+            &Call::SetDigitalOutput { index, on, with_motion } => {
+                return self.set_output(index, |outputs| outputs.set_digital(index, on), with_motion, line);
             }
-            Call::SetAnalogOutput { index, value, with_motion } => {
-                let mut outputs = Outputs::NONE;
-                if !outputs.set_analog(*index, *value) {
-                    return Err(PlanErrorKind::NoSuchOutput { index: *index });
-                }
-                return Ok(self.set_outputs(&outputs, *with_motion, line));
+            &Call::SetAnalogOutput {
+                index,
+                value,
+                with_motion,
+            } => return self.set_output(index, |outputs| outputs.set_analog(index, value), with_motion, line),
+            &Call::WaitInput { input, mode, timeout_s } => {
+                return at_rest(Action::AwaitInput { input, mode, timeout_s });
             }
-            Call::WaitInput { input, mode, timeout_s } => {
-                let action = Action::AwaitInput { input: *input, mode: *mode, timeout_s: *timeout_s };
-                return Ok(Some(Entry::Rest(Element::Action { action, line })));
-            }
-            Call::UserCode { number, p, q } => {
-                let action = Action::UserCode { number: *number, p: *p, q: *q };
-                return Ok(Some(Entry::Rest(Element::Action { action, line })));
-            }
+            &Call::UserCode { number, p, q } => return at_rest(Action::UserCode { number, p, q }),
             Call::ProgramStop => return Ok(self.act(Action::ProgramStop, line)),
             Call::OptionalProgramStop => return Ok(self.act(Action::OptionalStop, line)),
             Call::ProgramEnd => return Ok(self.act(Action::ProgramEnd, line)),
             Call::Finish => return Ok(self.act(Action::TextEnd, line)),
             // What this machine cannot do.
             Call::SetCutterCompensation(Some(_)) => {
-                return unsupported("a programmed path with cutter compensation (G41, G42)");
+                let what = "a programmed path with cutter compensation (G41, G42)";
+                return Err(PlanErrorKind::Unsupported(what));
             }
-            // Of no consequence for motion: told for those who print, and for the process.
+            // Of no consequence for motion: told for those who print, and for the process. There is one planner, with limited jerk; and
+            // M48 and M49 name all spindles that could be.
             Call::SelectPlane(_)
             | Call::UseLengthUnit(_)
             | Call::Comment(_)
             | Call::Record(Record::OpenProbeLog(_) | Record::CloseProbeLog)
             | Call::SetCutterCompensation(None)
-            | Call::EnableSpeedOverride { .. } // of a spindle that there is not: M48 and M49 name all that could be
+            | Call::EnableSpeedOverride { .. }
             | Call::StartChange
             | Call::SetToolEntry(_)
             | Call::ReloadToolTable
-            | Call::SetPlanner { .. } // there is one planner, with limited jerk
+            | Call::SetPlanner { .. }
             | Call::Probe(_)
             | Call::PalletShuttle
             | Call::Reset => {}
         }
         Ok(None)
+    }
+
+    fn set_feed(&mut self, mm_s: f64, degrees_s: f64) {
+        self.feed = (mm_s > 0.0).then_some(Feed { mm_s, degrees_s });
+    }
+
+    /// The zero of X may be another place now: tells the spindle what that is for the speed of its surface.
+    fn tell_centre(&mut self, line: u32, settings: &Settings) -> Option<Entry> {
+        let action = self.centre_moved(settings)?;
+        self.act(action, line)
+    }
+
+    fn set_tool_offset(
+        &mut self,
+        offset: &Position,
+        line: u32,
+        settings: &Settings,
+    ) -> Result<Option<Entry>, PlanErrorKind> {
+        let length_mm = if self.tool_frame.tcp { offset[Axis::Z] } else { 0.0 };
+        let tool_frame = ToolFrame {
+            length_mm,
+            ..self.tool_frame
+        };
+        let entry = self.reframe(tool_frame, settings)?;
+        self.frame.tool = *offset;
+        Ok(entry.or_else(|| self.tell_centre(line, settings)))
+    }
+
+    fn set_tool_centre_point(&mut self, on: bool, settings: &Settings) -> Result<Option<Entry>, PlanErrorKind> {
+        let length_mm = if on { self.frame.tool[Axis::Z] } else { 0.0 };
+        self.reframe(ToolFrame { tcp: on, length_mm }, settings)
     }
 
     /// The axes rest somewhere on the way of the last move.
@@ -446,9 +406,9 @@ impl Program {
         let (start, end) = (reframed(self.start())?, reframed(self.position)?);
         self.position = end;
         let owed = self.owed.take();
-        self.owed = owed.and_then(|owed| {
-            let piece = Piece::line(start, end)?.in_frame(to);
-            Some(Move { piece, ..owed })
+        self.owed = owed.and_then(|mut owed| {
+            owed.piece = Piece::line(start, end)?.in_frame(to);
+            Some(owed)
         });
         self.tool_frame = to;
         Ok(Some(Entry::Halt))

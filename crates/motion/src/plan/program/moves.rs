@@ -65,12 +65,12 @@ impl Program {
             return Err(PlanErrorKind::Unsupported("a probing move of no length"));
         }
         match self.straight(to, line, false, settings)? {
-            Some(Entry::Move(Move { piece, feed, line, .. })) => {
-                let limits = probing::limits_along(&piece, settings)?;
-                Ok(Some(Entry::Rest(Element::Probing(Probing {
-                    piece,
+            Some(Entry::Move(part)) => {
+                let limits = probing::limits_along(&part.piece, settings)?;
+                Ok(Some(Entry::rest(Element::Probing(Probing {
+                    piece: part.piece,
                     mode,
-                    feed,
+                    feed: part.feed,
                     limits,
                     line,
                 }))))
@@ -95,13 +95,47 @@ impl Program {
             self.owe(end, line, rapid, settings)?;
             return Ok(None);
         }
-        match Piece::line(start, end) {
-            Some(piece) => self
-                .accept(piece, end, line, rapid, settings)
-                .map(Entry::Move)
-                .map(Some),
-            None => Ok(None),
+        let Some(mut piece) = Piece::line(start, end) else {
+            return Ok(None);
+        };
+        self.accept(&mut piece, end, line, rapid, settings)
+            .map(Entry::Move)
+            .map(Some)
+    }
+
+    /// A straight move at feed, in step with the spindle where a pitch is set.
+    pub(super) fn straight_feed(
+        &mut self,
+        to: &Position,
+        line: u32,
+        settings: &Settings,
+    ) -> Result<Option<Entry>, PlanErrorKind> {
+        match self.pitch_mm {
+            Some(pitch_mm) => self.synced(to, pitch_mm, None, line, settings),
+            None => self.straight(to, line, false, settings),
         }
+    }
+
+    pub(super) fn arc_feed(
+        &mut self,
+        to: &Position,
+        plane: Plane,
+        centre_mm: [f64; 2],
+        turns: i32,
+        line: u32,
+        settings: &Settings,
+    ) -> Result<Option<Entry>, PlanErrorKind> {
+        if self.pitch_mm.is_some() {
+            return Err(PlanErrorKind::Unsupported("an arc in step with the spindle"));
+        }
+        let mut piece = self.arc(to, plane, centre_mm, turns)?;
+        let end = self.frame.machine(to);
+        if piece.length() <= NO_MOVE && is_no_move(&self.start(), &end) {
+            return self.owe(end, line, false, settings).map(|()| None);
+        }
+        self.accept(&mut piece, end, line, false, settings)
+            .map(Entry::Move)
+            .map(Some)
     }
 
     /// Where the next move begins: the last one may have been none.
@@ -125,10 +159,9 @@ impl Program {
             Some(piece) => {
                 let piece = piece.in_frame(self.tool_frame);
                 let feed = self.allowed(&piece, &start, rapid, settings)?;
-                Some(Move {
-                    corner: Corner::Stop,
-                    ..self.part(piece, feed, line, rapid, settings)
-                })
+                let mut owed = self.part(&piece, feed, line, rapid, settings);
+                owed.corner = Corner::Stop;
+                Some(owed)
             }
             None => None,
         };
@@ -137,26 +170,23 @@ impl Program {
     }
 
     /// What is left of the way to where the program is, from rest to rest: no move has led there.
-    pub(in crate::plan) fn take_owed(&mut self) -> Option<Move> {
-        let owed = self.owed.take()?;
+    pub(in crate::plan) fn take_owed(&mut self) -> Option<Box<Move>> {
+        let mut owed = self.owed.take()?;
         self.take_outputs();
-        Some(Move {
-            auxiliary: self.auxiliary,
-            modes: self.modes,
-            ..owed
-        })
+        (owed.auxiliary, owed.modes) = (self.auxiliary, self.modes);
+        Some(owed)
     }
 
     pub(super) fn accept(
         &mut self,
-        piece: Piece,
+        piece: &mut Piece,
         end: Position,
         line: u32,
         rapid: bool,
         settings: &Settings,
-    ) -> Result<Move, PlanErrorKind> {
-        let piece = piece.in_frame(self.tool_frame);
-        let feed = self.allowed(&piece, &self.start(), rapid, settings)?;
+    ) -> Result<Box<Move>, PlanErrorKind> {
+        piece.set_frame(self.tool_frame);
+        let feed = self.allowed(piece, &self.start(), rapid, settings)?;
         self.position = end;
         self.owed = None;
         self.take_outputs();
@@ -177,7 +207,7 @@ impl Program {
     }
 
     /// A piece with all that holds for it.
-    fn part(&self, piece: Piece, feed: f64, line: u32, rapid: bool, settings: &Settings) -> Move {
+    fn part(&self, piece: &Piece, feed: f64, line: u32, rapid: bool, settings: &Settings) -> Box<Move> {
         let corner = match self.mode {
             PathMode::ExactPath => Corner::Exact,
             PathMode::ExactStop => Corner::Stop,
@@ -196,8 +226,8 @@ impl Program {
             } => naive_cam_tolerance_mm.unwrap_or(0.0),
             PathMode::ExactPath | PathMode::ExactStop => 0.0,
         };
-        Move {
-            piece,
+        Box::new(Move {
+            piece: *piece,
             feed,
             line,
             rapid,
@@ -209,16 +239,10 @@ impl Program {
             modes: self.modes,
             corner,
             naive_cam_mm,
-        }
+        })
     }
 
-    pub(super) fn arc(
-        &self,
-        to: &Position,
-        plane: Plane,
-        centre_mm: [f64; 2],
-        turns: i32,
-    ) -> Result<Piece, PlanErrorKind> {
+    fn arc(&self, to: &Position, plane: Plane, centre_mm: [f64; 2], turns: i32) -> Result<Piece, PlanErrorKind> {
         if let Plane::Uv | Plane::Wu | Plane::Vw = plane {
             return Err(PlanErrorKind::Unsupported(
                 "an arc in the planes of U, V and W (G17.1 to G19.1)",

@@ -5,7 +5,7 @@
 
 use super::moves::{check_time, is_no_move};
 use super::{Entry, Program};
-use crate::canon::{Axis, Position, SpindleMode};
+use crate::canon::{Axis, FeedMode, OrientDirection, Position, SpindleDirection, SpindleMode};
 use crate::element::{Action, Element, Surface, Synced, Tap};
 use crate::path::Piece;
 use crate::plan::limits::Bounds;
@@ -53,6 +53,134 @@ impl Program {
         self.spindle_on(settings)
     }
 
+    /// What a call for the first spindle alone is for the others.
+    fn only_the_first(spindle: u8) -> Result<(), PlanErrorKind> {
+        if spindle == 0 {
+            return Ok(());
+        }
+        let what = "more of a second spindle ($1 and above) than S, M3, M4 and M5";
+        Err(PlanErrorKind::Unsupported(what))
+    }
+
+    pub(super) fn set_feed_mode(&mut self, mode: FeedMode) -> Result<(), PlanErrorKind> {
+        self.per_turn = match mode {
+            FeedMode::PerTime => false,
+            FeedMode::PerTurn { spindle } => {
+                Program::only_the_first(spindle)?;
+                true
+            }
+        };
+        Ok(())
+    }
+
+    /// S follows, or holds again.
+    pub(super) fn set_spindle_mode(&mut self, spindle: u8, mode: SpindleMode) -> Result<(), PlanErrorKind> {
+        match mode {
+            SpindleMode::Rpm if spindle > 0 => return Ok(()),
+            SpindleMode::Rpm => {}
+            SpindleMode::ConstantSurfaceSpeed { .. } => Program::only_the_first(spindle)?,
+        }
+        self.spindle_mode = mode;
+        Ok(())
+    }
+
+    pub(super) fn set_speed(&mut self, spindle: u8, speed: f64, line: u32, settings: &Settings) -> Option<Entry> {
+        if spindle > 0 {
+            let (_, direction) = *self.others.get(usize::from(spindle))?;
+            let told = self.turn_other(spindle, (speed, direction), line);
+            return told.filter(|_| direction.is_some());
+        }
+        self.speed = speed;
+        self.speed_changed = self.spindle.is_some();
+        let action = self.spindle_on(settings)?;
+        self.act(action, line)
+    }
+
+    pub(super) fn start_spindle(
+        &mut self,
+        spindle: u8,
+        direction: SpindleDirection,
+        wait_for_speed: bool,
+        line: u32,
+        settings: &Settings,
+    ) -> Option<Entry> {
+        if spindle > 0 {
+            let (speed, _) = *self.others.get(usize::from(spindle))?;
+            return self.turn_other(spindle, (speed, Some(direction)), line);
+        }
+        self.orienting = false;
+        self.spindle = Some(direction);
+        // A tap in a floating holder goes back while the spindle still comes to its speed.
+        self.speed_changed = wait_for_speed;
+        let action = self.spindle_on(settings)?;
+        self.act(action, line)
+    }
+
+    pub(super) fn stop_spindle(&mut self, spindle: u8, line: u32) -> Option<Entry> {
+        if spindle > 0 {
+            let (speed, before) = *self.others.get(usize::from(spindle))?;
+            return self
+                .turn_other(spindle, (speed, None), line)
+                .filter(|_| before.is_some());
+        }
+        (self.spindle, self.speed_changed, self.orienting) = (None, false, false);
+        self.act(Action::SpindleOff, line)
+    }
+
+    /// A spindle beside the first is told its speed and direction, at rest.
+    fn turn_other(&mut self, spindle: u8, to: (f64, Option<SpindleDirection>), line: u32) -> Option<Entry> {
+        *self.others.get_mut(usize::from(spindle))? = to;
+        let rpm = to.1.map(|direction| match direction {
+            SpindleDirection::Clockwise => to.0,
+            SpindleDirection::Counterclockwise => -to.0,
+        });
+        let action = Action::TurnSpindle { spindle, rpm };
+        Some(Entry::rest(Element::Action { action, line }))
+    }
+
+    /// M19.
+    pub(super) fn orient(
+        &mut self,
+        spindle: u8,
+        degrees: f64,
+        direction: OrientDirection,
+    ) -> Result<Action, PlanErrorKind> {
+        Program::only_the_first(spindle)?;
+        (self.spindle, self.speed_changed, self.orienting) = (None, false, true);
+        self.auxiliary.spindle = None;
+        Ok(Action::OrientSpindle { degrees, direction })
+    }
+
+    /// Q of M19.
+    pub(super) fn oriented(&mut self, spindle: u8, timeout_s: f64) -> Result<Action, PlanErrorKind> {
+        Program::only_the_first(spindle)?;
+        self.orienting = false;
+        let timeout_s = Some(timeout_s);
+        Ok(Action::AwaitOriented { timeout_s })
+    }
+
+    /// The moves that follow are in step with the spindle.
+    pub(super) fn start_sync(
+        &mut self,
+        spindle: u8,
+        mm_per_turn: f64,
+        velocity: bool,
+        settings: &Settings,
+    ) -> Result<(), PlanErrorKind> {
+        Program::only_the_first(spindle)?;
+        if velocity {
+            return Err(PlanErrorKind::Unsupported("motion at the speed of the spindle only"));
+        }
+        if !settings.spindle_encoder {
+            return Err(PlanErrorKind::NoSpindleEncoder);
+        }
+        if !mm_per_turn.is_finite() || mm_per_turn == 0.0 {
+            return Err(PlanErrorKind::NotFinite);
+        }
+        self.pitch_mm = Some(mm_per_turn.abs());
+        Ok(())
+    }
+
     /// Turns per second for which feed by turns is planned: as programmed or, with a speed of the surface, the most. What the
     /// spindle does less, the interpolation makes up for.
     pub(super) fn turns_s(&self, settings: &Settings) -> Result<f64, PlanErrorKind> {
@@ -69,6 +197,20 @@ impl Program {
             let nearest = surface.centre_mm.clamp(low, high);
             most.min(surface.rpm(nearest) / 60.0)
         }))
+    }
+
+    /// G33.1.
+    pub(super) fn tap(
+        &mut self,
+        to: &Position,
+        return_scale: f64,
+        line: u32,
+        settings: &Settings,
+    ) -> Result<Option<Entry>, PlanErrorKind> {
+        match self.pitch_mm {
+            Some(pitch_mm) => self.synced(to, pitch_mm, Some(return_scale), line, settings),
+            None => Err(PlanErrorKind::Unsupported("rigid tapping (G33.1) without a pitch")),
+        }
     }
 
     /// A straight move in step with the spindle, from rest to rest; `return_scale`: there and back.
@@ -113,7 +255,7 @@ impl Program {
         if return_scale.is_none() {
             self.position = end;
         }
-        Ok(Some(Entry::Rest(Element::Synced(Synced {
+        Ok(Some(Entry::rest(Element::Synced(Synced {
             piece: piece.in_frame(self.tool_frame),
             pitch_mm,
             limits: MotionLimits {

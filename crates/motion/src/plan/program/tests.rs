@@ -1,7 +1,7 @@
 //! Tests of what calls come to.
 
 use super::*;
-use crate::canon::{AXES, Plane};
+use crate::canon::{AXES, FeedMode, Plane};
 use crate::element::Surface;
 use crate::path::Group;
 use crate::plan::AxisLimits;
@@ -26,7 +26,7 @@ fn settings() -> Settings {
 
 fn moved(program: &mut Program, call: Call) -> Move {
     match program.run(1, &call, &settings()) {
-        Ok(Some(Entry::Move(part))) => part,
+        Ok(Some(Entry::Move(part))) => *part,
         other => panic!("a move expected: {other:?}"),
     }
 }

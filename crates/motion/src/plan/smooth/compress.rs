@@ -55,7 +55,7 @@ enum Start {
 /// Makes runs and compresses them.
 #[derive(Debug)]
 pub(super) struct Compressor {
-    moves: VecDeque<Move>,
+    moves: VecDeque<Box<Move>>,
     start: Start,
     /// Moves at which the window is looked at.
     full: usize,
@@ -90,7 +90,7 @@ const FRESH: Start = Start::Line {
 };
 
 impl Compressor {
-    pub(super) fn push(&mut self, part: Move, settings: &Settings, out: &mut Vec<Leg>) {
+    pub(super) fn push(&mut self, part: Box<Move>, settings: &Settings, out: &mut Vec<Leg>) {
         if let Some(last) = self.moves.back() {
             if !soft(last, &part) {
                 self.flush(settings, out);
@@ -188,17 +188,20 @@ impl Compressor {
 
     /// Lets go what is left of the first move, as it is.
     fn let_go_first(&mut self, settings: &Settings, out: &mut Vec<Leg>) {
-        if let Some(part) = self.moves.pop_front() {
+        if let Some(mut part) = self.moves.pop_front() {
             match self.start {
                 Start::Line { from, room, run } => {
                     let length = part.piece.length();
                     // Behind a curve all that is left may be used by a corner, else half.
                     let end = if from > 0.0 { length - from } else { length / 2.0 };
-                    out.extend(part.piece.cut(from, length).map(|piece| Leg {
-                        part: Move { piece, ..part },
-                        room: [room.min(length / 2.0), end],
-                        whole: run + length,
-                    }));
+                    if let Some(piece) = part.piece.cut(from, length) {
+                        part.piece = piece;
+                        out.push(Leg {
+                            part,
+                            room: [room.min(length / 2.0), end],
+                            whole: run + length,
+                        });
+                    }
                 }
                 Start::Curve(jet) => out.extend(bridge(&jet, &part, settings)),
             }
@@ -212,11 +215,11 @@ impl Compressor {
             let whole = run + self.begins + self.run();
             let room = room.min(part.piece.length() / 2.0);
             out.extend(part.piece.cut(from, self.begins).map(|piece| Leg {
-                part: Move {
+                part: Box::new(Move {
                     piece,
                     corner: Corner::Exact,
-                    ..*part
-                },
+                    ..**part
+                }),
                 room: [room, 0.0],
                 whole,
             }));
@@ -259,7 +262,7 @@ impl Compressor {
         track.axes = axes.count;
         track.tolerance = moves[..count]
             .iter()
-            .filter_map(tolerance)
+            .filter_map(|part| tolerance(part))
             .fold(f64::INFINITY, f64::min);
         track.start = axes.state(&begin);
         track.end = closed.then(|| axes.state(&end));
@@ -366,12 +369,12 @@ impl Compressor {
                 feed = feed.min(self.moves[chord].feed);
             }
             pieces.push(Leg {
-                part: Move {
+                part: Box::new(Move {
                     piece: piece.in_frame(*first.frame()),
                     feed,
                     corner: Corner::Exact,
-                    ..self.moves[chord]
-                },
+                    ..*self.moves[chord]
+                }),
                 room: [0.0; 2],
                 whole: piece.length(),
             });
@@ -414,7 +417,7 @@ fn flat(chords: &[Chord], axes: usize, tolerance: f64) -> bool {
 
 /// Length of a straight move along which the curve of the moves beside it may begin: about twice that over which the
 /// tolerance lets it go over from straight to bent.
-fn extent<'a>(straight: &Move, beside: impl Iterator<Item = &'a Move>) -> f64 {
+fn extent<'a>(straight: &Move, beside: impl Iterator<Item = &'a Box<Move>>) -> f64 {
     let Some(tolerance) = tolerance(straight) else {
         return 0.0;
     };
@@ -434,7 +437,7 @@ fn extent<'a>(straight: &Move, beside: impl Iterator<Item = &'a Move>) -> f64 {
 }
 
 /// Whether the last of these moves is so long that a run ends on it and another begins.
-fn long(moves: &VecDeque<Move>) -> bool {
+fn long(moves: &VecDeque<Box<Move>>) -> bool {
     let mut back = moves.iter().rev();
     let (Some(last), Some(before)) = (back.next(), back.next()) else {
         return false;
@@ -462,7 +465,7 @@ struct Moving {
 }
 
 impl Moving {
-    fn choose(&mut self, begin: &Jet, until: &[f64; AXES], moves: &[Move]) {
+    fn choose(&mut self, begin: &Jet, until: &[f64; AXES], moves: &[Box<Move>]) {
         self.origin = begin.q;
         self.count = 0;
         for axis in 0..AXES {
@@ -543,7 +546,7 @@ fn bridge(jet: &Jet, part: &Move, settings: &Settings) -> impl Iterator<Item = L
     pieces.into_iter().flatten().map(move |piece| {
         let room = piece.length() / 2.0;
         Leg {
-            part: Move { piece, ..part },
+            part: Box::new(Move { piece, ..part }),
             room: [0.0, room],
             whole: piece.length(),
         }

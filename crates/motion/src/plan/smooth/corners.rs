@@ -86,11 +86,11 @@ fn meet(last: &Last, next: &mut Last, settings: &Settings, out: &mut Vec<Passed>
     next.from = corner.after;
     let (a, b) = (&last.leg.part, &next.leg.part);
     let seam = a.rapid != b.rapid;
-    let stretch = |piece, part: &Move| Stretch {
-        bounds,
-        feed: a.feed.min(b.feed),
-        seam,
-        ..stretch_of(piece, part)
+    let stretch = |piece, part: &Move| {
+        let mut stretch = stretch_of(piece, part);
+        stretch.bounds = bounds.map(Box::new);
+        (stretch.feed, stretch.seam) = (a.feed.min(b.feed), seam);
+        stretch
     };
     // The move changes in the middle of a corner, if there is one.
     let rounded = match corner.second {
@@ -109,10 +109,10 @@ fn meet(last: &Last, next: &mut Last, settings: &Settings, out: &mut Vec<Passed>
         b.piece.cut(0.0, corner.after),
     ];
     match taken {
-        [Some(before), Some(after)] if seam => out.push(Passed::Seam(Box::new(Seam {
+        [Some(before), Some(after)] if seam => out.push(Passed::Seam(Seam {
             rounded,
             exact: [stretch_of(before, a), stretch_of(after, b)],
-        }))),
+        })),
         _ => out.extend(rounded.map(Passed::Stretch)),
     }
 }
@@ -132,8 +132,8 @@ fn joinable(a: &Move, b: &Move, settings: &Settings) -> bool {
 }
 
 /// A piece of a move.
-fn stretch_of(piece: Piece, part: &Move) -> Stretch {
-    Stretch {
+fn stretch_of(piece: Piece, part: &Move) -> Box<Stretch> {
+    Box::new(Stretch {
         piece,
         bounds: None,
         feed: part.feed,
@@ -143,7 +143,7 @@ fn stretch_of(piece: Piece, part: &Move) -> Stretch {
         enables: part.enables,
         auxiliary: part.auxiliary,
         modes: part.modes,
-    }
+    })
 }
 
 /// The corner between two moves, if it is worth rounding, and the bounds of the blend if they were needed for that.

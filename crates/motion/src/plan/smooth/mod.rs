@@ -35,18 +35,18 @@ use min_jerk_blend::MinJerkBlend;
 use naive_cam::NaiveCam;
 use steps::Steps;
 
-use crate::element::{Auxiliary, Enables};
+use crate::element::{Auxiliary, Enables, Span};
 use crate::path::Piece;
 use crate::plan::limits::Bounds;
 use crate::plan::program::Move;
 use crate::plan::{PlannerKind, Settings};
 
 /// A piece of path with all that bounds its speed besides geometry.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Stretch {
     pub(super) piece: Piece,
     /// Of its geometry, where they were needed to make it.
-    pub(super) bounds: Option<Bounds>,
+    pub(super) bounds: Option<Box<Bounds>>,
     pub(super) feed: f64,
     pub(super) line: u32,
     pub(super) rapid: bool,
@@ -57,29 +57,49 @@ pub(super) struct Stretch {
     pub(super) modes: u32,
 }
 
+impl Stretch {
+    /// Motion along it, at rest at its beginning as long as nothing else is said.
+    pub(super) fn span(&self) -> Span {
+        Span {
+            piece: self.piece,
+            s0: 0.0,
+            v0: 0.0,
+            a0: 0.0,
+            jerk: 0.0,
+            gradient: 0.0,
+            duration_s: 0.0,
+            line: self.line,
+            rapid: self.rapid,
+            enables: self.enables,
+            auxiliary: self.auxiliary,
+            modes: self.modes,
+        }
+    }
+}
+
 /// A rounded corner between a rapid move and one at feed.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Seam {
     /// It changes from one move to the other in its middle.
-    pub(super) rounded: [Stretch; 2],
+    pub(super) rounded: [Box<Stretch>; 2],
     /// What it takes of the moves: the way over the corner itself, at which the machine comes to rest.
-    pub(super) exact: [Stretch; 2],
+    pub(super) exact: [Box<Stretch>; 2],
 }
 
 /// What comes out.
 #[derive(Clone, Debug)]
 pub(super) enum Passed {
-    Stretch(Stretch),
+    Stretch(Box<Stretch>),
     /// Only for the optimal planner. Before a move that an override of 0 holds, the machine waits at the corner itself.
-    Seam(Box<Seam>),
+    Seam(Seam),
     /// Rest before what follows.
     Stop,
 }
 
 /// A move, and how much of its beginning and of its end a rounded corner may use.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Leg {
-    part: Move,
+    part: Box<Move>,
     room: [f64; 2],
     /// Length of the move of which this is a part: speed may change over it.
     whole: f64,
@@ -93,15 +113,15 @@ pub(super) struct Smoother {
     compressor: Compressor,
     min_jerk_blend: MinJerkBlend,
     corners: Corners,
-    moves: Vec<Move>,
-    stepped: Vec<Move>,
+    moves: Vec<Box<Move>>,
+    stepped: Vec<Box<Move>>,
     legs: Vec<Leg>,
     blended: Vec<Leg>,
 }
 
 impl Smoother {
     /// Takes the next move.
-    pub(super) fn push(&mut self, part: Move, settings: &Settings, out: &mut Vec<Passed>) {
+    pub(super) fn push(&mut self, part: Box<Move>, settings: &Settings, out: &mut Vec<Passed>) {
         self.naive_cam.push(part, settings, &mut self.moves);
         self.pass(settings, out);
     }

@@ -32,13 +32,13 @@ const SHARES: [f64; 2] = [0.5, 0.01];
 #[derive(Debug, Default)]
 pub(super) struct NaiveCam {
     /// What the moves held back are so far.
-    merged: Option<Move>,
+    merged: Option<Box<Move>>,
     /// Their ends, but for the last.
     between: Vec<Position>,
 }
 
 impl NaiveCam {
-    pub(super) fn push(&mut self, mut part: Move, settings: &Settings, out: &mut Vec<Move>) {
+    pub(super) fn push(&mut self, mut part: Box<Move>, settings: &Settings, out: &mut Vec<Box<Move>>) {
         let allowed = match part.corner {
             Corner::Round(tolerance) => {
                 let share = SHARES[usize::from(part.naive_cam_mm >= tolerance)];
@@ -64,35 +64,37 @@ impl NaiveCam {
                 && before.auxiliary == part.auxiliary;
             let fits = before.corner != Corner::Exact || before.piece.length() < settings.cycle_s * part.feed;
             let same = alike && fits && self.between.len() < JOINED_MOVES_MAX;
-            let line = Piece::line(before.piece.position(0.0), part.piece.position(part.piece.length()))
-                .map(|line| line.in_frame(*part.piece.frame()))
-                .filter(|line| inside(line, settings));
-            match line {
-                Some(piece) if same && in_line(&piece, &before.piece, &part.piece, &self.between, allowed) => {
-                    self.merged = Some(Move { piece, ..part });
-                    return;
-                }
-                Some(_) | None => {
-                    self.between.clear();
-                    out.push(before);
-                }
+            if same && let Some(line) = self.joined(&before.piece, &part.piece, allowed, settings) {
+                part.piece = line;
+                self.merged = Some(part);
+                return;
             }
+            self.between.clear();
+            out.push(before);
         }
         self.merged = Some(part);
     }
 
-    pub(super) fn flush(&mut self, out: &mut Vec<Move>) {
+    pub(super) fn flush(&mut self, out: &mut Vec<Box<Move>>) {
         self.between.clear();
         out.extend(self.merged.take());
     }
+
+    /// The line that takes the place of both, if all between is near it.
+    fn joined(&self, first: &Piece, second: &Piece, allowed: f64, settings: &Settings) -> Option<Piece> {
+        let (start, end) = (first.position(0.0), second.position(second.length()));
+        // Nearly all moves end here.
+        if first.group() != second.group() || !are_in_line(&self.between, [&start.0, &end.0], allowed) {
+            return None;
+        }
+        let mut line = Piece::line(start, end)?;
+        line.set_frame(*second.frame());
+        (line.group() == first.group() && inside(&line, settings)).then_some(line)
+    }
 }
 
-/// Whether `points` follow each other along `line` and are no farther from it than `allowed`.
-fn in_line(line: &Piece, first: &Piece, second: &Piece, points: &[Position], allowed: f64) -> bool {
-    if first.group() != second.group() || line.group() != first.group() {
-        return false;
-    }
-    let (start, end) = (line.position(0.0).0, line.position(line.length()).0);
+/// Whether `points` follow each other along the line between two places and are no farther from it than `allowed`.
+fn are_in_line(points: &[Position], [start, end]: [&[f64; AXES]; 2], allowed: f64) -> bool {
     let along: [f64; AXES] = core::array::from_fn(|axis| end[axis] - start[axis]);
     let square: f64 = along.iter().map(|x| x * x).sum();
     let mut last = 0.0;
@@ -128,7 +130,7 @@ mod tests {
                 corner: Corner::Round(0.1),
                 naive_cam_mm: q,
             };
-            stage.push(part, &settings, &mut out);
+            stage.push(Box::new(part), &settings, &mut out);
         }
         stage.flush(&mut out);
         out.iter().map(|part| (part.line, part.piece.length())).collect()

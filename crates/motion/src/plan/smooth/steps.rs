@@ -32,9 +32,10 @@ pub(super) struct Steps {
 /// Moves that are one line so far; or any one, as it is.
 #[derive(Debug)]
 struct Run {
-    piece: Piece,
+    /// The line, once it is of more than one move.
+    line: Option<Box<Piece>>,
     /// The last of them.
-    last: Move,
+    last: Box<Move>,
     /// Places on the way: their ends, but for the last, and the middle of arcs.
     between: Vec<Position>,
     /// How far the line is off.
@@ -42,25 +43,30 @@ struct Run {
 }
 
 impl Steps {
-    pub(super) fn push(&mut self, part: Move, settings: &Settings, out: &mut Vec<Move>) {
-        if self.run.as_mut().is_none_or(|run| !run.takes(&part, settings)) {
-            self.settle(out);
-            self.run = Some(Run {
-                piece: part.piece,
-                last: part,
-                between: Vec::new(),
-                off: 0.0,
-            });
+    pub(super) fn push(&mut self, mut part: Box<Move>, settings: &Settings, out: &mut Vec<Box<Move>>) {
+        if let Some(run) = &mut self.run
+            && let Some(corner) = run.takes(&part, settings)
+        {
+            part.corner = corner;
+            run.last = part;
+            return;
         }
+        self.settle(out);
+        self.run = Some(Run {
+            line: None,
+            last: part,
+            between: Vec::new(),
+            off: 0.0,
+        });
     }
 
-    pub(super) fn flush(&mut self, out: &mut Vec<Move>) {
+    pub(super) fn flush(&mut self, out: &mut Vec<Box<Move>>) {
         self.settle(out);
         self.settle(out);
     }
 
     /// The run under way is over, and the one before it is let go.
-    fn settle(&mut self, out: &mut Vec<Move>) {
+    fn settle(&mut self, out: &mut Vec<Box<Move>>) {
         let run = self.run.take();
         let off = run.as_ref().map_or(0.0, |run| run.off);
         out.extend(self.before.take().map(|before| before.let_go(off)));
@@ -70,51 +76,49 @@ impl Steps {
 
 impl Run {
     /// What lines on either side of a corner are off is not left for rounding it; `off`: of the next one.
-    fn let_go(self, off: f64) -> Move {
+    fn let_go(self, off: f64) -> Box<Move> {
         let off = off.max(self.off);
-        let corner = match self.last.corner {
+        let mut part = self.last;
+        part.corner = match part.corner {
             Corner::Round(tolerance) if tolerance > off => Corner::Round(tolerance - off),
             Corner::Round(_) => Corner::Exact,
             corner @ (Corner::Exact | Corner::Stop) => corner,
         };
-        Move {
-            piece: self.piece,
-            corner,
-            ..self.last
+        if let Some(line) = self.line {
+            part.piece = *line;
         }
+        part
     }
 
-    /// Takes the next move if it is tiny and belongs to the same line.
-    fn takes(&mut self, part: &Move, settings: &Settings) -> bool {
+    /// Takes the next move if it is tiny and belongs to the same line, with this corner at its end; the caller makes it the last.
+    fn takes(&mut self, part: &Move, settings: &Settings) -> Option<Corner> {
         let (last, next) = (&self.last.piece, &part.piece);
         let (Corner::Round(tolerance), Corner::Round(its)) = (self.last.corner, part.corner) else {
-            return false;
+            return None;
         };
         let tolerance = tolerance.min(its);
         // Nearly all moves end here.
         if next.length() >= tolerance || part.rapid || self.last.rapid || self.between.len() + 2 > JOINED_MOVES_MAX {
-            return false;
+            return None;
         }
         let group = last.group();
         let alike =
             self.last.feed == part.feed && self.last.enables == part.enables && self.last.auxiliary == part.auxiliary;
         if !alike || group != next.group() || group == Group::Rotary {
-            return false;
+            return None;
         }
         let [bent, next_bent] = [last, next].map(|piece| !matches!(piece.shape(), Shape::Line(_)));
         let tiny = |piece: &Piece| piece.length() < tolerance;
         if (bent && self.between.is_empty() && !tiny(last)) || is_blend(last) || is_blend(next) {
-            return false;
+            return None;
         }
         let gentle = !bent && !next_bent && turning(group, &last.jet(0.0), &next.jet(0.0)) < SHARP;
         if self.between.is_empty() && gentle {
-            return false;
+            return None;
         }
-        let line = Piece::line(self.piece.position(0.0), next.position(next.length()));
+        let start = self.line.as_deref().unwrap_or(last).position(0.0);
         // There and back is two moves.
-        let Some(line) = line.filter(|line| line.length() >= NO_MOVE) else {
-            return false;
-        };
+        let line = Piece::line(start, next.position(next.length())).filter(|line| line.length() >= NO_MOVE)?;
         let before = self.between.len();
         if bent && self.between.is_empty() {
             self.between.push(last.position(0.5 * last.length()));
@@ -126,12 +130,11 @@ impl Run {
         let line = line.in_frame(*next.frame());
         let off = off_line(&line, &self.between);
         if line.group() == group && off <= SHARE * tolerance && inside(&line, settings) {
-            let corner = Corner::Round(tolerance);
-            (self.piece, self.last, self.off) = (line, Move { corner, ..*part }, off);
-            return true;
+            (self.line, self.off) = (Some(Box::new(line)), off);
+            return Some(Corner::Round(tolerance));
         }
         self.between.truncate(before);
-        false
+        None
     }
 }
 

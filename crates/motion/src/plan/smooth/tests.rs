@@ -43,7 +43,7 @@ fn moves(points: &[Position], tolerance: f64) -> Vec<Move> {
 fn smoothed(moves: &[Move], planner_kind: PlannerKind) -> Vec<Passed> {
     let (mut smoother, mut out, settings) = (Smoother::default(), Vec::new(), settings(planner_kind));
     for part in moves {
-        smoother.push(*part, &settings, &mut out);
+        smoother.push(Box::new(*part), &settings, &mut out);
     }
     smoother.flush(&settings, &mut out);
     out

@@ -3,7 +3,7 @@
 //! In:  states at the knots of border windows and windows, or that there is no way.
 //! Out: the elements of windows, and the stops behind them; where there is no way, planning restarts before it.
 
-use super::{After, Asked, Entry, Part, Place, Ready, State, Step, Stream, Tail};
+use super::{After, Asked, Entry, Next, Part, Place, Ready, State, Step, Stream, Tail};
 use crate::plan::limits::PathLimits;
 use crate::plan::optimal::joints::Joints;
 use crate::plan::optimal::sections::Sections;
@@ -20,8 +20,7 @@ impl Stream {
         self.sections = Sections::new(place, &self.log);
         self.section = None;
         self.left_over = None;
-        self.entry = entry;
-        self.careful = careful;
+        self.next = Next { entry, careful };
     }
 
     /// A window has no solution: what follows the last known place is planned again, its beginning without the solver.
@@ -56,19 +55,8 @@ impl Stream {
             self.do_urgent();
             return;
         }
-        loop {
-            let wait = self.finished || self.jobs.under_way() > 4 * (self.workers.threads() + 1);
-            let answer = if wait {
-                self.jobs.wait_next()
-            } else {
-                self.jobs.try_next()
-            };
-            // Only an answer takes its question away: one that is not there yet comes later.
-            let Some(answer) = answer else { return };
-            let Some(asked) = self.asked.pop_front() else {
-                return;
-            };
-            self.solved(asked, answer.ok().and_then(Result::ok));
+        while let Some((asked, states)) = self.jobs.next(self.finished || self.jobs.are_many()) {
+            self.solved(asked, states);
         }
     }
 

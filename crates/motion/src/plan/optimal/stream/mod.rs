@@ -9,10 +9,12 @@
 //! section      parts -> spans between knots -> windows, as jobs
 //! phases       what needs no knots: straight sections
 //! answers      solved windows -> elements; what to do where there is no way
+//! jobs         windows and borders that are being solved
 //! publication  what is handed over when, and what takes its place when an override changes
 //! ```
 
 mod answers;
+mod jobs;
 mod phases;
 mod publication;
 mod section;
@@ -24,14 +26,15 @@ use super::knots::{Knots, Knotted, TakenOver, step_s};
 use super::sections::{Item, Kept, Log, Part, Place, Sections};
 use super::slopes::Made;
 use super::solver::{JointJet, Knotting, Launch, State};
-use super::windows::{Answer, States, Times, Uncut, WINDOW_SPANS, Window};
+use super::windows::{States, Times, Uncut, WINDOW_SPANS, Window};
 use crate::element::Element;
 use crate::plan::gate::Gate;
 use crate::plan::junctions::{Meeting, meeting};
 use crate::plan::smooth::{Passed, Stretch};
-use crate::plan::workers::{Ordered, Workers};
+use crate::plan::workers::Workers;
 use crate::plan::{Pumped, Settings};
 use crate::ring::{Publish, Sink};
+use jobs::{Asked, Jobs};
 use publication::Changes;
 pub(in crate::plan) use publication::Override;
 
@@ -106,23 +109,54 @@ struct Pending {
     rests: bool,
 }
 
-/// Which job an answer belongs to.
-#[derive(Debug)]
-enum Asked {
-    /// The border at the right end of this window.
-    Border {
-        window: u64,
-        before: usize,
-    },
-    Window(u64),
-}
-
 /// How a section begins.
 #[derive(Clone, Copy, Debug)]
 enum Entry {
     Rest,
     /// In the middle of another plan.
     TakenOver(TakenOver),
+}
+
+/// How the next section begins, and whether it is planned without the solver.
+#[derive(Clone, Copy, Debug)]
+struct Next {
+    entry: Entry,
+    careful: bool,
+}
+
+impl Next {
+    const REST: Next = Next {
+        entry: Entry::Rest,
+        careful: false,
+    };
+}
+
+/// The stop behind what has been handed over last.
+#[derive(Debug)]
+struct Stop {
+    /// Empty: what has been handed over ends at rest.
+    elements: Vec<Element>,
+    /// Where its elements end.
+    ends: Vec<Place>,
+    /// Where the machine is at rest behind it.
+    rest: Place,
+    /// Whether it is in the ring, as a tail.
+    is_in_ring: bool,
+    /// Elements of it that a machine may be at.
+    live: usize,
+}
+
+impl Stop {
+    /// None: it rests here.
+    fn at_rest(rest: Place) -> Stop {
+        Stop {
+            elements: Vec::new(),
+            ends: Vec::new(),
+            rest,
+            is_in_ring: false,
+            live: 0,
+        }
+    }
 }
 
 /// The section under construction.
@@ -151,21 +185,14 @@ pub(in crate::plan) struct Stream {
     log: Log,
     sections: Sections,
     section: Option<Section>,
-    /// How the next section begins.
-    entry: Entry,
-    /// Whether it is planned without the solver.
-    careful: bool,
+    next: Next,
     steps: VecDeque<Step>,
     pending: VecDeque<Pending>,
     /// Number of the next window.
     windows: u64,
     /// What is known of the left border of a window that has not been cut off yet.
     left_over: Option<(u64, States, Option<Tail>)>,
-    jobs: Ordered<Answer>,
-    asked: VecDeque<Asked>,
-    workers: Workers,
-    /// Where the tail in the ring comes to rest.
-    tail: Option<Place>,
+    jobs: Jobs,
     finished: bool,
     /// How often planning has restarted at some place.
     begun_anew: u64,
@@ -174,16 +201,10 @@ pub(in crate::plan) struct Stream {
     handed: u64,
     /// How a change of the override is carried out.
     changes: Changes,
-    /// Elements of the tail in the ring.
-    tail_length: usize,
     /// Elements of the publication that found no room; 0: none is waiting. What is waiting only grows.
     refused: usize,
     gate: Gate,
-    /// The stop behind what has been handed over last; empty: it ends at rest at `rest`.
-    stop: Vec<Element>,
-    /// Where its elements end.
-    stop_ends: Vec<Place>,
-    rest: Place,
+    stop: Stop,
     /// From where it is planned anew because the gate has refused what was planned first; and the line, where that was refused, too.
     anew: Option<Place>,
     closed: Option<u32>,
@@ -203,27 +224,20 @@ impl Stream {
             sections: Sections::new(begin, &log),
             log,
             section: None,
-            entry: Entry::Rest,
-            careful: false,
+            next: Next::REST,
             steps: VecDeque::new(),
             pending: VecDeque::new(),
             windows: 0,
             left_over: None,
-            jobs: Ordered::new(workers),
-            asked: VecDeque::new(),
-            workers: workers.clone(),
-            tail: None,
+            jobs: Jobs::new(workers),
             finished: false,
             begun_anew: 0,
             jets: Vec::new(),
             handed: 0,
             changes: Changes::default(),
-            tail_length: 0,
             refused: 0,
             gate: Gate::new(settings),
-            stop: Vec::new(),
-            stop_ends: Vec::new(),
-            rest: begin,
+            stop: Stop::at_rest(begin),
             anew: None,
             closed: None,
             #[cfg(test)]
@@ -237,19 +251,20 @@ impl Stream {
     }
 
     /// The path goes on.
-    pub(in crate::plan) fn push(&mut self, passed: &Passed, settings: &Settings) {
+    pub(in crate::plan) fn push(&mut self, passed: Passed, settings: &Settings) {
         self.finished = false;
+        let (joints, jets) = (&self.joints, &mut self.jets);
         match passed {
             Passed::Stretch(stretch) => {
-                let before = self.log.last().copied();
-                let kept = self.kept(stretch, before.as_ref(), settings);
+                let kept = kept(stretch, self.log.last(), settings, joints, jets);
                 self.log.push(kept);
             }
             Passed::Seam(seam) => {
-                let before = self.log.last().copied();
-                let ways = [&seam.rounded, &seam.exact].map(|[first, second]| {
-                    let kept = self.kept(first, before.as_ref(), settings);
-                    [kept, self.kept(second, Some(&kept.item), settings)]
+                let before = self.log.last();
+                let ways = [seam.rounded, seam.exact].map(|[first, second]| {
+                    let first = kept(first, before, settings, joints, jets);
+                    let second = kept(second, Some(&first.item), settings, joints, jets);
+                    [first, second]
                 });
                 self.log.push_seam(ways);
             }
@@ -257,25 +272,8 @@ impl Stream {
         }
     }
 
-    fn kept(&mut self, stretch: &Stretch, before: Option<&Item>, settings: &Settings) -> Kept {
-        let meeting = match before {
-            Some(Item::Stretch(before)) => meeting(before, stretch, settings),
-            Some(Item::Rest(_)) | None => Meeting::Smooth,
-        };
-        let rapid = if stretch.rapid || stretch.seam {
-            self.joints.fastest(&stretch.piece, &mut self.jets)
-        } else {
-            f64::INFINITY
-        };
-        Kept {
-            item: Item::Stretch(*stretch),
-            rapid,
-            meeting,
-        }
-    }
-
     /// What is known ends at rest, where `element` happens if there is one.
-    pub(in crate::plan) fn rest(&mut self, element: Option<Element>) {
+    pub(in crate::plan) fn rest(&mut self, element: Option<Box<Element>>) {
         self.finished = false;
         self.log.push(Kept::rest(element));
     }
@@ -306,11 +304,11 @@ impl Stream {
                 Some(Publish::Full) => return Pumped::Blocked,
                 Some(Publish::Passed) => self.take_over(sink, true),
                 Some(Publish::TailTaken) => {
-                    self.tail_length = 0;
                     self.gate.tail_taken();
-                    self.stop.clear();
-                    let Some(rest) = self.tail.take() else { continue };
-                    self.rest = rest;
+                    let rest = self.stop.rest;
+                    if !std::mem::replace(&mut self.stop, Stop::at_rest(rest)).is_in_ring {
+                        continue;
+                    }
                     self.steps.clear();
                     self.pending.clear();
                     self.restart(rest, Entry::Rest, false);
@@ -318,7 +316,7 @@ impl Stream {
                 None if let Some(line) = self.closed => return Pumped::Refused { line },
                 None if self.is_done() => return Pumped::Done,
                 None if self.changes.withholds() => return Pumped::Blocked,
-                None if self.finished && self.jobs.under_way() > 0 => {}
+                None if self.finished && self.jobs.are_under_way() => {}
                 None if self.begun_anew != begun_anew || self.changes.has_failed() => {}
                 None => return Pumped::Hungry,
             }
@@ -328,11 +326,7 @@ impl Stream {
     /// Sends what is new through the stages.
     fn advance(&mut self) {
         let mut found = Vec::new();
-        // Jobs wait in memory: no more of them than keep all threads busy.
-        while self.jobs.under_way() <= 4 * (self.workers.threads() + 1)
-            && !self.has_urgent()
-            && self.sections.step(&self.log, &mut found)
-        {
+        while !self.jobs.are_many() && !self.has_urgent() && self.sections.step(&self.log, &mut found) {
             let begun_anew = self.begun_anew;
             for found in found.drain(..) {
                 self.push_found(found);
@@ -342,6 +336,28 @@ impl Stream {
                 }
             }
         }
+    }
+}
+
+/// A stretch behind what came before it.
+fn kept(
+    stretch: Box<Stretch>,
+    before: Option<&Item>,
+    settings: &Settings,
+    joints: &Joints,
+    jets: &mut Vec<JointJet>,
+) -> Kept {
+    Kept {
+        meeting: match before {
+            Some(Item::Stretch(before)) => meeting(before, &stretch, settings),
+            Some(Item::Rest(_)) | None => Meeting::Smooth,
+        },
+        rapid: if stretch.rapid || stretch.seam {
+            joints.fastest(&stretch.piece, jets)
+        } else {
+            f64::INFINITY
+        },
+        item: Item::Stretch(stretch),
     }
 }
 

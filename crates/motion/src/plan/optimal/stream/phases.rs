@@ -3,7 +3,7 @@
 //! In:  a section of one straight part, or one that the solver found no way through.
 //! Out: steps to hand over, with places where the machine could stop.
 
-use super::{After, Entry, Made, Part, Place, Ready, Step, Stream, Tail};
+use super::{After, Entry, Made, Next, Part, Place, Ready, Step, Stream, Tail};
 use crate::plan::limits::PathLimits;
 use crate::plan::optimal::slopes::{Emission, limits_from_rest_to_rest};
 use crate::plan::profile::{Phase, change_length, profile};
@@ -11,8 +11,7 @@ use crate::plan::profile::{Phase, change_length, profile};
 impl Stream {
     /// Plans the section under construction without knots, each part from rest to rest.
     pub(super) fn phases(&mut self) {
-        self.careful = false;
-        self.entry = Entry::Rest;
+        self.next = Next::REST;
         let Some(section) = self.section.take() else { return };
         if let Entry::TakenOver(_) = section.entry {
             self.changes.fail();

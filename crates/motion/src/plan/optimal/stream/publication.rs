@@ -20,7 +20,6 @@ use super::{
 use crate::element::{Element, Span};
 use crate::plan::optimal::sections::Shares;
 use crate::plan::optimal::windows::Job;
-use crate::plan::workers::Ordered;
 use crate::ring::{Publish, Sink, Timed};
 
 /// Time between the end of the element that the machine is at and the place from which a new plan is made, s; where that
@@ -183,7 +182,7 @@ impl Stream {
         self.forget_passed(sink);
         let Some(wanted) = self.changes.wanted else { return };
         // Without a consumer, what was handed in is final: it counts from the next rest on.
-        let idle = self.steps.is_empty() && self.section.is_none() && matches!(self.entry, Entry::Rest);
+        let idle = self.steps.is_empty() && self.section.is_none() && matches!(self.next.entry, Entry::Rest);
         if sink.consumer_at().is_none() && !idle {
             return;
         }
@@ -222,10 +221,7 @@ impl Stream {
     /// Begins a new plan behind an element that the machine reaches soon, or, after a failure, later than tried before.
     pub(super) fn take_over<S: Sink<Element>>(&mut self, sink: &mut S, later: bool) {
         self.forget_passed(sink);
-        self.steps.clear();
-        self.pending.clear();
-        self.asked.clear();
-        self.jobs = Ordered::new(&self.workers);
+        self.forget_plans();
         let lead_s = match (self.changes.under_way.take(), later) {
             (Some(change), true) => LEAD_GROWTH.0 * change.lead_s + LEAD_GROWTH.1,
             (Some(_) | None, _) => LEAD_S,
@@ -296,8 +292,7 @@ impl Stream {
             change.urgent.push_back((asked, job));
             return;
         }
-        self.asked.push_back(asked);
-        self.jobs.push(move || job.run());
+        self.jobs.order(asked, job);
     }
 
     /// Whether there is work for a new plan that goes before looking farther ahead.
@@ -364,11 +359,8 @@ impl Stream {
     }
 
     /// Hands over as much as makes one publication; `None` if nothing can be.
-    ///
-    /// A machine that may have to leave its plan on the way gets what takes long in parts, a few of them at a time: what is left
-    /// of it follows as a tail, whole, which the next parts replace.
     pub(super) fn publish<S: Sink<Element>>(&mut self, sink: &mut S) -> Option<Publish> {
-        let mut steps = self.next_publication(self.changes.is_under_way());
+        let steps = self.next_publication(self.changes.is_under_way());
         let next = self.steps.get(steps);
         self.changes.withholds = matches!(next, Some(Step::Ready(ready)) if self.is_forbidden(&ready.elements));
         if steps == 0 {
@@ -378,123 +370,57 @@ impl Stream {
         if !self.changes.is_under_way() && self.refused > 0 && !has_room(sink, self.refused) {
             return Some(Publish::Full);
         }
-        let count = |step: &Step| match step {
-            Step::Ready(ready) => ready.elements.len(),
-            Step::Window(_) => 0,
-        };
-        let count: usize = self.steps.range(..steps).map(count).sum();
-        let stop = match self.steps.get(steps - 1) {
-            Some(Step::Ready(Ready {
-                after: After::Stop(tail),
-                ..
-            })) => tail.elements.len(),
-            _ => 0,
-        };
-        let mut committed = Vec::with_capacity(count);
-        let (mut tail, mut ends) = (Vec::with_capacity(stop), Vec::with_capacity(stop));
-        let mut lives = Vec::with_capacity(count + stop);
-        let begin = sink.next_number();
-        let consumed = sink.consumer_at().is_some();
-        let mut cut = None;
-        for (index, step) in self.steps.range(..steps).enumerate() {
-            let Step::Ready(ready) = step else { break };
-            for (k, made) in ready.elements.iter().enumerate() {
-                let rests = matches!(ready.after, After::Rest) && k + 1 == ready.elements.len();
-                if !consumed || (cut.is_none() && made.parts() == 1) {
-                    committed.push(made.element);
-                    lives.push(Live::new(begin + lives.len() as u64, made, rests.then_some(ready.end)));
-                    continue;
-                }
-                let mut left = *made;
-                if cut.is_none() {
-                    let parts = made.parts();
-                    let room = PARTS.saturating_sub(committed.len()).max(1);
-                    let mut taken = Vec::new();
-                    left.split_off(room.min(parts - 1), &mut taken);
-                    for part in &taken {
-                        lives.push(Live::new(begin + lives.len() as u64, part, None));
-                        committed.push(part.element);
-                    }
-                    if room < parts {
-                        cut = Some((index, k, left));
-                    }
-                }
-                if cut.is_some() {
-                    left.opens = false;
-                    tail.push(left.element);
-                    ends.push(left.end);
-                } else {
-                    committed.push(left.element);
-                }
-                lives.push(Live::new(begin + lives.len() as u64, &left, rests.then_some(ready.end)));
-            }
-            if cut.is_some() && !matches!(ready.after, After::More) {
-                steps = index + 1;
-                break;
-            }
-        }
-        let Some(Step::Ready(last)) = self.steps.get(steps - 1) else {
-            return None;
-        };
-        let stop = match &last.after {
-            After::Stop(tail) => Some(tail),
-            After::Rest | After::More => None,
-        };
-        if let Some(Tail { elements, rest }) = stop {
-            for (k, made) in elements.iter().enumerate() {
-                let made = Made { opens: false, ..*made };
-                let rests = k + 1 == elements.len();
-                lives.push(Live::new(begin + lives.len() as u64, &made, rests.then_some(*rest)));
-                tail.push(made.element);
-                ends.push(made.end);
-            }
-        }
-        let mut rest = stop.map(|tail| tail.rest);
-        let mut end = last.end;
-        if let Some((.., left)) = &cut {
-            rest = rest.or(Some(last.end));
-            end = left.end;
-        }
-        if !lives.is_empty() {
-            #[cfg(test)]
-            if self.spoil.is_some_and(|spoil| spoil(&mut committed)) {
-                self.spoil = None;
-            }
-            let anew = self.changes.is_under_way();
-            if let Err(line) = self.gate.check(&committed, &tail, anew) {
-                self.plan_anew(line);
-                return None;
-            }
-            let result = match &self.changes.under_way {
-                Some(change) => sink.publish_after(change.number, &committed, &tail),
-                None if !has_room(sink, lives.len()) => Publish::Full,
-                None => sink.publish(&committed, &tail),
-            };
-            self.refused = if result == Publish::Full { lives.len() } else { 0 };
+        let mut publication = Publication::gather(&self.steps, steps, sink)?;
+        if !publication.lives.is_empty() {
+            let result = self.hand_in(&mut publication, sink)?;
             if result != Publish::Done {
                 return Some(result);
             }
-            self.gate.handed_over();
-            self.published(consumed, lives, tail.len());
         }
-        (self.stop, self.stop_ends) = (tail, ends);
-        self.rest = rest.unwrap_or(end);
-        self.tail = rest;
-        self.handed = end.item;
-        if !consumed {
-            self.log.drop_before(end.item);
+        self.handed = publication.end.item;
+        if !publication.consumed {
+            self.log.drop_before(publication.end.item);
         }
-        match cut {
-            None => drop(self.steps.drain(..steps)),
-            Some((index, k, left)) => {
-                self.steps.drain(..index);
+        match publication.cut {
+            None => drop(self.steps.drain(..publication.steps)),
+            Some(Cut { step, element, left }) => {
+                self.steps.drain(..step);
                 if let Some(Step::Ready(ready)) = self.steps.front_mut() {
-                    ready.elements.drain(..k);
+                    ready.elements.drain(..element);
                     ready.elements[0] = left;
                 }
             }
         }
+        self.stop.elements = publication.tail;
+        self.stop.ends = publication.ends;
+        self.stop.is_in_ring = publication.rest.is_some();
+        self.stop.rest = publication.rest.unwrap_or(publication.end);
         Some(Publish::Done)
+    }
+
+    /// A publication passes the gate and goes to the ring; `None`: the gate has refused it.
+    fn hand_in<S: Sink<Element>>(&mut self, publication: &mut Publication, sink: &mut S) -> Option<Publish> {
+        #[cfg(test)]
+        if self.spoil.is_some_and(|spoil| spoil(&mut publication.committed)) {
+            self.spoil = None;
+        }
+        let (committed, tail) = (&publication.committed, &publication.tail);
+        if let Err(line) = self.gate.check(committed, tail, self.changes.is_under_way()) {
+            self.plan_anew(line);
+            return None;
+        }
+        let count = publication.lives.len();
+        let result = match &self.changes.under_way {
+            Some(change) => sink.publish_after(change.number, committed, tail),
+            None if !has_room(sink, count) => Publish::Full,
+            None => sink.publish(committed, tail),
+        };
+        self.refused = if result == Publish::Full { count } else { 0 };
+        if result == Publish::Done {
+            self.gate.handed_over();
+            self.published(publication);
+        }
+        Some(result)
     }
 
     /// The gate has refused what was to be handed over, at this line: it is planned once more from the next rest on, from rest to rest and
@@ -504,16 +430,14 @@ impl Stream {
             self.changes.fail();
             return;
         }
-        if self.anew.replace(self.rest) == Some(self.rest) {
+        let rest = self.stop.rest;
+        if self.anew.replace(rest) == Some(rest) {
             self.closed = Some(line);
             return;
         }
-        self.steps.clear();
-        self.pending.clear();
-        self.asked.clear();
-        self.jobs = Ordered::new(&self.workers);
-        if !self.stop.is_empty() {
-            let stop = self.stop.iter().zip(&self.stop_ends);
+        self.forget_plans();
+        if !self.stop.elements.is_empty() {
+            let stop = self.stop.elements.iter().zip(&self.stop.ends);
             let made = |(&element, &end): (&Element, &Place)| Made {
                 element,
                 end,
@@ -521,32 +445,161 @@ impl Stream {
             };
             self.steps.push_back(Step::Ready(Ready {
                 elements: stop.map(made).collect(),
-                end: self.rest,
+                end: rest,
                 after: After::Rest,
             }));
         }
-        self.restart(self.rest, Entry::Rest, true);
+        self.restart(rest, Entry::Rest, true);
+    }
+
+    /// What is planned and not handed over is of no use any more.
+    fn forget_plans(&mut self) {
+        self.steps.clear();
+        self.pending.clear();
+        self.jobs.forget();
     }
 
     /// Keeps in mind what is in the ring now.
-    fn published(&mut self, consumed: bool, lives: Vec<Live>, tail: usize) {
+    fn published(&mut self, publication: &mut Publication) {
         let live = &mut self.changes.live;
         match self.changes.under_way.take() {
             Some(change) => {
                 let kept = live.partition_point(|live| live.number <= change.number);
                 live.truncate(kept);
                 for (asked, job) in change.urgent {
-                    self.asked.push_back(asked);
-                    self.jobs.push(move || job.run());
+                    self.jobs.order(asked, job);
                 }
             }
-            None => live.truncate(live.len() - self.tail_length.min(live.len())),
+            None => live.truncate(live.len() - self.stop.live.min(live.len())),
         }
         self.log.hand_over();
-        if consumed {
-            self.changes.live.extend(lives);
-            self.tail_length = tail;
+        if publication.consumed {
+            live.append(&mut publication.lives);
+            self.stop.live = publication.tail.len();
         }
+    }
+}
+
+/// A publication under construction.
+///
+/// A machine that may have to leave its plan on the way gets what takes long in parts, a few of them at a time: what is left
+/// of it follows as a tail, whole, which the next parts replace.
+#[derive(Debug)]
+struct Publication {
+    committed: Vec<Element>,
+    /// The stop behind them, and where its elements end.
+    tail: Vec<Element>,
+    ends: Vec<Place>,
+    lives: VecDeque<Live>,
+    /// Number that its first element has in the ring.
+    begin: u64,
+    /// Whether there is a machine that takes it.
+    consumed: bool,
+    /// Of how many steps it is.
+    steps: usize,
+    cut: Option<Cut>,
+    /// Where what is final ends; where the stop behind it comes to rest, if there is one.
+    end: Place,
+    rest: Option<Place>,
+}
+
+/// An element of which only the beginning is final.
+#[derive(Debug)]
+struct Cut {
+    step: usize,
+    element: usize,
+    left: Made,
+}
+
+impl Publication {
+    /// Of so many steps or, if that is too much, of fewer.
+    fn gather<S: Sink<Element>>(steps: &VecDeque<Step>, count: usize, sink: &S) -> Option<Publication> {
+        let elements = |step: &Step| match step {
+            Step::Ready(ready) => ready.elements.len(),
+            Step::Window(_) => 0,
+        };
+        let elements = steps.range(..count).map(elements).sum();
+        let mut publication = Publication {
+            committed: Vec::with_capacity(elements),
+            tail: Vec::new(),
+            ends: Vec::new(),
+            lives: VecDeque::with_capacity(elements),
+            begin: sink.next_number(),
+            consumed: sink.consumer_at().is_some(),
+            steps: count,
+            cut: None,
+            end: Place { item: 0, s: 0.0 },
+            rest: None,
+        };
+        for (step, ready) in steps.range(..count).enumerate() {
+            let Step::Ready(ready) = ready else { break };
+            for (element, made) in ready.elements.iter().enumerate() {
+                let rests = matches!(ready.after, After::Rest) && element + 1 == ready.elements.len();
+                publication.add([step, element], made, rests.then_some(ready.end));
+            }
+            if publication.cut.is_some() && !matches!(ready.after, After::More) {
+                publication.steps = step + 1;
+                break;
+            }
+        }
+        let Step::Ready(last) = steps.get(publication.steps - 1)? else {
+            return None;
+        };
+        publication.end = last.end;
+        if let After::Stop(tail) = &last.after {
+            publication.add_stop(tail);
+        }
+        if let Some(cut) = &publication.cut {
+            publication.rest = publication.rest.or(Some(last.end));
+            publication.end = cut.left.end;
+        }
+        Some(publication)
+    }
+
+    /// An element by its step and its place in it; `rest`: where it comes to rest, if it does.
+    fn add(&mut self, [step, element]: [usize; 2], made: &Made, rest: Option<Place>) {
+        if !self.consumed || (self.cut.is_none() && made.parts() == 1) {
+            self.committed.push(made.element);
+            self.live(made, rest);
+            return;
+        }
+        let mut left = *made;
+        if self.cut.is_none() {
+            let parts = made.parts();
+            let room = PARTS.saturating_sub(self.committed.len()).max(1);
+            let mut taken = Vec::new();
+            left.split_off(room.min(parts - 1), &mut taken);
+            for part in &taken {
+                self.live(part, None);
+                self.committed.push(part.element);
+            }
+            if room < parts {
+                self.cut = Some(Cut { step, element, left });
+            }
+        }
+        if self.cut.is_some() {
+            left.opens = false;
+            self.tail.push(left.element);
+            self.ends.push(left.end);
+        } else {
+            self.committed.push(left.element);
+        }
+        self.live(&left, rest);
+    }
+
+    fn add_stop(&mut self, Tail { elements, rest }: &Tail) {
+        for (k, made) in elements.iter().enumerate() {
+            let made = Made { opens: false, ..*made };
+            self.live(&made, (k + 1 == elements.len()).then_some(*rest));
+            self.tail.push(made.element);
+            self.ends.push(made.end);
+        }
+        self.rest = Some(*rest);
+    }
+
+    fn live(&mut self, made: &Made, rest: Option<Place>) {
+        let number = self.begin + self.lives.len() as u64;
+        self.lives.push_back(Live::new(number, made, rest));
     }
 }
 

@@ -4,7 +4,7 @@
 //! Out: steps to hand over, some of them windows that are still to be solved; their jobs.
 
 use super::{
-    After, Asked, CAREFUL_PARTS, Entry, Made, Open, Part, Pending, Place, Ready, Section, State, Step, Stream,
+    After, Asked, CAREFUL_PARTS, Entry, Made, Next, Open, Part, Pending, Place, Ready, Section, State, Step, Stream,
 };
 use crate::element::Element;
 use crate::plan::optimal::checkpoints::{Checkpoints, Seen};
@@ -24,7 +24,7 @@ impl Stream {
                             item: part.item,
                             s: part.from,
                         },
-                        entry: self.entry,
+                        entry: self.next.entry,
                         parts: vec![part],
                         open: None,
                     });
@@ -34,7 +34,7 @@ impl Stream {
             Found::End => self.end(),
             Found::Rest { item } => {
                 let elements = match self.log.get(item) {
-                    Some(Item::Rest(element)) => element.iter().map(|element| still(*element, item)).collect(),
+                    Some(Item::Rest(element)) => element.iter().map(|element| still(**element, item)).collect(),
                     Some(Item::Stretch(_)) | None => Vec::new(),
                 };
                 self.steps.push_back(Step::Ready(Ready {
@@ -77,7 +77,7 @@ impl Stream {
     /// planned without them.
     fn open(&mut self) {
         let Some(section) = &mut self.section else { return };
-        let (false, &[part]) = (self.careful, &section.parts[..]) else {
+        let (false, &[part]) = (self.next.careful, &section.parts[..]) else {
             return;
         };
         let grid = Grid::new(self.joints.limits());
@@ -233,8 +233,7 @@ impl Stream {
         let Some(section) = self.section.take() else { return };
         let Some(open) = section.open else { return };
         let window = open.uncut.last(state);
-        self.entry = Entry::Rest;
-        self.careful = false;
+        self.next = Next::REST;
         self.add_window(window, open.start, stop, (section.begin, section.entry), None, true);
     }
 

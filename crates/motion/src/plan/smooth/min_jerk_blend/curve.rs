@@ -122,12 +122,12 @@ impl Curve {
                 &run[track.leg_at(walk.places[STEPS * (span + 1)])].part
             };
             legs.push(Leg {
-                part: Move {
+                part: Box::new(Move {
                     piece: curve(&begin, &end, Group::Main)?.in_frame(*next.piece.frame()),
                     feed: owner.feed.min(next.feed),
                     corner: Corner::Exact,
-                    ..*next
-                },
+                    ..**next
+                }),
                 room: [0.0; 2],
                 whole: next.piece.length(),
             });

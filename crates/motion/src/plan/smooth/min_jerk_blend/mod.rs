@@ -74,26 +74,25 @@ pub(super) struct MinJerkBlend {
 }
 
 /// How a run begins.
-#[derive(Clone, Copy, Debug, Default)]
-// A run has one of them.
-#[allow(clippy::large_enum_variant)]
+#[derive(Debug, Default)]
 enum Entry {
     #[default]
     Rest,
     /// Behind this move.
-    Behind(Move),
+    Behind(Box<Move>),
     /// In the middle of a move, with this speed.
     Within(f64),
 }
 
 impl MinJerkBlend {
     pub(super) fn push(&mut self, leg: Leg, settings: &Settings, out: &mut Vec<Leg>) {
-        if let Some(last) = self.run.last().map(|leg| leg.part) {
+        if let Some(last) = self.run.last().map(|leg| &leg.part) {
             if !self.joins(&leg.part) {
+                let last = last.clone();
                 self.close(Some(&leg.part), settings, out);
                 self.entry = Entry::Behind(last);
             } else if self.run.len() == RUN_MOVES_MAX || self.is_long(settings) {
-                let exit = crossing(&last, &leg.part, settings);
+                let exit = crossing(last, &leg.part, settings);
                 self.close_within(exit, settings, out);
             }
         }
@@ -155,8 +154,8 @@ impl MinJerkBlend {
         if let Some(blended) = self.blend(Exit::Within(exit), settings) {
             self.entry = Entry::Within(blended.speed);
             self.let_go(blended, out);
-        } else if let [.., before, _] = self.run[..] {
-            self.entry = Entry::Behind(before.part);
+        } else if let [.., before, _] = &self.run[..] {
+            self.entry = Entry::Behind(before.part.clone());
             out.extend(self.run.drain(..self.run.len() - 1));
         }
     }
@@ -377,8 +376,9 @@ struct Blended {
 fn part_of(leg: &Leg, from: f64, to: f64) -> Option<Leg> {
     let piece = leg.part.piece.cut(from, to)?;
     Some(Leg {
-        part: Move { piece, ..leg.part },
-        ..*leg
+        part: Box::new(Move { piece, ..*leg.part }),
+        room: leg.room,
+        whole: leg.whole,
     })
 }
 
