@@ -10,10 +10,12 @@
 //! phases       what needs no knots: straight sections
 //! answers      solved windows -> elements; what to do where there is no way
 //! jobs         windows and borders that are being solved
-//! publication  what is handed over when, and what takes its place when an override changes
+//! publication  what is handed over when
+//! changes      what takes its place when an override changes
 //! ```
 
 mod answers;
+mod changes;
 mod jobs;
 mod phases;
 mod publication;
@@ -34,9 +36,9 @@ use crate::plan::smooth::{Passed, Stretch};
 use crate::plan::workers::Workers;
 use crate::plan::{Pumped, Settings};
 use crate::ring::{Publish, Sink};
+use changes::Changes;
+pub(in crate::plan) use changes::Override;
 use jobs::{Asked, Jobs};
-use publication::Changes;
-pub(in crate::plan) use publication::Override;
 
 /// Elements of a publication beyond those of its windows: what lies between sections.
 const PUBLICATION: usize = 1024;
@@ -315,7 +317,7 @@ impl Stream {
                 }
                 None if let Some(line) = self.closed => return Pumped::Refused { line },
                 None if self.is_done() => return Pumped::Done,
-                None if self.changes.withholds() => return Pumped::Blocked,
+                None if self.changes.withholds => return Pumped::Blocked,
                 None if self.finished && self.jobs.are_under_way() => {}
                 None if self.begun_anew != begun_anew || self.changes.has_failed() => {}
                 None => return Pumped::Hungry,
