@@ -131,26 +131,21 @@ impl Emission<'_> {
             false => (span.duration_s / DIVISION_S).ceil().max(1.0),
         };
         let step = span.duration_s / parts;
-        let (mut s0, mut v0, mut a0) = (span.s0, span.v0, span.a0);
+        let mut part = *span;
         for k in 1..=parts as u32 {
             let (begin, until) = (step * f64::from(k - 1), step * f64::from(k));
             let last = f64::from(k) == parts;
+            part.duration_s = if last { span.duration_s - begin } else { step };
             let s = if last { end } else { span.place(until) };
             self.out.push(Made {
-                element: Element::Span(Span {
-                    s0,
-                    v0,
-                    a0,
-                    duration_s: if last { span.duration_s - begin } else { step },
-                    ..*span
-                }),
+                element: Element::Span(part),
                 end: Place { item, s },
                 opens: true,
             });
             if !last {
-                s0 = s;
-                v0 = span.speed(until);
-                a0 = span.a0 + span.jerk * until + span.gradient * (s - span.s0);
+                part.s0 = s;
+                part.v0 = span.speed(until);
+                part.a0 = span.a0 + span.jerk * until + span.gradient * (s - span.s0);
             }
         }
     }

@@ -80,7 +80,7 @@ impl Factor {
             }
             return;
         }
-        self.below.clear();
+        // What was there before is written over.
         self.below.resize(count, [0.0; 2]);
         let below = &mut self.below[..count];
         let middle = (count - 2) / 2;

@@ -222,11 +222,11 @@ impl LeastJerk {
         }
         let each = count.saturating_sub(WIDTH) / 2;
         let middle = count - 2 * each;
-        // The middle begins with 0 on both sides: what eliminations take from it.
-        self.pairs.clear();
         self.pairs.resize(each + MIDDLE, [[0.0; 2]; WIDTH]);
-        self.rights.clear();
         self.rights.resize(each + MIDDLE, [0.0; 2]);
+        // The middle begins with 0 on both sides: what eliminations take from it.
+        self.pairs[each..].fill([[0.0; 2]; WIDTH]);
+        self.rights[each..].fill([0.0; 2]);
         for k in 0..each {
             let far = count - 1 - k;
             for (b, pair) in self.pairs[k].iter_mut().enumerate() {
