@@ -28,7 +28,7 @@ fn section(kind: &Kind) -> String {
             None => option.default.to_string(),
         };
         text += &format!(
-            "Option `{}`: {}; {values}, left out {default}.\n\n",
+            "Option `{}`: {}; {values}, default {default}.\n\n",
             option.name, option.doc
         );
     }
@@ -74,8 +74,8 @@ fn differences() -> String {
         those.map(self::difference).collect()
     };
     format!(
-        "## Differs from LinuxCNC\n\nWhere a pin stands, `isocnc hal import` tells it.\n\n{columns}{}\n\
-         What is a fault in LinuxCNC (2.9), against its manual or of no use to anybody, and none here:\n\n{columns}{}",
+        "## Differs from LinuxCNC\n\nIf a row names pins, `isocnc hal import` reports the difference.\n\n{columns}{}\n\
+         Faults of LinuxCNC (2.9), contrary to its manual or of no use to anyone, that are not repeated here:\n\n{columns}{}",
         rows(false),
         rows(true)
     )

@@ -296,7 +296,7 @@ impl Keys {
         check(document, |by_hand: &ByHand| {
             let mut text = String::new();
             for (heading, rows) in self.tables() {
-                text += &format!("{heading}\n\n{}", head(&["key", "value", "left out", "meaning"]));
+                text += &format!("{heading}\n\n{}", head(&["key", "value", "default", "meaning"]));
                 for (path, [name, kind, left_out]) in rows {
                     let meaning = by_hand.cell(&heading, &name);
                     text += &row(&[&name, &kind, &left_out, meaning]);
@@ -403,8 +403,8 @@ impl Keys {
                     continue;
                 }
                 let left_out = match &key.defaults[..] {
-                    _ if key.required > 0 && key.required == key.places => "must be there".to_owned(),
-                    [Json::Null] | [] => "may be left out".to_owned(),
+                    _ if key.required > 0 && key.required == key.places => "required".to_owned(),
+                    [Json::Null] | [] => "optional".to_owned(),
                     [default] => code(&default.to_string()),
                     _ => "depends".to_owned(),
                 };

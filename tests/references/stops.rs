@@ -195,10 +195,10 @@ fn how_the_machine_stops() {
     let lathe = machine(include_str!("../../configs/lathe2-demo.toml"));
     let columns = [
         "cause",
-        "ends as",
+        "final state",
         "to standstill, ms",
-        "way, mm",
-        "greatest distance from the path, mm",
+        "distance, mm",
+        "max distance from the path, mm",
     ];
     let table = head(&columns)
         + &rows(&mill, PART, &CAUSES)
@@ -206,13 +206,13 @@ fn how_the_machine_stops() {
         + &rows(&lathe, THREAD, &OF_SPINDLES);
     let page = format!(
         "# How the machine stops\n\n\
-         The machine of [`configs/mill3-demo.toml`](../configs/mill3-demo.toml) cuts at 3 m/min along a line when the cause comes, or that of\n\
-         [`configs/lathe2-demo.toml`](../configs/lathe2-demo.toml) a thread at 0.9 m/min; `pres_lost_max` is 3, and drives tell of their safety\n\
-         circuits. What is measured is where the simulated loads are, on virtual time: from the cycle of the cause to the last one in which a load\n\
-         moves by {STILL_MM} mm, and how far they come off the path that they take without it; motors without torque run out against a\n\
-         friction that is as strong as their quick stop, which those of a real machine seldom are.\n\
-         Counts that are lost show at the next index of the spindle, a turn later at the most. A spindle that does not reach its speed or its\n\
-         angle is a fault, too: nothing moves then. [faults.md](faults.md) says what each of them does.\n\n\
+         When the cause comes, the machine of [`configs/mill3-demo.toml`](../configs/mill3-demo.toml) cuts along a line at 3 m/min, or that of\n\
+         [`configs/lathe2-demo.toml`](../configs/lathe2-demo.toml) cuts a thread at 0.9 m/min. `pres_lost_max` is 3, and the drives report their\n\
+         safety circuits. The simulated loads are measured on virtual time: how they move from the cycle of the cause to the last one in which\n\
+         a load moves by {STILL_MM} mm, and how far they leave the path that they follow without the cause. Motors without torque coast against a\n\
+         friction that is as strong as their quick stop; that of a real machine seldom is.\n\n\
+         Lost counts show at the next index of the spindle, at most a turn later. A spindle that does not reach its speed or its\n\
+         angle is a fault, too, but then nothing moves. [faults.md](faults.md) describes each fault.\n\n\
          <!-- made by tests/references: do not edit -->\n\n{table}"
     );
     compare("docs/stops.md", &page);
