@@ -5,8 +5,8 @@
 use super::document::{Bound, Section};
 use super::remap::remap;
 use super::types::{ARC_RADIUS_TOLERANCE, Program, ToolChanger, Tools, UserCodes};
+use ::compensation::{Corner, FeedSettings, Gouge, InsideCorners};
 use motion::canon::LengthUnit;
-use motion::compensation::{Corner, FeedSettings, Gouge, InsideCorners};
 use motion::element::Outputs;
 use motion::plan::PlannerKind;
 use std::collections::BTreeMap;

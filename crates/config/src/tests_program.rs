@@ -161,11 +161,11 @@ orient_offset_degrees = -90
         fanuc_subroutines: false,
         chip_breaking_clearance_mm: Some(1.0),
         peck_clearance_mm: Some(0.5),
-        cutter_corner: motion::compensation::Corner::Intersection { limit_degrees: 95.0 },
-        gouge: motion::compensation::Gouge::DropLoop,
-        contour_feed: motion::compensation::FeedSettings {
+        cutter_corner: ::compensation::Corner::Intersection { limit_degrees: 95.0 },
+        gouge: ::compensation::Gouge::DropLoop,
+        contour_feed: ::compensation::FeedSettings {
             arcs: true,
-            inside_corners: Some(motion::compensation::InsideCorners {
+            inside_corners: Some(::compensation::InsideCorners {
                 share: 0.5,
                 distance_mm: Some(3.0),
                 bend_degrees: 45.0,

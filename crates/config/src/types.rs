@@ -533,11 +533,11 @@ pub struct Program {
     /// How far above the last depth G83 begins to feed again where its line has no D, mm; `None`: as for G73.
     pub peck_clearance_mm: Option<f64>,
     /// How the tool goes around outer corners under G41 and G42; default by an arc.
-    pub cutter_corner: motion::compensation::Corner,
+    pub cutter_corner: ::compensation::Corner,
     /// What happens where it would cut into another part of the contour; default an error.
-    pub gouge: motion::compensation::Gouge,
+    pub gouge: ::compensation::Gouge,
     /// Feed under G41 and G42 inside of arcs and in inside corners; default as programmed.
-    pub contour_feed: motion::compensation::FeedSettings,
+    pub contour_feed: ::compensation::FeedSettings,
     /// Greatest difference of an arc's radii at start and end under G21, mm; default 0.02·√2.
     pub arc_radius_tolerance_mm: f64,
     /// The same under G20, inch; default 0.002·√2.
@@ -583,9 +583,9 @@ impl Default for Program {
             fanuc_subroutines: true,
             chip_breaking_clearance_mm: None,
             peck_clearance_mm: None,
-            cutter_corner: motion::compensation::Corner::default(),
-            gouge: motion::compensation::Gouge::default(),
-            contour_feed: motion::compensation::FeedSettings::default(),
+            cutter_corner: ::compensation::Corner::default(),
+            gouge: ::compensation::Gouge::default(),
+            contour_feed: ::compensation::FeedSettings::default(),
             arc_radius_tolerance_mm,
             arc_radius_tolerance_inch,
             values: BTreeMap::new(),

@@ -1,8 +1,8 @@
 //! What an interpreter is told before the first line.
 
 use crate::ToolTable;
+use ::compensation::{Corner, FeedSettings, Gouge};
 use motion::canon::{AXES, LengthUnit, PathMode, Position};
-use motion::compensation::{Corner, FeedSettings, Gouge};
 use motion::kinematics::Kinematics;
 use std::collections::BTreeMap;
 use std::path::PathBuf;

@@ -1,8 +1,8 @@
 //! Feed under cutter compensation: inside of arcs and beside inside corners.
 
+use ::compensation::{FeedSettings, InsideCorners};
 use gcode::{Interpreter, Settings};
 use motion::canon::{Call, Position};
-use motion::compensation::{FeedSettings, InsideCorners};
 
 /// A pocket of 40 x 40 mm with corners of 6 mm radius, but one sharp one, cut from the inside by a tool of 8 mm, climbing; and a
 /// move behind compensation.

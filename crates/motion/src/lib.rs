@@ -6,8 +6,8 @@
 //! Everything left of the ring plans and may allocate; everything right of it runs in the cycle thread and may not.
 //!
 //! ```text
-//! canon -> compensation -> plan -> ring -> rt -> kinematics
-//! calls    cutter radius   speed           positions per cycle    joints
+//! canon -> plan -> ring -> rt                     -> kinematics
+//! calls    speed           positions per cycle       joints
 //! ```
 //!
 //! Lengths are mm, angles degrees, times seconds, if nothing else is said. The same calls give the same positions, to the last
@@ -37,7 +37,6 @@
 //! |---|---|
 //! | pieces of path and their derivatives by length | `path/` |
 //! | how axes become joints, for planner and interpolation alike: one inverse, generic over the number (f64, or a value with three derivatives) | `kinematics/` |
-//! | cutter compensation, a stage on the events of the interpreter | `compensation/` |
 //! | what a move is in machine coordinates; what the planner refuses, and why | `plan/program/`, `plan/frame.rs`, `plan/travel.rs`, `plan/joint_space.rs` |
 //! | short moves to long curves; corners; collinear moves | `plan/smooth/` (`naive_cam`, `steps`; `compress`, `fit`, `bspline`; `corners`, `round`, `overlap`) |
 //! | tangential and gentle joints of lines and arcs | `plan/smooth/min_jerk_blend/` (`pace`, `least_jerk`, `track`, `curve`) |
@@ -120,7 +119,6 @@
 
 pub mod cancel;
 pub mod canon;
-pub mod compensation;
 pub mod element;
 pub mod kinematics;
 pub mod path;

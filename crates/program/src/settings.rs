@@ -137,9 +137,9 @@ fn remap(remap: &config::Remap) -> gcode::Remap {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ::compensation::{Corner, Gouge};
     use config::Remap;
     use motion::canon::Axis;
-    use motion::compensation::{Corner, Gouge};
     use std::os::unix::fs::PermissionsExt;
     use std::path::{Path, PathBuf};
 

@@ -379,7 +379,7 @@ pub enum ErrorKind {
     },
     /// The path of the tool's centre cannot be made.
     #[error("{0}")]
-    Compensation(motion::compensation::CompensationErrorKind),
+    Compensation(::compensation::CompensationErrorKind),
     /// A value, an expression or a parameter.
     #[error("{0}")]
     Expression(#[from] ExpressionError),

@@ -1,13 +1,13 @@
 //! Cutter radius compensation: G40 to G42.1, and what is forbidden while it is on. Its geometry is in
-//! `motion::compensation`.
+//! the crate `compensation`.
 
 use crate::block::{Block, Coded};
 use crate::code::{Compensation, Motion, NonModal, ToolCode, integer_in};
 use crate::error::ErrorKind;
 use crate::scan::{Fault, Span};
 use crate::state::{Calls, State};
+use ::compensation::CompensationErrorKind as Kind;
 use motion::canon::{Call, Cutter, Plane, Side};
-use motion::compensation::CompensationErrorKind as Kind;
 
 /// Refuses a code if it is there.
 fn refuse(span: Option<Span>, what: &'static str) -> Result<(), Fault> {

@@ -2,14 +2,14 @@
 
 use super::Run;
 use crate::CompensatedPath;
+use ::compensation::{CompensationError, Compensator, ContourFeed};
 use motion::canon::{Call, Event};
-use motion::compensation::{CompensationError, Compensator, ContourFeed};
 
 impl Run<'_> {
     /// Before the first event.
     pub(super) fn use_compensator(&mut self, number_by_release: bool) {
         let settings = &self.state.settings;
-        let rules = motion::compensation::Settings {
+        let rules = ::compensation::Settings {
             corner: settings.cutter_corner,
             gouge: settings.gouge,
             number_by_release,

@@ -5,8 +5,8 @@ use crate::error::{CallSite, Error, ErrorKind};
 use crate::flow::Level;
 use crate::foreign::language;
 use crate::scan::{Fault, Span};
+use ::compensation::CompensationError;
 use motion::canon::{Event, Source};
-use motion::compensation::CompensationError;
 use std::ops::Range;
 
 /// What is wrong with the whole text, as far as its first wrong line shows it: one mistake instead of one in every line.

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
+use ::compensation::Gouge;
 use gcode::{CanonPrinter, Interpreter, Remap, Settings, ToolChangePlace, ToolChanger, ToolTable, parameter};
 use motion::canon::{Axis, Call, LengthUnit, Position, Record};
-use motion::compensation::Gouge;
 
 use super::{Version, case::Case};
 

@@ -32,6 +32,11 @@
 //!          -> feed at the contour (contour_feed.rs)                              with another feed on some of them
 //! ```
 
+#![cfg_attr(
+    test,
+    allow(clippy::disallowed_methods, reason = "tests may use the PC's own functions")
+)]
+
 mod beside;
 mod class;
 mod contour;
@@ -46,7 +51,6 @@ mod settings;
 mod tip;
 mod window;
 
-use crate::canon::{Axis, Call, Cutter, Event, PathMode, Plane, Position, Side, Source};
 use beside::{Beside, Made, Next};
 use class::Class;
 use contour::{Contour, Shape};
@@ -54,6 +58,7 @@ pub use contour_feed::{ContourFeed, FeedSettings, InsideCorners};
 use element::Element;
 pub use error::{CompensationError, CompensationErrorKind};
 use geometry::{Point, length, sub};
+use motion::canon::{Axis, Call, Cutter, Event, PathMode, Plane, Position, Side, Source};
 pub use settings::{Corner, Gouge, Settings};
 pub use window::AHEAD;
 use window::{Mark, PATH_TOLERANCE_MM, Part, Window};
@@ -69,7 +74,7 @@ const FAR_MM: f64 = 1e9;
 /// A move that gets no further than this in the plane is a move of the other axes, mm.
 const NEGLIGIBLE_MM: f64 = 1e-7;
 
-/// The stage; see the [module](self).
+/// The stage; see the [crate](self).
 #[derive(Clone, Debug)]
 pub struct Compensator {
     plane: Plane,

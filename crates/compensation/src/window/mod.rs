@@ -46,7 +46,7 @@ mod store;
 
 use std::collections::{BTreeMap, VecDeque};
 
-use crate::canon::{Event, Plane, Source};
+use motion::canon::{Event, Plane, Source};
 
 use super::CompensationErrorKind as Kind;
 use super::element::{Closest, Element};

@@ -10,7 +10,7 @@
 //!
 //! While compensation is on, one move is held back: how its end is run depends on the corner to the next one.
 
-use crate::canon::{Call, Cutter, Event, Plane, Position, Side};
+use motion::canon::{Call, Cutter, Event, Plane, Position, Side};
 use std::collections::VecDeque;
 use std::f64::consts::TAU;
 use std::mem;
@@ -266,7 +266,7 @@ impl Extend<Event> for ContourFeed {
 
 impl Tool {
     /// Tells the feed if it is another one than before.
-    fn tell(&mut self, share: f64, source: crate::canon::Source, out: &mut VecDeque<Event>) {
+    fn tell(&mut self, share: f64, source: motion::canon::Source, out: &mut VecDeque<Event>) {
         let Some([linear, angular]) = self.feed else { return };
         if (share - self.told).abs() <= SAME {
             return;
@@ -382,7 +382,7 @@ impl Way {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::canon::Source;
+    use motion::canon::Source;
 
     const SLOW: FeedSettings = FeedSettings {
         arcs: true,

@@ -3,7 +3,7 @@
 //! In:  lines of G0 G1 G2 G3 X Y Z A B C I J K P, G17 G18, G40, G41.1 G42.1 D L, G4 P, M0 M3 M5 M8 M9, F and comments.
 //! Out: events, line by line; printed moves.
 
-use crate::canon::{Axis, Call, Cutter, Event, Plane, Position, Side, Source, SpindleDirection};
+use motion::canon::{Axis, Call, Cutter, Event, Plane, Position, Side, Source, SpindleDirection};
 
 /// Reads a program; all coordinates absolute, centres relative to the start, mm.
 pub(crate) fn read(program: &str) -> Vec<Event> {

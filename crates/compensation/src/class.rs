@@ -3,7 +3,7 @@
 //! In:  a call.
 //! Out: its class while compensation is on.
 
-use crate::canon::Call;
+use motion::canon::Call;
 
 /// Kinds of calls as compensation sees them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

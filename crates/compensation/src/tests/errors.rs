@@ -1,7 +1,7 @@
 //! Every error, with the block it names and the numbers it tells.
 
 use super::*;
-use crate::canon::FeedMode;
+use motion::canon::FeedMode;
 
 /// The error of a program and its line.
 fn error(program: &str) -> (u32, Kind) {

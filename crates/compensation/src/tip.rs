@@ -18,7 +18,7 @@
 //! tell the controlled point, the same shift away everywhere. The entry begins and the exit ends with the controlled point
 //! on the programmed point, as in LinuxCNC.
 
-use crate::canon::{Call, Plane, Position};
+use motion::canon::{Call, Plane, Position};
 
 use super::geometry::{Point, add};
 use super::{in_plane, with_plane};

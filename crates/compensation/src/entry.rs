@@ -3,7 +3,7 @@
 //! In:  the first programmed move.
 //! Out: the move of the centre, held.
 
-use crate::canon::{Call, Event, Plane};
+use motion::canon::{Call, Event, Plane};
 
 use super::beside::Beside;
 use super::contour::{Contour, Shape};

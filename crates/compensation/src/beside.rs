@@ -3,7 +3,7 @@
 //! In:  moves of the contour and what happens between them.
 //! Out: moves of the tool's centre, in the same order.
 
-use crate::canon::{Call, Event, Plane, Position, Source};
+use motion::canon::{Call, Event, Plane, Position, Source};
 
 use super::contour::{Contour, Shape};
 use super::geometry::{Curve, Point, add, dot, left, scale, sub};

@@ -15,7 +15,7 @@
 //! something that does not, the last crossing before it with a later move that does is where it goes on. Only moves of
 //! one contour can be left out, and nothing of the entry and the exit: else it is a gouge like any other.
 
-use crate::canon::{Call, Event, Position};
+use motion::canon::{Call, Event, Position};
 
 use super::super::element::Element;
 use super::super::geometry::{Point, add, left, length, scale, sub, unit};

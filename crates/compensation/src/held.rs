@@ -5,7 +5,7 @@
 
 use std::f64::consts::TAU;
 
-use crate::canon::Call;
+use motion::canon::Call;
 
 use super::geometry::{Curve, Point, dot, length, sub, sweep, wrapped};
 use super::join::SMOOTH_RAD;
@@ -156,7 +156,7 @@ fn whole_turn(angle: f64, radius: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::canon::{Plane, Position};
+    use motion::canon::{Plane, Position};
 
     fn at(angle: f64) -> Point {
         [2.0 * libm::cos(angle), 2.0 * libm::sin(angle)]

@@ -1,6 +1,6 @@
 //! What keeps a tool of its radius from following the programmed contour.
 
-use crate::canon::{Plane, Source};
+use motion::canon::{Plane, Source};
 
 /// A move that cannot be compensated.
 #[derive(Clone, Copy, Debug, PartialEq)]
