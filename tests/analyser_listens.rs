@@ -117,7 +117,7 @@ fn serves_another_process(near: &mut RawLink) {
             report.n + report.frames_unstamped + 1 >= report.frames.soc,
             "{report:?}"
         );
-        assert_eq!(report.restarts, 0);
+        assert_eq!(report.breaks.restarts, 0);
         windows += u32::from(report.n > 0);
     }
     drop(orders);

@@ -116,11 +116,11 @@ fn check_round(round: &Round) {
 
     let soc = round.soc_period.as_ref().expect("an analyser at the far end");
     assert_eq!(soc.frames.soc, soc.n + 1, "each SoC but the first ends a period");
-    assert_eq!((soc.frames.foreign, soc.frames_dropped, soc.restarts), (0, 0, 0));
+    assert_eq!((soc.frames.foreign, soc.frames_dropped, soc.breaks.restarts), (0, 0, 0));
     assert_eq!(soc.histogram.iter().map(|bucket| bucket.count).sum::<u64>(), soc.n);
     let dates = control.cycles + control.overruns;
     assert!(
-        dates.abs_diff(soc.n + soc.soc_missing) < EDGES,
+        dates.abs_diff(soc.n + soc.breaks.soc_missing) < EDGES,
         "{dates} dates, {} periods",
         soc.n
     );

@@ -170,7 +170,7 @@ fn measure_soc_periods() {
     first.stop().unwrap();
     assert_eq!(
         (
-            report.n + report.restarts,
+            report.n + report.breaks.restarts,
             report.frames_dropped,
             report.frames_unstamped
         ),

@@ -321,7 +321,7 @@ mod tests {
             measurement.settle(u64::MAX).unwrap();
         }
         let report = measurement.tally.report("x");
-        assert_eq!((report.frames.soc, report.n, report.clock_steps), (6, 2, 1));
+        assert_eq!((report.frames.soc, report.n, report.breaks.clock_steps), (6, 2, 1));
         assert_eq!((report.period_min_us, report.period_max_us), (1000.0, 1000.0));
         assert_eq!(report.frames_unstamped, 0);
     }

@@ -45,6 +45,49 @@ pub enum StampSource {
     Hardware,
 }
 
+/// What does not follow in the order of cycles.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Breaks {
+    /// Periods of one and a half cycles and more: the managing node left out at least one SoC.
+    pub overruns: u64,
+    /// SoC missing in them.
+    pub soc_missing: u64,
+    /// Gaps that were taken for a network stopped and started; they are not among the periods.
+    pub restarts: u64,
+    /// Longest of these gaps, µs.
+    pub restart_longest_us: f64,
+    /// Steps of the clock that stamps, each of which cost a few periods that were not measured.
+    pub clock_steps: u64,
+}
+
+impl Breaks {
+    /// In sentences; `begins`: what the frame that begins a cycle is called.
+    fn remarks(&self, begins: &str) -> Vec<String> {
+        let mut remarks = Vec::new();
+        if self.overruns > 0 {
+            let (gaps, missing) = (counted(self.overruns, "gap"), counted(self.soc_missing, begins));
+            remarks.push(format!("{gaps} of at least 1.5 cycles: {missing} not sent"));
+        }
+        if self.restarts > 0 {
+            let times = match self.restarts {
+                1 => "once".to_owned(),
+                times => format!("{times} times"),
+            };
+            let longest_s = self.restart_longest_us * 1e-6;
+            remarks.push(format!(
+                "the {begins} paused {times}, {longest_s:.3} s at most: not among the periods"
+            ));
+        }
+        if self.clock_steps > 0 {
+            remarks.push(format!(
+                "the clock was stepped {} times; the periods around that were skipped",
+                self.clock_steps
+            ));
+        }
+        remarks
+    }
+}
+
 /// What was measured. Times in µs where the name says nothing else.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SocReport {
@@ -74,16 +117,9 @@ pub struct SocReport {
     pub period_p99_99_us: f64,
     /// How far periods are from nominal, to either side.
     pub deviation: Summary,
-    /// Periods of one and a half cycles and more: the managing node left out at least one SoC.
-    pub overruns: u64,
-    /// SoC missing in them.
-    pub soc_missing: u64,
-    /// Gaps that were taken for a network stopped and started; they are not among the periods.
-    pub restarts: u64,
-    /// Longest of these gaps.
-    pub restart_longest_us: f64,
-    /// Steps of the clock that stamps, each of which cost a few periods that were not measured.
-    pub clock_steps: u64,
+    /// What was no period.
+    #[serde(flatten)]
+    pub breaks: Breaks,
     /// Frames seen, both directions.
     pub frames: FrameCounts,
     /// Frames that the socket could not hold; above 0 some periods are wrong.
@@ -109,31 +145,7 @@ impl SocReport {
 
     /// Everything that a reader of the figures has to know beside them, in sentences.
     pub fn remarks(&self) -> Vec<String> {
-        let mut remarks = Vec::new();
-        if self.overruns > 0 {
-            remarks.push(format!(
-                "{} of at least 1.5 cycles: {} not sent",
-                counted(self.overruns, "gap"),
-                counted(self.soc_missing, self.begins())
-            ));
-        }
-        if self.restarts > 0 {
-            remarks.push(format!(
-                "the {} paused {}, {:.3} s at most: not among the periods",
-                self.begins(),
-                match self.restarts {
-                    1 => "once".to_owned(),
-                    times => format!("{times} times"),
-                },
-                self.restart_longest_us * 1e-6
-            ));
-        }
-        if self.clock_steps > 0 {
-            remarks.push(format!(
-                "the clock was stepped {} times; the periods around that were skipped",
-                self.clock_steps
-            ));
-        }
+        let mut remarks = self.breaks.remarks(self.begins());
         if self.frames_dropped > 0 {
             remarks.push(format!(
                 "{} frames were not seen for lack of room: some periods are wrong",

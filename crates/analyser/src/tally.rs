@@ -4,7 +4,7 @@
 //! Out: [`SocReport`]. Constant memory for any number of cycles.
 
 use super::maxima::Maxima;
-use super::report::{FrameCounts, SocReport, StampSource};
+use super::report::{Breaks, FrameCounts, SocReport, StampSource};
 use super::stamps::Stamps;
 use bus::frames::FrameKind;
 use host::histogram::Jitter;
@@ -141,11 +141,10 @@ impl Tally {
             period_p99_9_us: figures.p99_9_us,
             period_p99_99_us: figures.p99_99_us,
             deviation: of.deviations.summary(),
-            overruns: of.overruns,
-            soc_missing: of.soc_missing,
-            restarts: of.restarts,
-            restart_longest_us: of.restart_longest_ns as f64 / 1000.0,
-            clock_steps: of.clock_steps + if hardware { 0 } else { self.clock_steps },
+            breaks: Breaks {
+                clock_steps: of.breaks.clock_steps + if hardware { 0 } else { self.clock_steps },
+                ..of.breaks
+            },
             frames: self.frames,
             frames_dropped: self.frames_dropped,
             frames_unstamped: of.unstamped,
@@ -165,11 +164,7 @@ struct Periods {
     periods: Jitter,
     deviations: Jitter,
     maxima: Maxima,
-    overruns: u64,
-    soc_missing: u64,
-    restarts: u64,
-    restart_longest_ns: u64,
-    clock_steps: u64,
+    breaks: Breaks,
     unstamped: u64,
 }
 
@@ -182,11 +177,7 @@ impl Periods {
             periods: Jitter::new(u64::from(window.cycle_us) * 1000),
             deviations: Jitter::new(0),
             maxima: Maxima::default(),
-            overruns: 0,
-            soc_missing: 0,
-            restarts: 0,
-            restart_longest_ns: 0,
-            clock_steps: 0,
+            breaks: Breaks::default(),
             unstamped: 0,
         }
     }
@@ -200,13 +191,13 @@ impl Periods {
         };
         let Some(period_ns) = stamp_ns.checked_sub(last_ns) else {
             // No frame comes before the one before it.
-            self.clock_steps += 1;
+            self.breaks.clock_steps += 1;
             return;
         };
         self.span_ns = self.span_ns.saturating_add(period_ns);
         if period_ns > self.window.restart_ns {
-            self.restarts += 1;
-            self.restart_longest_ns = self.restart_longest_ns.max(period_ns);
+            self.breaks.restarts += 1;
+            self.breaks.restart_longest_us = self.breaks.restart_longest_us.max(period_ns as f64 / 1000.0);
             return;
         }
         let cycle_ns = u64::from(self.window.cycle_us) * 1000;
@@ -216,8 +207,8 @@ impl Periods {
         // To the nearest: 1.4 cycles are a late SoC, 1.5 and more one that was left out.
         let cycles = period_ns.saturating_add(cycle_ns / 2) / cycle_ns.max(1);
         if cycles > 1 {
-            self.overruns += 1;
-            self.soc_missing = self.soc_missing.saturating_add(cycles - 1);
+            self.breaks.overruns += 1;
+            self.breaks.soc_missing = self.breaks.soc_missing.saturating_add(cycles - 1);
         }
     }
 }

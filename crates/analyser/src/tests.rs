@@ -47,8 +47,11 @@ fn periods_by_hand() {
     add(&mut tally, kernel(0), true, &[]);
     let report = tally.report("plk1");
     // 999, 1002, 999, (17000), 1000, (979000), 1004
-    assert_eq!((report.n, report.restarts, report.frames_unstamped), (5, 2, 1));
-    assert_eq!((report.restart_longest_us, report.duration_s), (979_000.0, 1.001_004));
+    assert_eq!((report.n, report.breaks.restarts, report.frames_unstamped), (5, 2, 1));
+    assert_eq!(
+        (report.breaks.restart_longest_us, report.duration_s),
+        (979_000.0, 1.001_004)
+    );
     assert!((report.period_mean_us - 1000.8).abs() < 1e-9);
     assert!((report.period_std_us - 3.76f64.sqrt()).abs() < 1e-9);
     assert_eq!((report.period_min_us, report.period_max_us), (999.0, 1004.0));
@@ -106,8 +109,8 @@ fn socs_left_out_are_counted_from_one_and_a_half_cycles() {
     }
     let report = tally.report("plk1");
     // 1 each for 1.5 and 2.499 cycles, 2 for 2.5, 59 for 60. Nothing is a pause where the network is known to run.
-    assert_eq!((report.n, report.restarts), (7, 0));
-    assert_eq!((report.overruns, report.soc_missing), (4, 63));
+    assert_eq!((report.n, report.breaks.restarts), (7, 0));
+    assert_eq!((report.breaks.overruns, report.breaks.soc_missing), (4, 63));
     assert_eq!(report.remarks(), ["4 gaps of at least 1.5 cycles: 63 SoC not sent"]);
 }
 
@@ -163,7 +166,7 @@ fn a_clock_that_goes_back_makes_no_period() {
     }
     let report = tally.report("eth1");
     assert_eq!(
-        (report.stamps, report.n, report.clock_steps),
+        (report.stamps, report.n, report.breaks.clock_steps),
         (StampSource::Hardware, 8, 1)
     );
     assert_eq!((report.period_min_us, report.period_max_us), (1000.0, 1000.0));
@@ -189,7 +192,7 @@ fn a_month_of_cycles_needs_no_more_memory_than_a_minute() {
         tally.add(FrameKind::Soc, kernel(second * 1_000_000), true);
     }
     let report = tally.report("plk1");
-    assert_eq!((report.n, report.overruns), (2_599_999, 0));
+    assert_eq!((report.n, report.breaks.overruns), (2_599_999, 0));
     assert!((INTERVALS / 2..=INTERVALS).contains(&report.interval_maxima_us.len()));
     assert_eq!(report.histogram.len(), 1);
 }

@@ -37,17 +37,21 @@ impl Ratios {
             p99_9: quantile(0.999),
             std: period.figures.std_us / latency.figures.std_us,
         };
-        let all = [ratios.p50, ratios.p99, ratios.p99_9, ratios.std];
-        all.iter().all(|ratio| ratio.is_finite()).then_some(ratios)
+        ratios.figures().iter().all(|ratio| ratio.is_finite()).then_some(ratios)
+    }
+
+    /// All four.
+    pub fn figures(&self) -> [f64; 4] {
+        [self.p50, self.p99, self.p99_9, self.std]
     }
 
     fn median(of: &[Ratios]) -> Option<Ratios> {
-        let each = |figure: fn(&Ratios) -> f64| median(of.iter().map(figure));
+        let each = |at: usize| median(of.iter().map(|ratios| ratios.figures()[at]));
         Some(Ratios {
-            p50: each(|ratios| ratios.p50)?,
-            p99: each(|ratios| ratios.p99)?,
-            p99_9: each(|ratios| ratios.p99_9)?,
-            std: each(|ratios| ratios.std)?,
+            p50: each(0)?,
+            p99: each(1)?,
+            p99_9: each(2)?,
+            std: each(3)?,
         })
     }
 }
@@ -95,8 +99,8 @@ pub fn period(round: &Round) -> Distribution {
 pub fn judge(round: &mut Round) {
     let period = period(round);
     let over = |latency: Option<&Distribution>| Ratios::between(&period, latency?);
-    let cyclictest = round.floor.cyclictest.as_ref().map(|cyclictest| &cyclictest.latency);
-    let (over_cyclictest, over_wakeup) = (over(cyclictest), over(round.floor.wakeup.as_ref()));
+    let floor = &round.floor;
+    let (over_cyclictest, over_wakeup) = (over(floor.cyclictest_latency()), over(floor.wakeup.as_ref()));
     (round.over_cyclictest, round.over_wakeup) = (over_cyclictest, over_wakeup);
     round.stalls = stalls(round);
 }
@@ -117,8 +121,11 @@ fn stalls(round: &Round) -> Vec<String> {
         if late_us >= STALL_US {
             stalls.push(format!("a SoC came {:.1} ms late", late_us / 1000.0));
         }
-        if soc.restarts > 0 {
-            stalls.push(format!("the SoC paused {} times for more than 10 cycles", soc.restarts));
+        if soc.breaks.restarts > 0 {
+            stalls.push(format!(
+                "the SoC paused {} times for more than 10 cycles",
+                soc.breaks.restarts
+            ));
         }
     }
     if let Some(gaps) = &round.floor.gaps
@@ -131,10 +138,7 @@ fn stalls(round: &Round) -> Vec<String> {
     }
     let floors = [
         (round.floor.wakeup.as_ref(), "the wake-up probe"),
-        (
-            round.floor.cyclictest.as_ref().map(|cyclictest| &cyclictest.latency),
-            "cyclictest",
-        ),
+        (round.floor.cyclictest_latency(), "cyclictest"),
     ];
     for (latency, name) in floors {
         let max_us = latency.map_or(0.0, |latency| latency.figures.max_us);
@@ -168,9 +172,7 @@ pub fn good_medians(rounds: &[Round]) -> Option<Medians> {
 /// All rounds together.
 pub fn merged(rounds: &[Round]) -> Merged {
     let periods: Vec<Distribution> = rounds.iter().map(period).collect();
-    let cyclictest = rounds
-        .iter()
-        .filter_map(|round| Some(&round.floor.cyclictest.as_ref()?.latency));
+    let cyclictest = rounds.iter().filter_map(|round| round.floor.cyclictest_latency());
     let (cycles, overruns) = rounds.iter().fold((0, 0), |(cycles, overruns), round| {
         (cycles + round.control.cycles, overruns + round.control.overruns)
     });

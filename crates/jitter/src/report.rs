@@ -200,6 +200,21 @@ pub struct Floor {
     pub notes: Vec<String>,
 }
 
+impl Floor {
+    /// Wake-up latency by `cyclictest`.
+    pub fn cyclictest_latency(&self) -> Option<&Distribution> {
+        self.cyclictest.as_ref().map(|found| &found.latency)
+    }
+
+    /// Wake-up latency, and who measured it: `cyclictest`, else our own probe.
+    pub fn latency(&self) -> Option<(&'static str, &Distribution)> {
+        let own = || Some(("own probe", self.wakeup.as_ref()?));
+        self.cyclictest_latency()
+            .map(|latency| ("cyclictest", latency))
+            .or_else(own)
+    }
+}
+
 /// What `cyclictest` found.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Cyclictest {

@@ -5,7 +5,7 @@ use super::ratios::{good_medians, judge, medians, merged, per_10000};
 use super::report::{
     ControlFigures, Cyclictest, Ended, Floor, Gaps, JitterReport, Load, Medians, Merged, Pc, Round, Settings,
 };
-use analyser::SocReport;
+use analyser::{Breaks, SocReport};
 use host::histogram::{Bucket, Jitter, Summary};
 use std::sync::LazyLock;
 
@@ -104,8 +104,11 @@ pub(crate) fn round(number: u32, kind: Kind) -> Round {
         period_min_us: figures.min_us,
         period_max_us: figures.max_us,
         period_range_us: figures.range_us,
-        overruns,
-        soc_missing: overruns,
+        breaks: Breaks {
+            overruns,
+            soc_missing: overruns,
+            ..Breaks::default()
+        },
         interval_s: cycles as f64 * 1e-3 / intervals as f64,
         interval_maxima_us: maxima_us,
         histogram: periods.buckets().collect(),
@@ -353,7 +356,7 @@ pub(crate) fn strange(
         if let Some(soc) = &mut round.soc_period {
             (soc.period_max_us, soc.interval_s, soc.cycle_us) = (floats[8], floats[9], cycle_us);
             soc.interval_maxima_us = floats.to_vec();
-            soc.overruns = n;
+            soc.breaks.overruns = n;
         }
         if let Some(ratios) = &mut round.over_cyclictest {
             (ratios.p99, ratios.p99_9) = (floats[9], floats[10]);

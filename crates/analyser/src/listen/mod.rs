@@ -216,13 +216,13 @@ fn table(report: &SocReport) -> String {
         text,
         "\nmeasured for {:.1} s; {} gaps of at least 1.5 cycles, {} {begins} not sent\nstamps {stamps}\n{}",
         report.duration_s,
-        report.overruns,
-        report.soc_missing,
+        report.breaks.overruns,
+        report.breaks.soc_missing,
         counted(&frames),
     );
     let remarks = report.remarks();
     // The first of them says what stands above already.
-    for remark in remarks.iter().skip(usize::from(report.overruns > 0)) {
+    for remark in remarks.iter().skip(usize::from(report.breaks.overruns > 0)) {
         let _ = write!(text, "\n{remark}");
     }
     text
@@ -255,7 +255,7 @@ fn counted(frames: &FrameCounts) -> String {
 fn so_far(report: &SocReport) -> String {
     format!(
         "{:9.1} s  n {}  std dev {:.3} us  range {:.3} us  overruns {}",
-        report.duration_s, report.n, report.period_std_us, report.period_range_us, report.overruns
+        report.duration_s, report.n, report.period_std_us, report.period_range_us, report.breaks.overruns
     )
 }
 

@@ -1,5 +1,5 @@
 use super::*;
-use crate::FrameCounts;
+use crate::{Breaks, FrameCounts};
 use host::histogram::Summary;
 
 #[test]
@@ -62,8 +62,11 @@ frames: 600001 SoC, 3 PReq, 0 PRes, 0 SoA, 0 ASnd, 0 other POWERLINK, 0 not POWE
     assert_eq!(table(&report()), expected);
     let bad = SocReport {
         stamps: StampSource::Hardware,
-        overruns: 1,
-        soc_missing: 2,
+        breaks: Breaks {
+            overruns: 1,
+            soc_missing: 2,
+            ..Breaks::default()
+        },
         frames_dropped: 5,
         ..report()
     };

@@ -1,7 +1,7 @@
 //! How far from its date, how often: one row of bars per distribution under one axis.
 
 use super::scale::{Labels, Log};
-use super::{AXIS, BODY, CONTROL, CYCLICTEST, GRID, HEADING, INK, LEFT, RIGHT, SMALL, SOC, WAKEUP};
+use super::{AXIS, BODY, CONTROL, CYCLICTEST, GRID, HEADING, INK, LEFT, RIGHT, SMALL, SOC, WAKEUP, caption, ticks};
 use crate::Distribution;
 use crate::report::JitterReport;
 use crate::words::{far_end_listened, grouped, short_time};
@@ -69,21 +69,12 @@ pub(super) fn draw(sheet: &mut Sheet, report: &JitterReport, top: f64) -> f64 {
     let most = bars.iter().flatten().copied().fold(10.0, f64::max);
     let first_top = top + 30.0;
     let base = first_top + rows.len() as f64 * (ABOVE + ROW);
-    for tick in axis.ticks() {
-        let x = axis.place(tick);
-        sheet.line((x, first_top + ABOVE), (x, base), GRID, 1.0, "");
-        sheet.text((x, base + 17.0), BODY.at(Anchor::Middle), &short_time(tick));
-    }
+    ticks(sheet, &axis, (first_top + ABOVE, base), short_time);
     for ((row, bars), at) in rows.iter().zip(&bars).zip(0..) {
         let top = first_top + f64::from(at) * (ABOVE + ROW);
         draw_row(sheet, row, bars, &axis, (top, most));
     }
-    sheet.text(
-        ((AXIS.0 + AXIS.1) / 2.0, base + 35.0),
-        BODY.at(Anchor::Middle),
-        "distance from the date that was due",
-    );
-    base + 40.0
+    caption(sheet, base, "distance from the date that was due")
 }
 
 fn draw_row(sheet: &mut Sheet, row: &Row<'_>, bars: &[f64], axis: &Log, (top, most): (f64, f64)) {

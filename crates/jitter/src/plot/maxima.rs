@@ -1,7 +1,7 @@
 //! When: the longest period of each interval, round after round, with overruns and stalls marked.
 
 use super::scale::{Labels, Log};
-use super::{ALARM, AXIS, BAD, BODY, CYCLICTEST, GRID, HEADING, INK, LEFT, LINE, SMALL, SOC};
+use super::{ALARM, AXIS, BAD, BODY, CYCLICTEST, GRID, HEADING, INK, LEFT, LINE, SMALL, SOC, caption};
 use crate::report::{JitterReport, Round};
 use crate::words::{short_time, wrapped};
 use plot::sheet::{Anchor, Face, Sheet};
@@ -146,14 +146,8 @@ fn over_nominal<'a>(part: &'a Part<'_>) -> impl Iterator<Item = f64> + 'a {
 
 /// The worst wake-up of a round, and by whom.
 fn floor(round: &Round) -> Option<(&'static str, f64)> {
-    let cyclictest = round.floor.cyclictest.as_ref();
-    let cyclictest = cyclictest.map(|found| ("cyclictest", found.latency.figures.max_us));
-    let probe = round
-        .floor
-        .wakeup
-        .as_ref()
-        .map(|found| ("own probe", found.figures.max_us));
-    cyclictest.or(probe)
+    let (name, latency) = round.floor.latency()?;
+    Some((name, latency.figures.max_us))
 }
 
 fn needles(sheet: &mut Sheet, part: &Part<'_>, axis: &Log, (ceiling, base): (f64, f64), half_us: f64) {
@@ -187,7 +181,7 @@ fn words(sheet: &mut Sheet, parts: &[Part<'_>], axis: &Log, ceiling: f64) {
     let mut labels = Labels::new(SMALL, (AXIS.0, AXIS.1));
     for part in parts {
         let mark = if part.round.is_bad() { "!" } else { "" };
-        let overruns = part.round.soc_period.as_ref().map_or(0, |soc| soc.overruns);
+        let overruns = part.round.soc_period.as_ref().map_or(0, |soc| soc.breaks.overruns);
         let overruns = match overruns {
             0 => String::new(),
             1 => ", 1 overrun".into(),
@@ -236,13 +230,7 @@ fn times(sheet: &mut Sheet, parts: &[Part<'_>], base: f64) -> f64 {
             sheet.text((x, base + 17.0), BODY.at(Anchor::Middle), &text);
         }
     }
-    let middle = (AXIS.0 + AXIS.1) / 2.0;
-    sheet.text(
-        (middle, base + 35.0),
-        BODY.at(Anchor::Middle),
-        "time with the program running",
-    );
-    base + 40.0
+    caption(sheet, base, "time with the program running")
 }
 
 /// A time in the unit that the whole fits.

@@ -17,7 +17,7 @@ use super::ratios::merged;
 use super::report::{Ended, JitterReport, Medians, Pc, Round, Settings};
 use super::words::{elided, ended, far_end_listened, grouped, pc, short_time, total, wrapped};
 use analyser::SocReport;
-use plot::sheet::{Face, Sheet};
+use plot::sheet::{Anchor, Face, Sheet};
 
 const WIDTH: f64 = 1200.0;
 /// Left and right ends of what stands beside the axes, and of the axes.
@@ -103,6 +103,22 @@ pub fn soc_period_svg(soc: &SocReport) -> String {
     let y = histogram::draw(&mut sheet, &report, 92.0);
     let y = maxima::draw(&mut sheet, &report, y + 40.0);
     sheet.finish(y + 16.0)
+}
+
+/// Upright lines at the powers of ten of an axis from left to right, with their values below.
+fn ticks(sheet: &mut Sheet, axis: &scale::Log, (top, base): (f64, f64), named: fn(f64) -> String) {
+    for tick in axis.ticks() {
+        let x = axis.place(tick);
+        sheet.line((x, top), (x, base), GRID, 1.0, "");
+        sheet.text((x, base + 17.0), BODY.at(Anchor::Middle), &named(tick));
+    }
+}
+
+/// What an axis from left to right is of; gives the lower end.
+fn caption(sheet: &mut Sheet, base: f64, text: &str) -> f64 {
+    let middle = (AXIS.0 + AXIS.1) / 2.0;
+    sheet.text((middle, base + 35.0), BODY.at(Anchor::Middle), text);
+    base + 40.0
 }
 
 /// What was found, as one sentence.

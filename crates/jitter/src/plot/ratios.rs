@@ -1,7 +1,7 @@
 //! Against what: the SoC period over the wake-up latency of the same PC, with the goals as marks.
 
 use super::scale::{Labels, Log};
-use super::{ALARM, AXIS, BODY, GRID, HEADING, INK, LEFT, LINE, SMALL, SOC, WAKEUP};
+use super::{ALARM, AXIS, BODY, HEADING, INK, LEFT, LINE, SMALL, SOC, WAKEUP, caption, ticks};
 use crate::goals::GOALS;
 use crate::ratios::Ratios;
 use crate::report::{JitterReport, Round};
@@ -76,11 +76,7 @@ pub(super) fn draw(sheet: &mut Sheet, report: &JitterReport, top: f64) -> f64 {
     let axis = Log::holding(least, most, AXIS);
     let first = top + 70.0;
     let base = first + ROW * FIGURES.len() as f64;
-    for tick in axis.ticks() {
-        let x = axis.place(tick);
-        sheet.line((x, first - 8.0), (x, base), GRID, 1.0, "");
-        sheet.text((x, base + 17.0), BODY.at(Anchor::Middle), &format!("{tick}"));
-    }
+    ticks(sheet, &axis, (first - 8.0, base), |tick| format!("{tick}"));
     let one = axis.place(1.0);
     sheet.line((one, first - 8.0), (one, base), INK, 2.0, "");
     for ((name, figure), at) in FIGURES.iter().zip(0..) {
@@ -99,13 +95,7 @@ pub(super) fn draw(sheet: &mut Sheet, report: &JitterReport, top: f64) -> f64 {
     }
     sheet.text((one, first - 12.0), BODY.at(Anchor::Middle), "1: as exact as a wake-up");
     sheet.line((AXIS.0, base), (AXIS.1, base), INK, 1.0, "");
-    let middle = (AXIS.0 + AXIS.1) / 2.0;
-    sheet.text(
-        (middle, base + 35.0),
-        BODY.at(Anchor::Middle),
-        "ratio, logarithmic: ← better, worse →",
-    );
-    base + 40.0
+    caption(sheet, base, "ratio, logarithmic: ← better, worse →")
 }
 
 /// A bar from 1 to a value.

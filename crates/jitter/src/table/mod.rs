@@ -126,30 +126,16 @@ fn lateness(text: &mut Text, report: &JitterReport) {
     let all = &report.all;
     text.row("Away from its date, µs", ["p50", "p99", "p99.9", "p99.99", "max", "n"]);
     let period = &all.soc_period;
-    let distance = |quantile| us(period.deviation_quantile_us(quantile));
+    let row = |scale: f64, n: String| {
+        let [p50, p99, p99_9, p99_99, max] =
+            [0.5, 0.99, 0.999, 0.9999, 1.0].map(|quantile| us(scale * period.deviation_quantile_us(quantile)));
+        [p50, p99, p99_9, p99_99, max, n]
+    };
     if period.figures.n > 0 {
-        text.row(
-            "  SoC period, early or late",
-            [
-                distance(0.5),
-                distance(0.99),
-                distance(0.999),
-                distance(0.9999),
-                distance(1.0),
-                count(period.figures.n),
-            ],
-        );
-        let error = |quantile| us(MICROMETRES_PER_US * period.deviation_quantile_us(quantile));
+        text.row("  SoC period, early or late", row(1.0, count(period.figures.n)));
         text.row(
             "  position error at 30 m/min, µm",
-            [
-                error(0.5),
-                error(0.99),
-                error(0.999),
-                error(0.9999),
-                error(1.0),
-                String::new(),
-            ],
+            row(MICROMETRES_PER_US, String::new()),
         );
     }
     let cyclictest = report.rounds.iter().find_map(|round| round.floor.cyclictest.as_ref());
@@ -247,20 +233,13 @@ fn inside(text: &mut Text, report: &JitterReport) {
             continue;
         }
         let n: f64 = figures.iter().map(|figures| figures.n as f64).sum();
-        let mean: f64 = figures
+        let mean = figures
             .iter()
             .map(|figures| figures.mean_us * (figures.n as f64 / n))
             .sum();
-        let worst = |of: fn(&Summary) -> f64| {
-            figures
-                .iter()
-                .map(|figures| of(figures))
-                .fold(f64::NEG_INFINITY, f64::max)
-        };
-        let least = figures
-            .iter()
-            .map(|figures| figures.min_us)
-            .fold(f64::INFINITY, f64::min);
+        let each = |of: fn(&Summary) -> f64| figures.iter().map(move |figures| of(figures));
+        let worst = |of| each(of).fold(f64::NEG_INFINITY, f64::max);
+        let least = each(|figures| figures.min_us).fold(f64::INFINITY, f64::min);
         let cells = [
             mean,
             worst(|figures| figures.p50_us),
@@ -276,7 +255,7 @@ fn inside(text: &mut Text, report: &JitterReport) {
 
 fn missed(text: &mut Text, report: &JitterReport) {
     let missing = total(report, |round| {
-        round.soc_period.as_ref().map_or(0, |soc| soc.soc_missing)
+        round.soc_period.as_ref().map_or(0, |soc| soc.breaks.soc_missing)
     });
     text.say(&format!(
         "Missed: {} cycles left out ({:.2} per 10,000); {} SoC missing on the wire; {} answers of drives lost",
@@ -320,7 +299,7 @@ fn ratios(text: &mut Text, report: &JitterReport) {
                 text.row(&name, ["-"; 6]);
                 continue;
             };
-            let [p50, p99, p99_9, std] = figures(found).map(ratio);
+            let [p50, p99, p99_9, std] = found.figures().map(ratio);
             if judged.is_none() {
                 (judged, judged_over) = (Some(found), over);
                 let overruns = format!("{:.2}", medians.overruns_per_10000);
@@ -344,14 +323,10 @@ fn ratios(text: &mut Text, report: &JitterReport) {
     text.gap();
 }
 
-fn figures(ratios: Ratios) -> [f64; 4] {
-    [ratios.p50, ratios.p99, ratios.p99_9, ratios.std]
-}
-
 /// The figures of a goal, each marked whether it is kept.
 fn against(goal: &Goal, found: Option<Ratios>, medians: &Medians, std_us: f64) -> [String; 6] {
-    let [p50, p99, p99_9, std] = figures(goal.ratios);
-    let found = found.map(figures);
+    let [p50, p99, p99_9, std] = goal.ratios.figures();
+    let found = found.map(|found| found.figures());
     let ratio_of = |at: usize| found.map(|found| found[at]);
     let others = found.map(|_| (medians.overruns_per_10000, std_us));
     let cell = |most: f64, found: Option<f64>| match found {
@@ -386,13 +361,7 @@ fn rounds(text: &mut Text, report: &JitterReport) {
     for round in &report.rounds {
         let period = period(round);
         let measured = |value: f64| if period.figures.n > 0 { us(value) } else { "-".into() };
-        let cyclictest = round
-            .floor
-            .cyclictest
-            .as_ref()
-            .map(|found| ("cyclictest", found.latency.figures));
-        let wakeup = round.floor.wakeup.as_ref().map(|found| ("own probe", found.figures));
-        let floor = cyclictest.or(wakeup);
+        let floor = round.floor.latency().map(|(name, latency)| (name, latency.figures));
         let load = round.load_with_program;
         let steal_ms = load.steal_ms + round.load_at_floor.steal_ms;
         let mark = if round.is_bad() { '!' } else { ' ' };
