@@ -484,7 +484,7 @@ fn away_from_the_path_and_on_the_way_back_a_stop_gives_the_part_up_and_a_fault_s
 fn mains_that_fail_stop_the_part_and_take_the_tool_out_of_the_work() {
     for retract_mm in [0.0, 6.5] {
         let mut config = machine();
-        config.mains.retract_mm = retract_mm;
+        config.stops.mains.retract_mm = retract_mm;
         let act = |run: &mut Rehearsal<'_>| {
             reach_midst(run);
             run.hal.set("iocontrol.0.mains-ok", false).unwrap();
@@ -517,7 +517,7 @@ fn mains_that_fail_stop_the_part_and_take_the_tool_out_of_the_work() {
 #[test]
 fn an_emergency_stop_in_the_stop_for_the_mains_leaves_no_retract_behind() {
     let mut config = machine();
-    config.mains.retract_mm = -6.5;
+    config.stops.mains.retract_mm = -6.5;
     let operator = isocnc::operator::console::Operator::standing_by;
     let net = NetConfig::clean(12);
     isocnc::operator::rehearsal::rehearse_with(&config, PART.as_bytes(), net, operator, |run| {
@@ -642,7 +642,7 @@ fn an_override_at_0_rests_on_the_way_back() {
 #[test]
 fn a_limit_switch_ends_the_way_of_the_tool_out_of_the_work() {
     let mut config = machine();
-    config.mains.retract_mm = 6.5;
+    config.stops.mains.retract_mm = 6.5;
     rehearse(&config, PART.as_bytes(), NetConfig::clean(16), |run| {
         reach_midst(run);
         run.hal.set("iocontrol.0.mains-ok", false).unwrap();

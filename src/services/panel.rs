@@ -118,9 +118,9 @@ impl Panel {
                 secret: wanted.tokens.iter().cloned().collect(),
             },
             grbl: port("[panel.grbl] listen", "grbl", wanted.grbl, quiet)?,
-            shdr: port("[panel.mtconnect] shdr", "shdr", wanted.shdr, quiet)?,
-            mtconnect_old_errors: wanted.mtconnect_old_errors,
-            mtconnect_at_root: wanted.mtconnect_at_root,
+            shdr: port("[panel.mtconnect] shdr", "shdr", wanted.mtconnect.shdr, quiet)?,
+            mtconnect_old_errors: wanted.mtconnect.old_errors,
+            mtconnect_at_root: wanted.mtconnect.at_root,
         };
         Ok(Some(Panel {
             wanted,

@@ -188,10 +188,8 @@ fn rows(config: &Config, part: &str, causes: &[Cause]) -> String {
 #[test]
 fn how_the_machine_stops() {
     let mill = machine(include_str!("../../configs/mill3-demo.toml"));
-    let category_0 = Config {
-        estop_category: StopCategory::Zero,
-        ..mill.clone()
-    };
+    let mut category_0 = mill.clone();
+    category_0.stops.emergency = StopCategory::Zero;
     let lathe = machine(include_str!("../../configs/lathe2-demo.toml"));
     let columns = [
         "cause",

@@ -2,10 +2,11 @@
 //!
 //! In:  the table of the machine file, the nodes of the bus. Out: where its command, its encoder and its switches are.
 
-use super::document::{Bound, Section};
-use super::drive::DriveMode;
-use super::spindle::{node, object};
-use super::types::{Exchange, Mapped, Node, NodeIndex};
+use super::bus_types::{Exchange, Mapped, Node, NodeIndex};
+use super::modes::DriveMode;
+use super::node_keys::{has_no_channel, node, object};
+use super::question::Bound;
+use super::section::Section;
 
 /// An amplifier without a bus of its own; everything of it is at one I/O node.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,10 +32,8 @@ pub(super) fn output(
     mode: Option<DriveMode>,
 ) -> Option<AnalogOutput> {
     if mode.is_some_and(|mode| !matches!(mode, DriveMode::Csv | DriveMode::Cst)) {
-        joint.wrong(
-            "mode",
-            "must be \"csv\" (its input is a speed) or \"cst\" (a torque): an amplifier holds no position",
-        );
+        let rule = "must be \"csv\" (its input is a speed) or \"cst\" (a torque): an amplifier holds no position";
+        joint.wrong("mode", rule);
     }
     let what = "where the amplifier is, like { node = 10, command = \"0x6411:2\", full = 200.0, position = \"0x3000:3\", enable = \"0x6200:2\", enable_bit = 0 }";
     if !joint.has("analog") {
@@ -52,34 +51,26 @@ pub(super) fn output(
     let fault = object(&mut section, "fault", false, inputs, "inputs");
     let fault_bit = section.optional_integer("fault_bit", 0..=63);
     let fault_active = section.flag("fault_active", true);
-    if let (Some((_, node)), Some(Some(command))) = (node, command)
-        && let Some(channel) = node.channels.iter().find(|it| it.output && it.object == command)
-    {
-        let rule = format!(
-            "is the channel {:?} of the node already: an output has one writer",
-            channel.name
-        );
-        section.wrong("command", rule);
+    if let (Some((_, node)), Some(Some(command))) = (node, command) {
+        has_no_channel(&section, "command", node, command);
     }
-    let bit_of = |section: &Section<'_, '_>, key: &str, object: Option<Mapped>, bit: Option<i64>| {
-        let (object, bit) = (object?, bit?);
-        if bit >= i64::from(object.bits) {
+    let bit_of = |key: &str, object: Mapped, bit: u8| {
+        let fits = bit < object.bits;
+        if !fits {
             section.wrong(key, format!("must be below {}, the bits of {object}", object.bits));
-            return None;
         }
-        Some((object, bit as u8))
+        fits.then_some((object, bit))
     };
-    let enable = bit_of(&section, "enable_bit", enable.flatten(), enable_bit);
+    let enable = enable.flatten().zip(enable_bit);
+    let enable = enable.and_then(|(object, bit)| bit_of("enable_bit", object, bit));
     let fault = match (fault?, fault_bit?) {
         (None, None) => None,
-        (Some(object), Some(bit)) => Some(bit_of(&section, "fault_bit", Some(object), Some(bit))?),
+        (Some(object), Some(bit)) => Some(bit_of("fault_bit", object, bit)?),
         (Some(_), None) => {
-            section.wrong("fault_bit", "is missing: the bit of `fault`");
-            return None;
+            return section.refused("fault_bit", "is missing: the bit of `fault`");
         }
         (None, Some(_)) => {
-            section.wrong("fault_bit", "is of `fault`, which is missing");
-            return None;
+            return section.refused("fault_bit", "is of `fault`, which is missing");
         }
     };
     section.done();

@@ -2,13 +2,23 @@
 //!
 //! In:  the table of the machine file. Out: a [`Bus`] whose nodes fit together; whether its worst cycle fits the cycle is judged by `bus::check`.
 
-use super::document::Section;
+use super::bus_types::{Bus, BusKind, Protocol};
+use super::cross;
 use super::drive::DriveUse;
-use super::keys;
-use super::node::{self, Names, Network};
-use super::powerlink;
-use super::types::{Bus, BusKind};
+use super::ethercat::Ethercat;
+use super::node::{self, Names};
+use super::powerlink::Powerlink;
+use super::protocol::{Keys, Network};
+use super::section::Section;
 use std::path::Path;
+
+/// The part of a kind of bus. Of a kind that is not known yet, and where there is no bus, it is POWERLINK's.
+fn keys_of(kind: Option<BusKind>) -> &'static dyn Keys {
+    match kind.map_or(Protocol::None, BusKind::protocol) {
+        Protocol::Powerlink | Protocol::None => &Powerlink,
+        Protocol::Ethercat => &Ethercat,
+    }
+}
 
 pub(super) fn bus(
     section: &mut Section<'_, '_>,
@@ -18,7 +28,7 @@ pub(super) fn bus(
 ) -> Option<Bus> {
     let kind = section.word("kind", &BusKind::WORDS, None);
     let interface = interface(section, kind);
-    let keys = keys::of(kind);
+    let keys = keys_of(kind);
     section.foreign(keys.foreign_of_bus());
     let own = keys.bus(section, kind, cycle_us);
     let startup = keys.startup(section);
@@ -56,7 +66,7 @@ pub(super) fn bus(
         return None;
     }
     for (own, pending) in pending.iter().enumerate() {
-        match powerlink::cross(&nodes, own, pending) {
+        match cross::cross(&nodes, own, pending) {
             Some(cross) => nodes[own].cross = cross,
             None => complete = false,
         }
@@ -80,41 +90,19 @@ pub(super) fn bus(
     complete.then_some(bus)
 }
 
-/// Shorter frames are padded.
-const FRAME_OCTETS_MIN: usize = 60;
-
-/// Time on a 100 Mbit/s wire of an Ethernet frame of `octets` without check sequence (4 octets), preamble (8) and gap (12), ns.
-pub fn wire_time_ns(octets: usize) -> u64 {
-    (octets.max(FRAME_OCTETS_MIN) as u64 + 4 + 8 + 12) * 80
-}
-
 fn interface(section: &mut Section<'_, '_>, kind: Option<BusKind>) -> Option<String> {
-    let item = match kind {
-        Some(kind) if kind.has_interface() => section.required("interface", "the network interface of the bus")?,
-        Some(_) | None => match section.optional("interface") {
-            Some(item) => item,
+    let text = match kind.is_some_and(BusKind::has_interface) {
+        true => section.text("interface", "the network interface of the bus")?,
+        false => match section.optional_text("interface")? {
+            Some(text) => text,
             None => return Some(String::new()),
         },
     };
-    let text = item.text("bus.interface")?;
     // What the kernel takes as the name of an interface.
     let valid = (1..=15).contains(&text.len()) && text.bytes().all(|octet| octet.is_ascii_graphic() && octet != b'/');
     if !valid {
-        section.wrong(
-            "interface",
-            "must be the name of a network interface: 1 to 15 characters, no blank and no /",
-        );
+        let rule = "must be the name of a network interface: 1 to 15 characters, no blank and no /";
+        section.wrong("interface", rule);
     }
     valid.then(|| text.to_owned())
-}
-
-pub(super) const NAME_RULE: &str = "must be 1 to 48 letters, digits, dashes, underscores or dots, a letter first";
-
-/// Whether a text may name a machine or a node; such names stand in file names and messages.
-pub fn is_name(text: &str) -> bool {
-    (1..=48).contains(&text.len())
-        && text.starts_with(|first: char| first.is_ascii_alphabetic())
-        && text
-            .bytes()
-            .all(|octet| octet.is_ascii_alphanumeric() || b"-_.".contains(&octet))
 }

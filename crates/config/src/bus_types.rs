@@ -1,8 +1,12 @@
-//! The bus of a machine and its nodes, as checked as the rest of [`types`](super::types).
+//! The bus of a machine and its nodes, as checked as the rest of the machine.
 
-use super::channels::Channel;
+use super::channels::{Channel, ChannelKind, ObjectKind, kind_of};
 use super::drive_profile::DriveProfile;
+pub use super::objects::{Identity, Mapped, Profile};
 use obd::device::{ConfigurationWrite, DeviceDescription};
+
+/// A node by its place in the machine file.
+pub type NodeIndex = usize;
 
 /// `[bus]`
 #[derive(Clone, Debug, PartialEq)]
@@ -89,7 +93,7 @@ impl BusKind {
 }
 
 /// The protocol of a bus. What it needs is in one registry for each layer, which the compiler wants whole: its keys here
-/// (`keys.rs`), checking and opening it in `bus::protocol`, its nodes in `sim::protocol`, its budget in `bus-tools`.
+/// (`protocol.rs`), checking and opening it in `bus::protocol`, its nodes in `sim::protocol`, its budget in `bus-tools`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Protocol {
     /// Ethernet POWERLINK.
@@ -294,104 +298,37 @@ pub struct Cross {
     pub into: Mapped,
 }
 
-/// Expected values of the IdentResponse; `None`: not checked.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Identity {
-    /// 1000.
-    pub device_type: Option<u32>,
-    /// 1018:1.
-    pub vendor_id: Option<u32>,
-    /// 1018:2.
-    pub product_code: Option<u32>,
-    /// 1018:3.
-    pub revision: Option<u32>,
-    /// 1018:4.
-    pub serial: Option<u32>,
-}
-
-impl Identity {
-    /// Whether a device that reports `found` is the one that is wanted.
-    pub fn fits(&self, found: &Identity) -> bool {
-        let fits = |wanted: Option<u32>, found: Option<u32>| wanted.is_none() || wanted == found;
-        fits(self.device_type, found.device_type)
-            && fits(self.vendor_id, found.vendor_id)
-            && fits(self.product_code, found.product_code)
-            && fits(self.revision, found.revision)
-            && fits(self.serial, found.serial)
+impl Node {
+    /// Whether an object holds single inputs or outputs, whatever channels make of it.
+    pub fn is_of_bits(&self, object: Mapped) -> bool {
+        kind_of(object, self.device.as_ref()) == ObjectKind::Bits
     }
 
-    /// What is known of a device by one of its objects; `None`: the object is no part of an identity.
-    pub fn of_object(object: (u16, u8), value: u32) -> Option<Identity> {
-        let mut known = Identity::default();
-        let part = match object {
-            (0x1000, 0) => &mut known.device_type,
-            (0x1018, 1) => &mut known.vendor_id,
-            (0x1018, 2) => &mut known.product_code,
-            (0x1018, 3) => &mut known.revision,
-            (0x1018, 4) => &mut known.serial,
-            _ => return None,
+    /// What the bits of one of its objects are: what a channel says, else its device file, else CiA 401. Of what nobody knows,
+    /// octets are bits, and what is longer is a number.
+    pub fn object_kind(&self, object: Mapped) -> ObjectKind {
+        let known = kind_of(object, self.device.as_ref());
+        let as_number = |signed: Option<bool>| match (signed, known) {
+            (Some(true), _) | (None, ObjectKind::Signed) => ObjectKind::Signed,
+            (None, ObjectKind::Real) => ObjectKind::Real,
+            (Some(false), _) | (None, ObjectKind::Unsigned | ObjectKind::Bits) => ObjectKind::Unsigned,
         };
-        *part = Some(value);
-        Some(known)
-    }
-
-    /// Whether something is wanted of the device.
-    pub fn is_checked(&self) -> bool {
-        *self != Identity::default()
-    }
-}
-
-/// What is known, in words; "any device" where nothing is.
-impl std::fmt::Display for Identity {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let hex = [
-            ("device type", self.device_type),
-            ("vendor", self.vendor_id),
-            ("product", self.product_code),
-            ("revision", self.revision),
-        ];
-        let hex = hex
-            .iter()
-            .filter_map(|(name, value)| Some(format!("{name} {:#010X}", (*value)?)));
-        let serial = self.serial.map(|serial| format!("serial {serial}"));
-        let words: Vec<String> = hex.chain(serial).collect();
-        match words.is_empty() {
-            true => f.write_str("any device"),
-            false => f.write_str(&words.join(", ")),
-        }
+        let named = self.channels.iter().find_map(|channel| match channel.kind {
+            ChannelKind::Counter { follow } if follow.latch == Some(object) => Some(ObjectKind::Unsigned),
+            _ if channel.object != object => None,
+            ChannelKind::Bit { .. } | ChannelKind::Relay { .. } => Some(ObjectKind::Bits),
+            ChannelKind::Integer { signed } | ChannelKind::Analog { signed, .. } => Some(as_number(signed)),
+            ChannelKind::Counter { .. } => Some(ObjectKind::Unsigned),
+            ChannelKind::Pwm { .. } => Some(as_number(None)),
+        });
+        named.unwrap_or(known)
     }
 }
 
-/// Profile of a node.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Profile {
-    Cia402,
-    /// Digital inputs and outputs (CiA 401).
-    Io,
-}
+/// Shorter frames are padded.
+const FRAME_OCTETS_MIN: usize = 60;
 
-/// One object in a PDO: `"0x60FE:1/32"`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Mapped {
-    pub index: u16,
-    pub sub: u8,
-    /// Length in bits: 8, 16, 32 or 64.
-    pub bits: u8,
-}
-
-impl Mapped {
-    /// As it stands in a mapping object of EtherCAT: index << 16 | sub-index << 8 | bits.
-    pub fn entry(&self) -> u32 {
-        u32::from(self.index) << 16 | u32::from(self.sub) << 8 | u32::from(self.bits)
-    }
-}
-
-/// As it is written in a machine file.
-impl std::fmt::Display for Mapped {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self.sub {
-            0 => write!(f, "0x{:04X}/{}", self.index, self.bits),
-            sub => write!(f, "0x{:04X}:{sub}/{}", self.index, self.bits),
-        }
-    }
+/// Time on a 100 Mbit/s wire of an Ethernet frame of `octets` without check sequence (4 octets), preamble (8) and gap (12), ns.
+pub fn wire_time_ns(octets: usize) -> u64 {
+    (octets.max(FRAME_OCTETS_MIN) as u64 + 4 + 8 + 12) * 80
 }

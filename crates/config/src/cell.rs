@@ -2,21 +2,31 @@
 //!
 //! In:  the table of the machine file. Out: where the supervisor is, with which certificate, what it may do.
 
-use super::document::Section;
+use super::section::{Section, keys};
 use std::path::{Path, PathBuf};
 
-/// `[cell]`
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Cell {
-    /// Name or address, and port.
-    pub supervisor: String,
-    /// Certificate of this machine, and its key.
-    pub certificate: PathBuf,
-    pub key: PathBuf,
-    /// Certificate of the authority of the cell.
-    pub ca: PathBuf,
-    /// What the supervisor may do.
-    pub remote: Remote,
+const REMOTES: [(&str, Remote); 3] = [("off", Remote::Off), ("upload", Remote::Upload), ("run", Remote::Run)];
+
+keys! {
+    /// `[cell]`; `base`: folder of the machine file, `has_state`: the control may write by itself.
+    #[derive(Clone, Debug, PartialEq, Eq)]
+    pub struct Cell(section, base: &Path, has_state: bool) {
+        /// Name or address, and port.
+        pub supervisor: String = supervisor(section),
+        /// Certificate of this machine, and its key.
+        pub certificate: PathBuf = file(section, "certificate", "file with the certificate of this machine", base),
+        pub key: PathBuf = file(section, "key", "file with the key of the certificate", base),
+        /// Certificate of the authority of the cell.
+        pub ca: PathBuf = file(section, "ca", "file with the certificate of the cell's authority", base),
+        /// What the supervisor may do.
+        pub remote: Remote = section.word("remote", &REMOTES, Remote::Off),
+    }
+    rules {
+        if !has_state {
+            let rule = "needs machine.state_directory: numbers of the journal and orders are known there after a restart";
+            section.wrong("supervisor", rule);
+        }
+    }
 }
 
 /// What the supervisor may do, each more than the one before; holding and stopping is always allowed.
@@ -41,60 +51,22 @@ fn is_place(text: &str) -> bool {
     (is_bare || is_v6) && port.parse::<u16>().is_ok_and(|port| port > 0)
 }
 
-fn file(section: &mut Section<'_, '_>, key: &'static str, what: &str, base: &Path) -> Option<PathBuf> {
-    let path = section.key(key);
-    let text = section.required(key, what)?.text(&path)?;
-    if text.is_empty() {
-        section.wrong(key, "must be a path");
-        return None;
+fn supervisor(section: &mut Section<'_, '_>) -> Option<String> {
+    let text = section.text("supervisor", "address and port of the supervisor")?;
+    let is_right = is_place(text);
+    if !is_right {
+        let rule = "must be an address or a name, and a port, like \"192.168.1.10:7447\"";
+        section.wrong("supervisor", rule);
     }
-    Some(base.join(text))
+    is_right.then(|| text.to_owned())
 }
 
-pub(super) fn cell(mut section: Section<'_, '_>, base: &Path, state_directory: Option<&Path>) -> Option<Cell> {
-    let supervisor = section
-        .required("supervisor", "address and port of the supervisor")
-        .and_then(|item| item.text("cell.supervisor"))
-        .and_then(|text| {
-            let is_right = is_place(text);
-            if !is_right {
-                section.wrong(
-                    "supervisor",
-                    "must be an address or a name, and a port, like \"192.168.1.10:7447\"",
-                );
-            }
-            is_right.then(|| text.to_owned())
-        });
-    let certificate = file(
-        &mut section,
-        "certificate",
-        "file with the certificate of this machine",
-        base,
-    );
-    let key = file(&mut section, "key", "file with the key of the certificate", base);
-    let ca = file(
-        &mut section,
-        "ca",
-        "file with the certificate of the cell's authority",
-        base,
-    );
-    let words = [("off", Remote::Off), ("upload", Remote::Upload), ("run", Remote::Run)];
-    let remote = section.word("remote", &words, Remote::Off);
-    if state_directory.is_none() {
-        section.wrong(
-            "supervisor",
-            "needs machine.state_directory: numbers of the journal and orders are known there after a restart",
-        );
+fn file(section: &mut Section<'_, '_>, key: &'static str, what: &str, base: &Path) -> Option<PathBuf> {
+    let text = section.text(key, what)?;
+    if text.is_empty() {
+        return section.refused(key, "must be a path");
     }
-    section.done();
-    state_directory?;
-    Some(Cell {
-        supervisor: supervisor?,
-        certificate: certificate?,
-        key: key?,
-        ca: ca?,
-        remote: remote?,
-    })
+    Some(base.join(text))
 }
 
 #[cfg(test)]

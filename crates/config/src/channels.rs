@@ -2,12 +2,13 @@
 //!
 //! In:  tables of the machine file, what the node sends and takes, its device file.
 //! Out: [`Channel`]s whose objects are mapped and which do not contradict each other, and what the bits of each object mean
-//!      ([`Node::object_kind`]), of which the pins are made.
+//!      ([`Node::object_kind`](super::Node::object_kind)), of which the pins are made.
 
-use super::document::{Bound, Section};
-use super::mapping::parse_object;
-use super::types::{DeviceDescription, Mapped, Node, Profile};
+use super::objects::{Mapped, Profile};
+use super::question::Bound;
+use super::section::Section;
 use hal_pins::UNIT_LEN_MAX;
+use obd::device::DeviceDescription;
 
 /// Longest name of a channel, octets: `io.239.` and what comes behind it fit the name of a pin.
 const NAME_LEN_MAX: usize = 32;
@@ -81,34 +82,8 @@ pub enum ObjectKind {
     Real,
 }
 
-impl Node {
-    /// Whether an object holds single inputs or outputs, whatever channels make of it.
-    pub fn is_of_bits(&self, object: Mapped) -> bool {
-        kind_of(object, self.device.as_ref()) == ObjectKind::Bits
-    }
-
-    /// What the bits of one of its objects are: what a channel says, else its device file, else CiA 401. Of what nobody knows,
-    /// octets are bits, and what is longer is a number.
-    pub fn object_kind(&self, object: Mapped) -> ObjectKind {
-        let known = kind_of(object, self.device.as_ref());
-        let as_number = |signed: Option<bool>| match (signed, known) {
-            (Some(true), _) | (None, ObjectKind::Signed) => ObjectKind::Signed,
-            (None, ObjectKind::Real) => ObjectKind::Real,
-            (Some(false), _) | (None, ObjectKind::Unsigned | ObjectKind::Bits) => ObjectKind::Unsigned,
-        };
-        let named = self.channels.iter().find_map(|channel| match channel.kind {
-            ChannelKind::Counter { follow } if follow.latch == Some(object) => Some(ObjectKind::Unsigned),
-            _ if channel.object != object => None,
-            ChannelKind::Bit { .. } | ChannelKind::Relay { .. } => Some(ObjectKind::Bits),
-            ChannelKind::Integer { signed } | ChannelKind::Analog { signed, .. } => Some(as_number(signed)),
-            ChannelKind::Counter { .. } => Some(ObjectKind::Unsigned),
-            ChannelKind::Pwm { .. } => Some(as_number(None)),
-        });
-        named.unwrap_or(known)
-    }
-}
-
-fn kind_of(object: Mapped, device: Option<&DeviceDescription>) -> ObjectKind {
+/// What the bits of an object are, as far as CiA 401 and a device file tell.
+pub(super) fn kind_of(object: Mapped, device: Option<&DeviceDescription>) -> ObjectKind {
     // CiA 401: 6000h to 63FFh digital, from 6400h on analog, 6403h and 6413h as real numbers.
     match object.index {
         0x6000..=0x63FF => return ObjectKind::Bits,
@@ -156,21 +131,121 @@ pub(super) fn channels(
     payloads: Option<(&[Mapped], &[Mapped])>,
 ) -> Option<Vec<Channel>> {
     if section.has("channel") && profile == Some(Profile::Cia402) {
-        section.wrong(
-            "channel",
-            "is for nodes of profile \"io\": objects of a drive have pins of their own",
-        );
+        let rule = "is for nodes of profile \"io\": objects of a drive have pins of their own";
+        section.wrong("channel", rule);
     }
-    let mut found: Vec<Channel> = Vec::new();
-    let mut complete = true;
-    for mut table in section.sections("channel") {
-        match channel(&mut table, device, payloads, &found) {
-            Some(channel) => found.push(channel),
-            None => complete = false,
+    section.tables("channel", |table, above| channel(table, device, payloads, above))
+}
+
+/// What the keys of a channel say, whatever its type is, so that each key is known; `None` where they are wrong.
+struct Asked {
+    bit: Option<Option<u8>>,
+    signed: Option<Option<bool>>,
+    scale: Option<f64>,
+    offset: Option<f64>,
+    filter_hz: Option<Option<f64>>,
+    raw_min: Option<Option<i64>>,
+    raw_max: Option<Option<i64>>,
+    counts_per_unit: Option<f64>,
+    latch: Option<Option<(Mapped, bool)>>,
+}
+
+impl Asked {
+    fn read(section: &mut Section<'_, '_>, payloads: Option<(&[Mapped], &[Mapped])>) -> Asked {
+        Asked {
+            bit: section.optional_integer("bit", 0..=63),
+            signed: section.maybe("signed", |item, path| item.flag(path)),
+            scale: section.number("scale", Bound::Size(SCALE_MAX), 1.0),
+            offset: section.number("offset", Bound::Size(SCALE_MAX), 0.0),
+            filter_hz: section.optional_number("filter_hz", Bound::Positive(1e6)),
+            raw_min: section.optional_integer("raw_min", -RAW_MAX..=RAW_MAX),
+            raw_max: section.optional_integer("raw_max", -RAW_MAX..=RAW_MAX),
+            counts_per_unit: section.number("counts_per_unit", Bound::Size(SCALE_MAX), 1.0),
+            latch: mapped(section, "latch", false, payloads),
         }
-        table.done();
     }
-    complete.then_some(found)
+
+    /// Whether its numbers are no zeros, and a range is one.
+    fn are_numbers(&self, section: &Section<'_, '_>) -> bool {
+        for (key, value) in [("scale", self.scale), ("counts_per_unit", self.counts_per_unit)] {
+            if value == Some(0.0) {
+                section.wrong(key, "must not be 0");
+                return false;
+            }
+        }
+        if let (Some(Some(low)), Some(Some(high))) = (self.raw_min, self.raw_max)
+            && low >= high
+        {
+            section.wrong("raw_max", format!("must be above raw_min, {low}"));
+            return false;
+        }
+        true
+    }
+
+    /// An input or output that is scaled; `known`: what the bits of its object are.
+    fn analog(
+        &self,
+        section: &Section<'_, '_>,
+        object: Mapped,
+        output: bool,
+        known: ObjectKind,
+    ) -> Option<ChannelKind> {
+        let is_signed = self.signed.flatten().unwrap_or(known == ObjectKind::Signed);
+        let most = greatest(object, is_signed);
+        let least = if is_signed { -most - 1 } else { 0 };
+        for (key, value) in [("raw_min", self.raw_min), ("raw_max", self.raw_max)] {
+            if let Some(Some(value)) = value
+                && known != ObjectKind::Real
+                && !(least..=most).contains(&value)
+            {
+                let word = if is_signed { "a signed" } else { "an unsigned" };
+                let rule = format!("must lie between {least} and {most}, what {object} holds as {word} number");
+                return section.refused(key, rule);
+            }
+        }
+        if output && section.has("filter_hz") {
+            return section.refused("filter_hz", "is for inputs");
+        }
+        Some(ChannelKind::Analog {
+            signed: self.signed?,
+            scale: self.scale?,
+            offset: self.offset?,
+            filter_hz: self.filter_hz?,
+            raw_min: self.raw_min?,
+            raw_max: self.raw_max?,
+        })
+    }
+
+    fn counter(&self, section: &Section<'_, '_>, object: Mapped) -> Option<ChannelKind> {
+        let latch = self.latch?.map(|(latch, _)| latch);
+        if let Some(latch) = latch.filter(|latch| latch.bits != object.bits || *latch == object) {
+            let rule = format!("must be another object of the length of the counter {object}, is {latch}");
+            return section.refused("latch", rule);
+        }
+        let counts_per_unit = self.counts_per_unit?;
+        Some(ChannelKind::Counter {
+            follow: Follow { counts_per_unit, latch },
+        })
+    }
+
+    fn pwm(&self, section: &Section<'_, '_>, object: Mapped, known: ObjectKind) -> Option<ChannelKind> {
+        let greatest = greatest(object, known == ObjectKind::Signed);
+        let full = self.raw_max?.unwrap_or(greatest);
+        if !(1..=greatest).contains(&full) {
+            let rule = format!("must lie between 1 and {greatest}, the greatest value of {object}");
+            return section.refused("raw_max", rule);
+        }
+        Some(ChannelKind::Pwm {
+            scale: self.scale?,
+            full,
+        })
+    }
+}
+
+/// The greatest number that an object holds.
+fn greatest(object: Mapped, signed: bool) -> i64 {
+    let bits = u32::from(object.bits) - u32::from(signed);
+    i64::try_from((1_u128 << bits) - 1).unwrap_or(i64::MAX)
 }
 
 fn channel(
@@ -181,39 +256,20 @@ fn channel(
 ) -> Option<Channel> {
     let name = name(section, before);
     let object = mapped(section, "object", true, payloads);
-    let has_bit = section.has("bit");
     let known = object.flatten().map(|(object, _)| (object, kind_of(object, device)));
     let usual = match known {
-        _ if has_bit => Word::Bit,
+        _ if section.has("bit") => Word::Bit,
         Some((object, _)) if (0x6400..=0x67FF).contains(&object.index) => Word::Analog,
         Some((_, ObjectKind::Real)) => Word::Analog,
         Some((_, ObjectKind::Bits)) => Word::Bit,
         _ => Word::Integer,
     };
-    let word = match section.optional("type") {
-        None => Some(usual),
-        Some(item) => item.word(&section.key("type"), &WORDS),
-    };
+    let word = section.optional_word("type", &WORDS).map(|word| word.unwrap_or(usual));
     let unit = unit(section);
-    // Asked for whatever the type is, so that each key is known; those of other types are refused below.
-    let bit = section.optional_integer("bit", 0..=63);
-    let signed = match section.optional("signed") {
-        None => Some(None),
-        Some(item) => item.flag(&section.key("signed")).map(Some),
-    };
-    let scale = section.number("scale", Bound::Size(SCALE_MAX), 1.0);
-    let offset = section.number("offset", Bound::Size(SCALE_MAX), 0.0);
-    let filter_hz = match section.optional("filter_hz") {
-        None => Some(None),
-        Some(item) => item.number(&section.key("filter_hz"), Bound::Positive(1e6)).map(Some),
-    };
-    let raw_min = section.optional_integer("raw_min", -RAW_MAX..=RAW_MAX);
-    let raw_max = section.optional_integer("raw_max", -RAW_MAX..=RAW_MAX);
-    let counts = section.number("counts_per_unit", Bound::Size(SCALE_MAX), 1.0);
-    let latch = mapped(section, "latch", false, payloads);
+    let asked = Asked::read(section, payloads);
     let word = word?;
     let fits = only_its_keys(section, word);
-    let (name, (object, output), unit) = (name?, object??, unit?);
+    let (name, (object, output), unit, known) = (name?, object??, unit?, known?.1);
     let needs = |direction: bool, what: &str| {
         let rule = format!("must be one of the {what} of the node for this type");
         (output != direction).then_some(rule)
@@ -221,99 +277,28 @@ fn channel(
     let refusal = match word {
         Word::Relay | Word::Pwm => needs(true, "outputs"),
         Word::Counter | Word::Encoder => needs(false, "inputs"),
-        _ if matches!(known, Some((_, ObjectKind::Real))) && word != Word::Analog => {
+        _ if known == ObjectKind::Real && word != Word::Analog => {
             Some("holds a real number: its type is \"analog\"".to_owned())
         }
         _ => None,
     };
     if let Some(rule) = refusal {
-        section.wrong("object", rule);
-        return None;
+        return section.refused("object", rule);
     }
-    for (key, value) in [("scale", scale), ("counts_per_unit", counts)] {
-        if value == Some(0.0) {
-            section.wrong(key, "must not be 0");
-            return None;
-        }
-    }
-    if let (Some(Some(low)), Some(Some(high))) = (raw_min, raw_max)
-        && low >= high
-    {
-        section.wrong("raw_max", format!("must be above raw_min, {low}"));
+    if !asked.are_numbers(section) {
         return None;
     }
     let kind = match word {
-        Word::Bit | Word::Relay => {
-            let bit = whole_bit(section, bit?, object)?;
-            match word {
-                Word::Relay => ChannelKind::Relay { bit },
-                _ => ChannelKind::Bit { bit },
-            }
-        }
-        Word::Integer => ChannelKind::Integer { signed: signed? },
-        Word::Analog => {
-            let is_signed = match (signed, &known) {
-                (Some(Some(signed)), _) => signed,
-                (_, Some((_, kind))) => *kind == ObjectKind::Signed,
-                (_, None) => false,
-            };
-            let is_real = matches!(known, Some((_, ObjectKind::Real)));
-            let bits = u32::from(object.bits) - u32::from(is_signed);
-            let most = i64::try_from((1_u128 << bits) - 1).unwrap_or(i64::MAX);
-            let least = if is_signed { -most - 1 } else { 0 };
-            for (key, value) in [("raw_min", raw_min), ("raw_max", raw_max)] {
-                if let Some(Some(value)) = value
-                    && !is_real
-                    && !(least..=most).contains(&value)
-                {
-                    let word = if is_signed { "a signed" } else { "an unsigned" };
-                    section.wrong(
-                        key,
-                        format!("must lie between {least} and {most}, what {object} holds as {word} number"),
-                    );
-                    return None;
-                }
-            }
-            if output && section.has("filter_hz") {
-                section.wrong("filter_hz", "is for inputs");
-                return None;
-            }
-            ChannelKind::Analog {
-                signed: signed?,
-                scale: scale?,
-                offset: offset?,
-                filter_hz: filter_hz?,
-                raw_min: raw_min?,
-                raw_max: raw_max?,
-            }
-        }
-        Word::Counter | Word::Encoder => {
-            let latch = latch?.map(|(latch, _)| latch);
-            if let Some(latch) = latch.filter(|latch| latch.bits != object.bits || *latch == object) {
-                let rule = format!("must be another object of the length of the counter {object}, is {latch}");
-                section.wrong("latch", rule);
-                return None;
-            }
-            let follow = Follow {
-                counts_per_unit: counts?,
-                latch,
-            };
-            ChannelKind::Counter { follow }
-        }
-        Word::Pwm => {
-            let signed = matches!(known, Some((_, ObjectKind::Signed)));
-            let bits = u32::from(object.bits) - u32::from(signed);
-            let greatest = i64::try_from((1_u128 << bits) - 1).unwrap_or(i64::MAX);
-            let full = raw_max?.unwrap_or(greatest);
-            if !(1..=greatest).contains(&full) {
-                section.wrong(
-                    "raw_max",
-                    format!("must lie between 1 and {greatest}, the greatest value of {object}"),
-                );
-                return None;
-            }
-            ChannelKind::Pwm { scale: scale?, full }
-        }
+        Word::Bit => ChannelKind::Bit {
+            bit: whole_bit(section, asked.bit?, object)?,
+        },
+        Word::Relay => ChannelKind::Relay {
+            bit: whole_bit(section, asked.bit?, object)?,
+        },
+        Word::Integer => ChannelKind::Integer { signed: asked.signed? },
+        Word::Analog => asked.analog(section, object, output, known)?,
+        Word::Counter | Word::Encoder => asked.counter(section, object)?,
+        Word::Pwm => asked.pwm(section, object, known)?,
     };
     let channel = Channel {
         name,
@@ -364,23 +349,17 @@ fn only_its_keys(section: &mut Section<'_, '_>, word: Word) -> bool {
 }
 
 /// The bit of an object; an object of one octet or more has as many as it is long.
-fn whole_bit(section: &mut Section<'_, '_>, bit: Option<i64>, object: Mapped) -> Option<u8> {
+fn whole_bit(section: &Section<'_, '_>, bit: Option<u8>, object: Mapped) -> Option<u8> {
     match bit {
         None => {
-            section.wrong(
-                "object",
-                format!("has {} bits: `bit` says which, counted from 0", object.bits),
-            );
-            None
+            let rule = format!("has {} bits: `bit` says which, counted from 0", object.bits);
+            section.refused("object", rule)
         }
-        Some(bit) if bit >= i64::from(object.bits) => {
-            section.wrong(
-                "bit",
-                format!("must be an integer from 0 to {}: {object}", object.bits - 1),
-            );
-            None
+        Some(bit) if bit >= object.bits => {
+            let rule = format!("must be an integer from 0 to {}: {object}", object.bits - 1);
+            section.refused("bit", rule)
         }
-        Some(bit) => Some(bit as u8),
+        Some(bit) => Some(bit),
     }
 }
 
@@ -411,9 +390,7 @@ fn contradicts(section: &mut Section<'_, '_>, channel: &Channel, before: &[Chann
 }
 
 fn name(section: &mut Section<'_, '_>, before: &[Channel]) -> Option<String> {
-    let text = section
-        .required("name", "the name of the channel, like \"coolant-pump\"")?
-        .text(&section.key("name"))?;
+    let text = section.text("name", "the name of the channel, like \"coolant-pump\"")?;
     let is_level = !text.contains('.') && hal_pins::check_name(text).is_ok();
     let is_ours = ["in-", "out-", "object-"].iter().any(|start| text.starts_with(start));
     let ends = ["-raw", "-fault", "-switchings"];
@@ -430,21 +407,14 @@ fn name(section: &mut Section<'_, '_>, before: &[Channel]) -> Option<String> {
     } else {
         return Some(text.to_owned());
     };
-    section.wrong("name", rule);
-    None
+    section.refused("name", rule)
 }
 
 fn unit(section: &mut Section<'_, '_>) -> Option<String> {
-    let Some(item) = section.optional("unit") else {
-        return Some(String::new());
-    };
-    let text = item.text(&section.key("unit"))?;
+    let text = section.optional_text("unit")?.unwrap_or_default();
     if text.len() > UNIT_LEN_MAX || text.contains(char::is_control) {
-        section.wrong(
-            "unit",
-            format!("must be at most {UNIT_LEN_MAX} octets, like \"bar\" or \"°C\""),
-        );
-        return None;
+        let rule = format!("must be at most {UNIT_LEN_MAX} octets, like \"bar\" or \"°C\"");
+        return section.refused("unit", rule);
     }
     Some(text.to_owned())
 }
@@ -456,15 +426,8 @@ fn mapped(
     required: bool,
     payloads: Option<(&[Mapped], &[Mapped])>,
 ) -> Option<Option<(Mapped, bool)>> {
-    let item = match required {
-        true => Some(section.required(key, "an object of the node, like \"0x6200:1\"")?),
-        false => section.optional(key),
-    };
-    let Some(item) = item else { return Some(None) };
-    let text = item.text(&section.key(key))?;
-    let Some((index, sub)) = parse_object(text) else {
-        section.wrong(key, "must be an object like \"0x6200:1\"");
-        return None;
+    let Some((index, sub)) = section.object(key, required, "0x6200:1")? else {
+        return Some(None);
     };
     let (inputs, outputs) = payloads?;
     let find = |objects: &[Mapped]| {
@@ -484,10 +447,8 @@ fn mapped(
             true => format!("inputs: {}; outputs: {}", list(inputs), list(outputs)),
             false => format!("inputs: {}", list(inputs)),
         };
-        section.wrong(
-            key,
-            format!("must stand among the {of} of the node, with its length ({there})"),
-        );
+        let rule = format!("must stand among the {of} of the node, with its length ({there})");
+        section.wrong(key, rule);
     }
     found.map(Some)
 }

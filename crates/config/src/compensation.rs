@@ -3,12 +3,23 @@
 //! In:  `backlash_mm`, and `compensation_file` with the keys beside it, of a `[[joint]]`; the file: see [`PitchTable::parse`].
 //! Out: the table. A mistake in the file is noted at the line of the machine file that names it, with its own place.
 
-use super::document::{Bound, Section};
-use super::types::{Compensation, JointLimits, StopLimits};
+use super::limits::{JointLimits, StopLimits};
+use super::question::Bound;
+use super::section::Section;
 use motion::rt::{
     CompensationShare, MotionLimits, PitchBounds, PitchError, PitchFileError, PitchFileKind, PitchTable, RoundError,
 };
 use std::path::Path;
+
+/// What the motor is told beside the position of its joint.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Compensation {
+    /// Way that is lost when the joint turns round, mm.
+    pub backlash_mm: f64,
+    pub table: PitchTable,
+    /// How fast a difference may be taken up, mm and s.
+    pub take_up: MotionLimits,
+}
 
 /// What is worn more than that is repaired, mm.
 const BACKLASH_MAX_MM: f64 = 10.0;
@@ -60,8 +71,7 @@ pub(super) fn keys(section: &mut Section<'_, '_>, folder: &Path) -> Option<Optio
     let text = match files::read_text(&path, files::read::TEXT_MAX) {
         Ok(text) => text,
         Err(error) => {
-            section.wrong("compensation_file", format!("cannot be read: {error}"));
-            return None;
+            return section.refused("compensation_file", format!("cannot be read: {error}"));
         }
     };
     let (kind, bounds) = (
@@ -79,8 +89,7 @@ pub(super) fn keys(section: &mut Section<'_, '_>, folder: &Path) -> Option<Optio
                 path.display(),
                 cure(&error, &text, kind, &bounds)
             );
-            section.wrong("compensation_file", rule);
-            None
+            section.refused("compensation_file", rule)
         }
     }
 }
@@ -132,11 +141,8 @@ pub(super) fn share(
                 }
                 RoundError::Dense(_) => "",
             };
-            section.wrong(
-                "compensation_file",
-                format!("cannot be followed within the limits of the joint: {error}{cure}"),
-            );
-            return None;
+            let rule = format!("cannot be followed within the limits of the joint: {error}{cure}");
+            return section.refused("compensation_file", rule);
         }
     };
     limits.velocity_mm_s = share.motion.velocity;

@@ -3,26 +3,41 @@
 //! In:  kinds with their pins and options (crate `components`), the nets of the file.
 //! Out: checked components: kinds and options that there are, values of the types of their pins, each pin with one writer.
 
-use super::document::{Scalar, Section};
+use super::document::Scalar;
 use super::error::nearest;
-use super::types::{Component, Net, Place};
-use super::{PIN_RULE, is_pin};
+use super::net::{Net, PIN_RULE, is_pin};
+use super::section::Section;
 use components::{Direction, Kind, PinSpec, find, kinds};
 use hal_pins::{AnyValue, Type};
 
+/// `[[hal.component]]`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Component {
+    /// Name of the instance, before the names of its pins.
+    pub name: String,
+    /// Name of its kind in [`components::CATALOGUE`].
+    pub kind: &'static str,
+    /// When in the cycle it runs.
+    pub place: Place,
+    /// Options by their keys.
+    pub options: Vec<(String, i64)>,
+    /// Inputs with values of their own: name behind that of the instance, and the value.
+    pub set: Vec<(String, AnyValue)>,
+}
+
+/// When in the cycle a component runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// Behind the inputs of nodes, before orders and interpolation.
+    BeforeMotion,
+    /// Behind the set-points, before the outputs of nodes.
+    AfterMotion,
+}
+
 /// Reads them all; `None` where one is wrong.
 pub(super) fn components(section: &mut Section<'_, '_>, nets: &[Net]) -> Option<Vec<Component>> {
-    let mut components: Vec<Component> = Vec::new();
     let mut names = Vec::new();
-    let mut complete = true;
-    for mut table in section.sections("component") {
-        match component(&mut table, &mut names, nets) {
-            Some(component) => components.push(component),
-            None => complete = false,
-        }
-        table.done();
-    }
-    complete.then_some(components)
+    section.tables("component", |table, _| component(table, &mut names, nets))
 }
 
 fn component(section: &mut Section<'_, '_>, names: &mut Vec<String>, nets: &[Net]) -> Option<Component> {
@@ -49,9 +64,7 @@ fn component(section: &mut Section<'_, '_>, names: &mut Vec<String>, nets: &[Net
 
 /// A name that none of those above has; then it is one of them.
 fn name(section: &mut Section<'_, '_>, names: &mut Vec<String>) -> Option<String> {
-    let name = section
-        .required("name", "the name of the instance")?
-        .text(&section.key("name"))?;
+    let name = section.text("name", "the name of the instance")?;
     let rule = if !is_pin(name) || !name.starts_with(|first: char| first.is_ascii_lowercase()) {
         PIN_RULE
     } else if names.iter().any(|above| above == name) {
@@ -60,71 +73,50 @@ fn name(section: &mut Section<'_, '_>, names: &mut Vec<String>) -> Option<String
         names.push(name.to_owned());
         return Some(name.to_owned());
     };
-    section.wrong("name", rule);
-    None
+    section.refused("name", rule)
 }
 
 fn kind(section: &mut Section<'_, '_>) -> Option<&'static Kind> {
-    let name = section
-        .required("type", "what kind of component it is")?
-        .text(&section.key("type"))?;
+    let name = section.text("type", "what kind of component it is")?;
     let kind = find(name);
     if kind.is_none() {
         let near = nearest(name, kinds().map(|kind| kind.name));
         let hint = near.map_or(String::new(), |near| format!("; did you mean {near:?}?"));
-        section.wrong(
-            "type",
-            format!("is no component: docs/components.md has them all{hint}"),
-        );
+        let rule = format!("is no component: docs/components.md has them all{hint}");
+        section.wrong("type", rule);
     }
     kind
 }
 
 /// Options as numbers; a word stands for its place in the list of words.
 fn options(mut section: Section<'_, '_>, kind: &Kind) -> Option<Vec<(String, i64)>> {
-    let mut options = Vec::new();
-    let mut complete = true;
-    for name in section.names() {
-        let words = kind
-            .options
-            .iter()
-            .find(|spec| spec.name == name)
-            .map(|spec| spec.words);
-        let value = match (section.any_scalar(&name), words.unwrap_or_default()) {
-            (Some(Scalar::Integer(value)), []) => Some(value),
-            (Some(Scalar::Word(word)), words) if !words.is_empty() => {
+    section.each(|section, name| {
+        let spec = kind.options.iter().find(|spec| spec.name == name);
+        let words = spec.map(|spec| spec.words);
+        let value = match (section.any_scalar(name)?, words.unwrap_or_default()) {
+            (Scalar::Integer(value), []) => Some(value),
+            (Scalar::Word(word), words) => {
                 let at = words.iter().position(|known| *known == word);
                 at.and_then(|at| i64::try_from(at).ok())
             }
-            (None, _) => {
-                complete = false;
-                continue;
-            }
             _ => None,
         };
-        let Some(value) = value else {
-            let rule = match words {
-                Some([]) => "must be an integer".to_owned(),
-                Some(words) => format!("must be {}", quoted(words)),
-                // Whatever its value: there is no such option.
-                None => kind
-                    .make(&[(name.clone(), 0)])
-                    .err()
-                    .map(|error| error.to_string())
-                    .unwrap_or_default(),
-            };
-            section.wrong(&name, rule);
-            complete = false;
-            continue;
-        };
-        let option = [(name.clone(), value)];
-        if let Err(error) = kind.make(&option) {
-            section.wrong(&name, error.to_string());
-            complete = false;
+        // Whatever its value: there may be no such option.
+        let option = (name.to_owned(), value.unwrap_or(0));
+        let error = kind
+            .make(std::slice::from_ref(&option))
+            .err()
+            .map(|error| error.to_string());
+        match (value, words) {
+            (None, Some([])) => section.refused(name, "must be an integer"),
+            (None, Some(words)) => section.refused(name, format!("must be {}", quoted(words))),
+            (None, None) => section.refused(name, error.unwrap_or_default()),
+            (Some(_), _) => match error {
+                Some(error) => section.refused(name, error),
+                None => Some(option),
+            },
         }
-        options.extend(option);
-    }
-    complete.then_some(options)
+    })
 }
 
 fn quoted(words: &[&str]) -> String {
@@ -139,48 +131,29 @@ fn values(
     instance: Option<&str>,
     nets: &[Net],
 ) -> Option<Vec<(String, AnyValue)>> {
-    let mut values = Vec::new();
-    let mut complete = true;
-    for name in section.names() {
+    section.each(|section, name| {
         let pin = pins.iter().find(|pin| pin.name == name);
         let whole = instance.map(|instance| format!("{instance}.{name}"));
-        let net = nets
-            .iter()
-            .find(|net| net.targets.iter().any(|target| Some(target) == whole.as_ref()));
-        let value = section.any_scalar(&name);
-        let rule = match (pin, net) {
+        let is_target = |net: &&Net| net.targets.iter().any(|target| Some(target) == whole.as_ref());
+        let value = section.any_scalar(name);
+        let rule = match (pin, nets.iter().find(is_target)) {
             (None, _) => {
-                let near = nearest(&name, pins.iter().map(|pin| pin.name.as_str()));
+                let near = nearest(name, pins.iter().map(|pin| pin.name.as_str()));
                 let hint = near.map_or(String::new(), |near| format!("; did you mean {near:?}?"));
                 format!("is no pin of this component{hint}")
             }
-            (
-                Some(PinSpec {
-                    direction: Direction::Out,
-                    ..
-                }),
-                _,
-            ) => "is an output, which the component writes".to_owned(),
+            (Some(pin), _) if pin.direction == Direction::Out => "is an output, which the component writes".to_owned(),
             (Some(_), Some(net)) => format!("is written by net {:?}: a pin has one writer", net.name),
             (Some(pin), None) => {
                 let kind = pin.default.kind();
-                match value.clone().map(|value| of_type(value, kind)) {
-                    Some(Some(value)) => {
-                        values.push((name, value));
-                        continue;
-                    }
-                    Some(None) => format!("must be {}", wanted(kind)),
-                    None => {
-                        complete = false;
-                        continue;
-                    }
+                match of_type(value?, kind) {
+                    Some(value) => return Some((name.to_owned(), value)),
+                    None => format!("must be {}", wanted(kind)),
                 }
             }
         };
-        section.wrong(&name, rule);
-        complete = false;
-    }
-    complete.then_some(values)
+        section.refused(name, rule)
+    })
 }
 
 /// The value as one of the type of a pin.

@@ -4,10 +4,11 @@
 //! Out: the description, read once; writes that fit it. A mistake in a device file is noted at the line of the machine file
 //! that names it, with its own place in the device file.
 
-use super::document::{Item, Section};
-use super::mapping::parse_object;
-use super::types::{ConfigurationWrite, DeviceDescription, DriveProfile, Identity};
-use obd::device::{self, Object, TypeCode};
+use super::document::Item;
+use super::objects::{Identity, parse_object};
+use super::question::Bound;
+use super::section::Section;
+use obd::device::{self, ConfigurationWrite, DeviceDescription, Object, TypeCode};
 use obd::{Access, DataType};
 use std::path::Path;
 use toml::de::DeValue;
@@ -31,18 +32,15 @@ pub(super) fn file(
     let octets = match files::read(&path, files::read::TEXT_MAX) {
         Ok(octets) => octets,
         Err(error) => {
-            section.wrong("device_file", format!("cannot be read: {error}"));
-            return None;
+            return section.refused("device_file", format!("cannot be read: {error}"));
         }
     };
     let description = match device::parse(&path.display().to_string(), &octets) {
         Ok(description) => description,
         Err(errors) => {
             for line in errors.lines().take(MISTAKES_TOLD) {
-                section.wrong(
-                    "device_file",
-                    format!("is no device description that can be used: {line}"),
-                );
+                let rule = format!("is no device description that can be used: {line}");
+                section.wrong("device_file", rule);
             }
             let more = (errors.mistakes.len() + errors.more).saturating_sub(MISTAKES_TOLD);
             if more > 0 {
@@ -58,22 +56,20 @@ pub(super) fn file(
         let side = |limit: Option<u32>| limit.map_or_else(|| "any".to_owned(), |limit| limit.to_string());
         let (least, most) = (side(least), side(most));
         let rule = format!("describes a device for cycles from {least} to {most} us, machine.cycle_us is {cycle_us}");
-        section.wrong("device_file", rule);
-        return None;
+        return section.refused("device_file", rule);
     }
     Some(Some(description))
 }
 
 /// What the node must say it is: the keys, and what they leave out from the device file. The revision is only checked where the
 /// machine file asks for it: a newer one is no other device.
-/// What neither of them says, the drive profile does.
+/// What neither of them says is `usual`.
 pub(super) fn identity(
     section: &mut Section<'_, '_>,
     device: Option<&DeviceDescription>,
-    drive: Option<&DriveProfile>,
+    usual: Identity,
 ) -> Option<Identity> {
     let file = device.map(|device| &device.identity);
-    let usual = drive.map_or(Identity::default(), |drive| drive.identity);
     let device_type = number(section, "device_type", device, file.and_then(|file| file.device_type));
     let vendor_id = number(section, "vendor_id", device, file.and_then(|file| file.vendor_id));
     let product_code = number(section, "product_code", device, file.and_then(|file| file.product_code));
@@ -96,13 +92,11 @@ fn number(
     device: Option<&DeviceDescription>,
     in_file: Option<u32>,
 ) -> Option<Option<u32>> {
-    let Some(item) = section.optional(key) else {
+    let Some(number) = section.maybe(key, |item, path| item.integer(path, 0..=u32::MAX))? else {
         return Some(in_file);
     };
-    let number = item.integer(&section.key(key), 0..=i64::from(u32::MAX))? as u32;
     if let (Some(device), Some(other)) = (device, in_file.filter(|other| *other != number)) {
-        section.wrong(key, format!("must be what {} says: 0x{other:08X}", device.file));
-        return None;
+        return section.refused(key, format!("must be what {} says: 0x{other:08X}", device.file));
     }
     Some(Some(number))
 }
@@ -117,30 +111,22 @@ pub(super) fn writes(
     let written = section
         .optional("sdo")
         .is_some_and(|item| item.value.get_ref().as_array().is_none());
-    let mut writes: Vec<ConfigurationWrite> = Vec::new();
-    let tables = section.sections("sdo");
-    let mut complete = !written;
-    for mut table in tables {
-        match write(&mut table, device, is_ours) {
-            Some(write)
-                if writes
-                    .iter()
-                    .any(|other| (other.index, other.sub) == (write.index, write.sub)) =>
-            {
-                table.wrong("object", "is written by an entry above");
-                complete = false;
-            }
-            Some(write) => writes.push(write),
-            None => complete = false,
+    let writes = section.tables("sdo", |table, above: &[ConfigurationWrite]| {
+        let write = write(table, device, is_ours)?;
+        if above
+            .iter()
+            .any(|other| (other.index, other.sub) == (write.index, write.sub))
+        {
+            return table.refused("object", "is written by an entry above");
         }
-        table.done();
-    }
+        Some(write)
+    });
+    let writes = writes.filter(|_| !written)?;
     let at = |write: &ConfigurationWrite| (write.index, write.sub);
     let others = usual
         .iter()
         .filter(|usual| writes.iter().all(|write| at(write) != at(usual)));
-    let all = others.chain(&writes).cloned().collect();
-    complete.then_some(all)
+    Some(others.chain(&writes).cloned().collect())
 }
 
 /// Whether the control sets an object itself.
@@ -153,51 +139,37 @@ fn write(
 ) -> Option<ConfigurationWrite> {
     let object = table.required("object", "an object, like \"0x2010:3\"");
     let value = table.required("value", "a number");
-    let bits = match table.optional("bits") {
-        None => Some(None),
-        Some(item) => item.integer(&table.key("bits"), 8..=64).map(|bits| Some(bits as u16)),
-    };
+    let bits: Option<Option<u16>> = table.maybe("bits", |item, path| item.integer(path, 8..=64));
     let text = object?.text(&table.key("object"))?;
     let Some((index, sub)) = parse_object(text).filter(|(index, _)| *index >= 0x1000) else {
-        table.wrong("object", "must be an object, like \"0x2010:3\" or \"0x6065\"");
-        return None;
+        return table.refused("object", "must be an object, like \"0x2010:3\" or \"0x6065\"");
     };
     if is_ours(index, sub) {
-        table.wrong("object", "is set by the control from the other keys of this file");
-        return None;
+        return table.refused("object", "is set by the control from the other keys of this file");
     }
     let described = match device.map(|device| (device, device.object(index, sub))) {
         None => None,
         Some((_, Some(object))) => Some(object),
         Some((device, None)) => {
-            table.wrong("object", format!("does not stand in {}", device.file));
-            return None;
+            return table.refused("object", format!("does not stand in {}", device.file));
         }
     };
     if let Some(object) = described.filter(|object| !object.access.is_none_or(Access::writable)) {
-        table.wrong("object", format!("cannot be written: {} is read only", object.name));
-        return None;
+        return table.refused("object", format!("cannot be written: {} is read only", object.name));
     }
     let own_bits = described.and_then(Object::bits);
     let bits = match (bits?, own_bits) {
         (Some(bits), Some(own)) if bits != own => {
-            table.wrong(
-                "bits",
-                format!("must be {own}, the length that the device file gives it"),
-            );
-            return None;
+            let rule = format!("must be {own}, the length that the device file gives it");
+            return table.refused("bits", rule);
         }
         (Some(bits), _) if !bits.is_multiple_of(8) => {
-            table.wrong("bits", "must be whole octets");
-            return None;
+            return table.refused("bits", "must be whole octets");
         }
         (Some(bits), _) | (None, Some(bits)) => bits,
         (None, None) => {
-            table.wrong(
-                "bits",
-                "is missing: the length of the object, which no device file tells",
-            );
-            return None;
+            let rule = "is missing: the length of the object, which no device file tells";
+            return table.refused("bits", rule);
         }
     };
     let octets = octets(value?, &table.key("value"), bits, described)?;
@@ -213,19 +185,11 @@ fn octets(item: Item<'_, '_>, key: &str, bits: u16, described: Option<&Object>) 
     let real = described.and_then(|object| object.data_type).and_then(TypeCode::known);
     let real = real.filter(|real| matches!(real, DataType::Real32 | DataType::Real64));
     if matches!(item.value.get_ref(), DeValue::Float(_)) || real.is_some() {
-        let number = item.number(key, super::document::Bound::Size(f64::MAX))?;
+        let number = item.number(key, Bound::Size(f64::MAX))?;
         return match real {
             Some(DataType::Real64) => Some(number.to_le_bytes().to_vec()),
             Some(_) => Some((number as f32).to_le_bytes().to_vec()),
-            None => {
-                item.log.wrong(
-                    item.value.span(),
-                    key,
-                    "must be an integer: no device file says that it is a real number",
-                    None,
-                );
-                None
-            }
+            None => item.refused(key, "must be an integer: no device file says that it is a real number"),
         };
     }
     // Signed or not is all the same to the octets.

@@ -4,74 +4,68 @@
 //! Out: checked components: each pin once, each output with a safe value of its type.
 
 use super::components::{of_type, wanted};
-use super::document::Section;
-use super::types::{External, Net, OnLoss};
-use super::{PIN_RULE, is_pin};
+use super::net::{Net, PIN_RULE, is_pin};
+use super::section::{Section, all_of, keys};
 use hal_pins::{AnyValue, EXTERNAL_PINS_MAX, ExternalPin, Kind, Type};
 use std::ops::RangeInclusive;
 
 /// External components of a machine, at the most.
 const COMPONENTS_MAX: usize = 16;
 /// How long a process may say nothing, ms.
-const HEARTBEAT_MS: RangeInclusive<i64> = 2..=60_000;
-const HEARTBEAT_DEFAULT_MS: i64 = 100;
+const HEARTBEAT_MS: RangeInclusive<u32> = 2..=60_000;
 /// Pins that the control makes itself.
 const OWN_PINS: [&str; 2] = ["alive", "losses"];
 
-/// Reads them all; `None` where one is wrong.
-pub(super) fn external(section: &mut Section<'_, '_>, nets: &[Net]) -> Option<Vec<External>> {
-    let mut found: Vec<External> = Vec::new();
-    let mut complete = true;
-    let tables = section.sections("external");
-    if tables.len() > COMPONENTS_MAX {
-        section.wrong("external", format!("must not be more than {COMPONENTS_MAX}"));
-        complete = false;
+const REACTIONS: [(&str, OnLoss); 3] = [
+    ("journal", OnLoss::Journal),
+    ("warn", OnLoss::Warn),
+    ("stop", OnLoss::Stop),
+];
+
+keys! {
+    /// `[[hal.external]]`; `before`: those above it.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct External(section, before: &[External], nets: &[Net]) {
+        /// Name before the names of its pins.
+        pub name: String =
+            name(section, "the name of the component", |name| before.iter().any(|other| other.name == name)),
+        /// How long its process may write nothing, ms.
+        pub heartbeat_ms: u32 = section.integer("heartbeat_ms", HEARTBEAT_MS, 100),
+        pub on_loss: OnLoss = section.word("on_loss", &REACTIONS, OnLoss::Warn),
+        pub pins: Vec<ExternalPin> = {
+            let tables = section.sections("pins");
+            let fits = (1..=EXTERNAL_PINS_MAX).contains(&tables.len());
+            if !fits {
+                section.wrong("pins", format!("must be 1 to {EXTERNAL_PINS_MAX} pins"));
+            }
+            all_of(tables, |table, above| pin(table, above, name.as_deref(), nets)).filter(|_| fits)
+        },
     }
-    for mut table in tables {
-        match component(&mut table, &found, nets) {
-            Some(component) => found.push(component),
-            None => complete = false,
-        }
-        table.done();
-    }
-    complete.then_some(found)
 }
 
-fn component(section: &mut Section<'_, '_>, before: &[External], nets: &[Net]) -> Option<External> {
-    let name = name(section, "the name of the component", |name| {
-        before.iter().any(|other| other.name == name)
-    });
-    let heartbeat_ms = section.integer("heartbeat_ms", HEARTBEAT_MS, HEARTBEAT_DEFAULT_MS);
-    let reactions = [
-        ("journal", OnLoss::Journal),
-        ("warn", OnLoss::Warn),
-        ("stop", OnLoss::Stop),
-    ];
-    let on_loss = section.word("on_loss", &reactions, OnLoss::Warn);
-    let mut pins: Vec<ExternalPin> = Vec::new();
-    let mut complete = true;
-    let tables = section.sections("pins");
-    if tables.is_empty() || tables.len() > EXTERNAL_PINS_MAX {
-        section.wrong("pins", format!("must be 1 to {EXTERNAL_PINS_MAX} pins"));
-        complete = false;
+/// What a process that writes no more does to the machine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OnLoss {
+    /// The journal tells it.
+    Journal,
+    /// The operator is warned.
+    Warn,
+    /// Alarm and controlled stop.
+    Stop,
+}
+
+/// Reads them all; `None` where one is wrong.
+pub(super) fn external(section: &mut Section<'_, '_>, nets: &[Net]) -> Option<Vec<External>> {
+    let tables = section.sections("external");
+    let fits = tables.len() <= COMPONENTS_MAX;
+    if !fits {
+        section.wrong("external", format!("must not be more than {COMPONENTS_MAX}"));
     }
-    for mut table in tables {
-        match pin(&mut table, &pins, name.as_deref(), nets) {
-            Some(pin) => pins.push(pin),
-            None => complete = false,
-        }
-        table.done();
-    }
-    complete.then_some(External {
-        name: name?,
-        heartbeat_ms: u32::try_from(heartbeat_ms?).ok()?,
-        on_loss: on_loss?,
-        pins,
-    })
+    all_of(tables, |table, above| External::read(table, above, nets)).filter(|_| fits)
 }
 
 fn name(section: &mut Section<'_, '_>, what: &str, is_taken: impl Fn(&str) -> bool) -> Option<String> {
-    let name = section.required("name", what)?.text(&section.key("name"))?;
+    let name = section.text("name", what)?;
     let rule = if !is_pin(name) || !name.starts_with(|first: char| first.is_ascii_lowercase()) {
         PIN_RULE
     } else if is_taken(name) {
@@ -79,8 +73,7 @@ fn name(section: &mut Section<'_, '_>, what: &str, is_taken: impl Fn(&str) -> bo
     } else {
         return Some(name.to_owned());
     };
-    section.wrong("name", rule);
-    None
+    section.refused("name", rule)
 }
 
 fn pin(
@@ -94,8 +87,7 @@ fn pin(
     });
     let name = match name {
         Some(own) if OWN_PINS.contains(&own.as_str()) => {
-            section.wrong("name", "is one that the control makes itself");
-            None
+            section.refused("name", "is one that the control makes itself")
         }
         name => name,
     };
@@ -108,22 +100,19 @@ fn pin(
     let value = match (kind, first?, safe?) {
         (Kind::Output, None, Some(safe)) => safe,
         (Kind::Output, _, None) => {
-            section.wrong(
+            return section.refused(
                 "safe",
                 format!(
                     "is missing: what it is while no process writes it, {}",
                     wanted(value_type)
                 ),
             );
-            return None;
         }
         (Kind::Output, Some(_), _) => {
-            section.wrong("first", "is of inputs; an output begins as `safe` says");
-            return None;
+            return section.refused("first", "is of inputs; an output begins as `safe` says");
         }
         (Kind::Input | Kind::Net, _, Some(_)) => {
-            section.wrong("safe", "is of outputs; an input begins as `first` says");
-            return None;
+            return section.refused("safe", "is of outputs; an input begins as `first` says");
         }
         (Kind::Input | Kind::Net, first, None) => {
             let whole = component
@@ -133,11 +122,8 @@ fn pin(
                 .iter()
                 .find(|net| net.targets.iter().any(|target| Some(target) == whole.as_ref()));
             if let (Some(net), Some(_)) = (net, first) {
-                section.wrong(
-                    "first",
-                    format!("is written by net {:?}: a pin has one writer", net.name),
-                );
-                return None;
+                let rule = format!("is written by net {:?}: a pin has one writer", net.name);
+                return section.refused("first", rule);
             }
             first.unwrap_or_else(|| nothing(value_type))
         }

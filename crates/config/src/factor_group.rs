@@ -6,13 +6,10 @@
 //! The scale of the control is `counts_per_unit`, whatever the drive makes of increments: units of 6064 per mm. What the group says
 //! of it, and of the speeds, must be the same.
 
-use super::document::Section;
-use super::joints::ratio_of_integers;
-use super::types::{DriveProfile, Node};
-use cia402::profile::object_of;
+use super::section::{Section, keys};
 
 /// Keys and objects, the increments first.
-const OBJECTS: [(&str, u16); 5] = [
+pub(super) const OBJECTS: [(&str, u16); 5] = [
     ("encoder", 0x608F),
     ("velocity_encoder", 0x6090),
     ("gear", 0x6091),
@@ -20,21 +17,28 @@ const OBJECTS: [(&str, u16); 5] = [
     ("velocity", 0x6096),
 ];
 
-/// What is known of the factor group of a drive; what is `None` stays as the drive has it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct FactorGroup {
-    /// 608F: increments of the position encoder, and turns of the motor.
-    pub encoder: Option<[u32; 2]>,
-    /// 6090: increments/s of the velocity encoder, and turns/s of the motor.
-    pub velocity_encoder: Option<[u32; 2]>,
-    /// 6091: turns of the motor, and of the shaft behind its gear.
-    pub gear: Option<[u32; 2]>,
-    /// 6092: position units, and turns of the shaft.
-    pub feed: Option<[u32; 2]>,
-    /// 6096: velocity units (606C, 60FF, 6099), and the position units/s that they are.
-    pub velocity: Option<[u32; 2]>,
-    /// The drive keeps it by itself: it is compared, and not written.
-    pub compare_only: bool,
+keys! {
+    /// What is known of the factor group of a drive; what is `None` stays as the drive has it. What is left out is as `usual`.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    pub struct FactorGroup(table, usual: &FactorGroup) {
+        /// 608F: increments of the position encoder, and turns of the motor.
+        pub encoder: Option<[u32; 2]> =
+            ratio(table, "encoder", "increments of the position encoder, and turns of the motor", usual.encoder),
+        /// 6090: increments/s of the velocity encoder, and turns/s of the motor.
+        pub velocity_encoder: Option<[u32; 2]> =
+            ratio(table, "velocity_encoder", "increments/s of the velocity encoder, and turns/s of the motor", usual.velocity_encoder),
+        /// 6091: turns of the motor, and of the shaft behind its gear.
+        pub gear: Option<[u32; 2]> =
+            ratio(table, "gear", "turns of the motor, and of the shaft behind its gear", usual.gear),
+        /// 6092: position units, and turns of the shaft.
+        pub feed: Option<[u32; 2]> =
+            ratio(table, "feed", "position units of the drive, and turns of the shaft", usual.feed),
+        /// 6096: velocity units (606C, 60FF, 6099), and the position units/s that they are.
+        pub velocity: Option<[u32; 2]> =
+            ratio(table, "velocity", "velocity units of the drive, and the position units/s that they are", usual.velocity),
+        /// The drive keeps it by itself: it is compared, and not written.
+        pub compare_only: bool = table.flag("write", !usual.compare_only).map(|written| !written),
+    }
 }
 
 impl FactorGroup {
@@ -60,18 +64,16 @@ impl FactorGroup {
     pub fn velocity_ratio(&self) -> [u32; 2] {
         self.velocity.unwrap_or([1, 1])
     }
+}
 
-    /// The values of this one, and of `usual` what it leaves open.
-    fn over(self, usual: &FactorGroup) -> FactorGroup {
-        FactorGroup {
-            encoder: self.encoder.or(usual.encoder),
-            velocity_encoder: self.velocity_encoder.or(usual.velocity_encoder),
-            gear: self.gear.or(usual.gear),
-            feed: self.feed.or(usual.feed),
-            velocity: self.velocity.or(usual.velocity),
-            compare_only: self.compare_only,
-        }
-    }
+/// One of its ratios, of which `what` says what it is of.
+fn ratio(
+    table: &mut Section<'_, '_>,
+    key: &'static str,
+    what: &str,
+    usual: Option<[u32; 2]>,
+) -> Option<Option<[u32; 2]>> {
+    Some(table.ratio(key, what)?.or(usual))
 }
 
 /// A ratio in its lowest terms.
@@ -86,96 +88,6 @@ pub(super) fn lowest([above, below]: [u64; 2]) -> [u64; 2] {
 /// Whether two ratios are the same.
 pub(super) fn same(one: [u32; 2], other: [u32; 2]) -> bool {
     u64::from(one[0]) * u64::from(other[1]) == u64::from(other[0]) * u64::from(one[1])
-}
-
-/// Position units of a turn of the motor: of the group, else of the profile.
-pub(super) fn units_per_turn(group: &FactorGroup, known: Option<&DriveProfile>) -> Option<[u64; 2]> {
-    let of_profile = || known?.increments_per_turn.map(|increments| [increments.into(), 1]);
-    group.units_per_turn().or_else(of_profile)
-}
-
-/// `factor_group` of a joint or of the drive of the spindle; what is left out is as the profile of the drive has it.
-pub(super) fn factor_group(section: &mut Section<'_, '_>, axis: u8, node: Option<&Node>) -> Option<FactorGroup> {
-    let usual = node.and_then(|node| node.drive.as_ref());
-    let usual = usual.map_or(FactorGroup::default(), |known| known.factor_group);
-    let group = match section.optional_section("factor_group") {
-        None if section.has("factor_group") => return None,
-        None => usual,
-        Some(mut table) => {
-            let group = values(&mut table, &usual)?.over(&usual);
-            if let Some(node) = node {
-                judge(&mut table, &group, axis, node);
-            }
-            table.done();
-            group
-        }
-    };
-    Some(group)
-}
-
-/// The table as it stands there; without `write` it is written or not as `usual`.
-pub(super) fn values(table: &mut Section<'_, '_>, usual: &FactorGroup) -> Option<FactorGroup> {
-    let rules = [
-        "must be two integers: increments of the position encoder, and turns of the motor",
-        "must be two integers: increments/s of the velocity encoder, and turns/s of the motor",
-        "must be two integers: turns of the motor, and of the shaft behind its gear",
-        "must be two integers: position units of the drive, and turns of the shaft",
-        "must be two integers: velocity units of the drive, and the position units/s that they are",
-    ];
-    let read = OBJECTS
-        .iter()
-        .zip(rules)
-        .map(|((key, _), rule)| match table.optional(key) {
-            None => Some(None),
-            Some(item) => ratio_of_integers(table, key, item, rule).map(Some),
-        });
-    let read: Vec<_> = read.collect();
-    let written = table.flag("write", !usual.compare_only);
-    Some(FactorGroup {
-        encoder: read[0]?,
-        velocity_encoder: read[1]?,
-        gear: read[2]?,
-        feed: read[3]?,
-        velocity: read[4]?,
-        compare_only: !written?,
-    })
-}
-
-/// Whether the drive has the objects, and whether its `sdo` says the same of them.
-fn judge(table: &mut Section<'_, '_>, group: &FactorGroup, axis: u8, node: &Node) {
-    for (of_first, sub, value) in group.objects() {
-        let index = object_of(axis, of_first);
-        let key = OBJECTS
-            .iter()
-            .find(|(_, object)| *object == of_first)
-            .map(|(key, _)| *key);
-        let Some(key) = key.filter(|key| table.has(key)) else {
-            continue;
-        };
-        let without = node
-            .drive
-            .as_ref()
-            .filter(|drive| drive.without.contains(&(of_first, sub)));
-        let file = node
-            .device
-            .as_ref()
-            .filter(|device| device.object(index, sub).is_none());
-        let lacks = without.map(|drive| &drive.name).or(file.map(|device| &device.file));
-        if let Some(name) = lacks {
-            table.wrong(key, format!("the drive has no 0x{index:04X}:{sub}, as {name} says"));
-            continue;
-        }
-        let other = node
-            .writes
-            .iter()
-            .find(|write| (write.index, write.sub) == (index, sub));
-        if other.is_some_and(|write| write.value != value.to_le_bytes()) {
-            table.wrong(
-                key,
-                format!("must be what `sdo` of the node writes into 0x{index:04X}:{sub}, or stand there no more"),
-            );
-        }
-    }
 }
 
 #[cfg(test)]

@@ -1,24 +1,115 @@
-//! `[[joint]]`, `[[axis]]` and `[offsets]`: what moves, how far and how fast.
+//! `[[joint]]`: what moves, how far and how fast.
 
-use super::analog;
-use super::compensation;
-use super::document::{Bound, Item, Section};
+use super::analog::{self, AnalogOutput};
+use super::axes::SOFT_LIMITS;
+use super::bus_types::{Mapped, Node, Profile};
+use super::compensation::{self, Compensation};
 use super::drive;
-use super::factor_group::{self, FactorGroup};
-use super::homing::{self, Known};
-use super::mapping::parse_object;
+use super::drive_profile::{DriveProfile, InputBits};
+use super::factor_group::FactorGroup;
+use super::homing::{self, Homing, HomingBy, Known};
+use super::limits::{JointLimits, Limits, StopLimits};
+use super::modes::{DriveMode, Reactions};
 use super::position_loop;
-use super::steps;
-use super::types::{AxisMap, HomingBy, InputBits, Joint, JointLimits, Mapped, Node, Profile, Sto, StopLimits};
+use super::question::Bound;
+use super::scale;
+use super::section::Section;
+use super::steps::{self, StepOutput, Steps};
+use super::sto::{Sto, sto};
+use super::values::{LENGTH_MAX, VELOCITY_MAX, ratio};
 use cia402::profile::object_of;
-use motion::canon::{Axis, Position};
+use motion::kinematics::JOINTS;
+use motion::rt::PidGains;
 use std::path::Path;
 
-/// No machine tool is larger or faster; keeps every later calculation far from overflow. mm or degrees.
-pub(super) const LENGTH_MAX: f64 = 1e6;
-pub(super) const VELOCITY_MAX: f64 = 1e5;
-pub(super) const ACCELERATION_MAX: f64 = 1e7;
-const JERK_MAX: f64 = 1e10;
+/// Most joints that one machine can have.
+pub const JOINTS_MAX: usize = JOINTS;
+
+/// `[[joint]]`; lengths in mm, or degrees for a rotary joint.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Joint {
+    /// Index into [`Bus::nodes`](super::Bus::nodes) of the drive; behind them all, counted on, for one whose drive is in
+    /// this process ([`Joint::is_local`]).
+    pub node: usize,
+    /// Axis of the drive at its node, from 0: its objects lie so many times 800h behind those of the first one; default 0.
+    pub drive_axis: u8,
+    /// Its step pulses; `None`: it has none.
+    pub step: Option<StepOutput>,
+    /// Its amplifier with an analog input; `None`: it has none.
+    pub analog: Option<AnalogOutput>,
+    /// Mode in which its drive is run; default CSP.
+    pub mode: DriveMode,
+    /// Drive increments per mm (degree): numerator and denominator, both above 0. Of step pulses: in parts of a step,
+    /// [`SUBSTEPS`](super::SUBSTEPS).
+    pub counts_per_unit: [u32; 2],
+    /// 60B2 of the drive for an acceleration of 1 mm/s², 1/1000 of the rated torque; `None`: the pin of 60B2 stays free.
+    pub torque_per_mm_s2: Option<f64>,
+    /// What the drive does when it stops; see [`Reactions`].
+    pub reactions: Reactions,
+    /// In which units the drive counts; see [`FactorGroup`].
+    pub factor_group: FactorGroup,
+    /// 60FF and 60B1 of the drive per increment/s: numerator and denominator; default 1 to 1.
+    pub velocity_ratio: [u32; 2],
+    /// The position loop that the control closes for a drive in CSV or CST: mm to mm/s, or to a share of the rated torque;
+    /// `None`: the drive holds the position that it is told.
+    pub pid: Option<PidGains>,
+    /// What its amplifier takes until it follows, beside the cycles of the bus, s; `None`: nobody has measured it.
+    pub amplifier_lag_s: Option<f64>,
+    /// Soft limits, lower below upper.
+    pub travel_mm: [f64; 2],
+    /// Limits of the plan.
+    pub limits: JointLimits,
+    /// Limits of stops; not below those of the plan.
+    pub stop: StopLimits,
+    /// Greatest distance between command and actual position, mm.
+    pub following_error_mm: f64,
+    /// Greatest speed by hand before it is homed, mm/s; default a tenth of its velocity.
+    pub unhomed_jog_mm_s: f64,
+    /// How it finds out where it is.
+    pub homing: Homing,
+    /// Number of the touch probe of its drive (1 or 2) at which the machine's probe is wired, too; `None`: none is.
+    pub touch_probe: Option<u8>,
+    /// What 60FDh of its drive tells.
+    pub switches: Switches,
+    /// What its drive counts at its home point: 0 unless something else is written into 607C.
+    pub home_count: i64,
+    /// What its drive sends while its safety circuit is open; `None`: nothing that is known.
+    pub sto: Option<Sto>,
+    /// Of several joints of an axis: how far this one stands ahead of the axis where the gantry is square, mm; default 0.
+    pub squaring_offset_mm: f64,
+    /// Backlash and pitch errors; the limits above are then what they leave.
+    pub compensation: Option<Compensation>,
+}
+
+/// The switches of a joint that 60FDh of its drive shows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Switches {
+    /// Whether limit switches count, beside the pins; default no.
+    pub limits: bool,
+    /// Where they are.
+    pub bits: InputBits,
+}
+
+impl Switches {
+    /// Whether the lower, and the upper limit switch is closed.
+    pub fn limits(&self, digital_inputs: u32) -> [bool; 2] {
+        self.bits
+            .limits
+            .map(|bit| self.limits && digital_inputs >> bit & 1 == 1)
+    }
+
+    /// Whether the home switch is closed.
+    pub fn home(&self, digital_inputs: u32) -> bool {
+        digital_inputs >> self.bits.home & 1 == 1
+    }
+}
+
+impl Joint {
+    /// Whether its drive is in this process: it has step pulses or an amplifier behind an I/O node.
+    pub fn is_local(&self) -> bool {
+        self.step.is_some() || self.analog.is_some()
+    }
+}
 
 /// What a joint is checked against.
 pub(super) struct Surroundings<'c> {
@@ -32,14 +123,28 @@ pub(super) struct Surroundings<'c> {
 }
 
 /// What the joints above have taken.
-#[derive(Default)]
 pub(super) struct Taken {
     /// Ids of nodes, and axes of them.
     drives: Vec<(i64, u8)>,
     /// Joints whose drives are in this process.
     local: usize,
     /// Pins; `None`: there is no port, or it has errors of its own.
-    pub(super) steps: Option<steps::Port>,
+    steps: Option<steps::Port>,
+}
+
+impl Taken {
+    pub(super) fn new(steps: Option<steps::Port>) -> Taken {
+        Taken {
+            drives: Vec::new(),
+            local: 0,
+            steps,
+        }
+    }
+
+    /// The port with all pins that are taken.
+    pub(super) fn into_steps(self) -> Option<Steps> {
+        self.steps.map(steps::Port::into_steps)
+    }
 }
 
 /// Who moves a joint.
@@ -50,238 +155,175 @@ enum Output {
     Analog,
 }
 
-/// Notes keys that are about a drive on the bus where there is none.
-fn refuse_keys_of_drives(section: &mut Section<'_, '_>, output: Output) {
-    const OF_DRIVES: [&str; 9] = [
-        "node",
-        "drive_axis",
-        "factor_group",
-        "velocity_ratio",
-        "torque_per_mm_s2",
-        "reactions",
-        "sto",
-        "touch_probe",
-        "limit_switches",
-    ];
-    const OF_LOOPS: [&str; 3] = ["mode", "loop", "pid"];
-    let (keys, word) = match output {
-        Output::Drive => return,
-        Output::Step => ([&OF_DRIVES[..], &OF_LOOPS].concat(), "step"),
-        Output::Analog => (OF_DRIVES.to_vec(), "analog"),
-    };
-    for key in &keys {
-        if section.has(key) {
-            section.wrong(
-                key,
-                format!("is of a drive on the bus: this joint has output = {word:?}"),
-            );
+const OUTPUTS: [(&str, Output); 3] = [
+    ("drive", Output::Drive),
+    ("step", Output::Step),
+    ("analog", Output::Analog),
+];
+
+/// Keys that are about a drive on the bus.
+const OF_DRIVES: [&str; 9] = [
+    "node",
+    "drive_axis",
+    "factor_group",
+    "velocity_ratio",
+    "torque_per_mm_s2",
+    "reactions",
+    "sto",
+    "touch_probe",
+    "limit_switches",
+];
+/// Those of a loop, which step pulses do not have either.
+const OF_LOOPS: [&str; 3] = ["mode", "loop", "pid"];
+
+/// What is known of the drive of a joint when the rest of its keys are read; `None` where it is wrong.
+struct Drive<'c> {
+    output: Output,
+    /// Place of its node among all; of a drive in this process, behind them.
+    place: Option<usize>,
+    /// Of a drive on the bus.
+    node: Option<&'c Node>,
+    /// Axis at its node.
+    axis: Option<u8>,
+    mode: Option<DriveMode>,
+    factor_group: Option<FactorGroup>,
+}
+
+impl<'c> Drive<'c> {
+    fn read(section: &mut Section<'_, '_>, around: &Surroundings<'c>, taken: &mut Taken) -> Option<Drive<'c>> {
+        let output = section.word("output", &OUTPUTS, Output::Drive)?;
+        if output == Output::Drive {
+            let place = node(section, around);
+            let node = place.zip(around.nodes).map(|(node, nodes)| &nodes[node]);
+            let axis = drive::drive_axis(section, node);
+            if let Some(axis) = axis {
+                not_taken(section, axis, &mut taken.drives);
+            }
+            return Some(Drive {
+                output,
+                place,
+                node,
+                axis,
+                mode: drive::mode(section, node.and_then(|node| node.drive.as_ref())),
+                factor_group: drive::factor_group(section, axis.unwrap_or(0), node),
+            });
         }
+        let (keys, word) = match output {
+            Output::Step => ([&OF_DRIVES[..], &OF_LOOPS].concat(), "step"),
+            _ => (OF_DRIVES.to_vec(), "analog"),
+        };
+        section.refuse(
+            &keys,
+            &format!("is of a drive on the bus: this joint has output = {word:?}"),
+        );
+        taken.local += 1;
+        Some(Drive {
+            output,
+            place: around.nodes.map(|nodes| nodes.len() + taken.local - 1),
+            node: None,
+            axis: Some(0),
+            mode: drive::mode(section, None),
+            factor_group: Some(FactorGroup::default()),
+        })
     }
-    section.known(&keys);
+
+    /// What is known of its kind.
+    fn profile(&self) -> Option<&'c DriveProfile> {
+        self.node?.drive.as_ref()
+    }
+
+    /// Position units, and the turns of its motor that they make.
+    fn turn(&self) -> Option<[u64; 2]> {
+        drive::units_per_turn(&self.factor_group?, self.profile())
+    }
+
+    /// Whether what is said of it has no errors of its own.
+    fn is_known(&self) -> bool {
+        self.output != Output::Drive || self.node.is_some() && self.factor_group.is_some()
+    }
 }
 
 /// Reads one `[[joint]]`.
 pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, taken: &mut Taken) -> Option<Joint> {
-    const OUTPUTS: [(&str, Output); 3] = [
-        ("drive", Output::Drive),
-        ("step", Output::Step),
-        ("analog", Output::Analog),
-    ];
-    let output = section.word("output", &OUTPUTS, Output::Drive)?;
-    let with_steps = output == Output::Step;
-    let node = match output {
-        Output::Drive => node(section, around),
-        Output::Step | Output::Analog => {
-            taken.local += 1;
-            refuse_keys_of_drives(section, output);
-            None
-        }
-    };
-    let of_node = node.zip(around.nodes).map(|(node, nodes)| &nodes[node]);
-    let drive_axis = match output {
-        Output::Drive => drive::drive_axis(section, of_node),
-        Output::Step | Output::Analog => Some(0),
-    };
-    if let (Output::Drive, Some(axis)) = (output, drive_axis) {
-        not_taken(section, axis, &mut taken.drives);
-    }
-    let axis = drive_axis.unwrap_or(0);
-    let known = of_node.and_then(|node| node.drive.as_ref());
-    let mode = drive::mode(section, known);
-    let factor_group = match output {
-        Output::Drive => factor_group::factor_group(section, axis, of_node),
-        Output::Step | Output::Analog => Some(FactorGroup::default()),
-    };
-    let known_turn = factor_group.and_then(|group| factor_group::units_per_turn(&group, known));
-    let node_is_known = output != Output::Drive || of_node.is_some() && factor_group.is_some();
-    let counts_per_unit = counts_per_unit(section, known_turn, node_is_known);
-    let velocity_ratio = velocity_ratio(section, factor_group);
-    let travel_mm = travel(section);
-    let velocity_mm_s = section.number("velocity_mm_s", Bound::Positive(VELOCITY_MAX), None);
-    let acceleration_mm_s2 = section.number("acceleration_mm_s2", Bound::Positive(ACCELERATION_MAX), None);
-    let jerk_mm_s3 = section.number("jerk_mm_s3", Bound::Positive(JERK_MAX), None);
-    let stop_acceleration_mm_s2 = stop_limit(
-        section,
-        "stop_acceleration_mm_s2",
-        ACCELERATION_MAX,
-        acceleration_mm_s2,
-        2.0,
-    );
-    let stop_jerk_mm_s3 = stop_limit(section, "stop_jerk_mm_s3", JERK_MAX, jerk_mm_s3, 4.0);
-    let following_error_mm = section.number("following_error_mm", Bound::Positive(LENGTH_MAX), None);
-    if let (Some(window), Some(velocity), Some(cycle_us)) = (following_error_mm, velocity_mm_s, around.cycle_us) {
-        // What a joint covers in two cycles is lag of the bus, not of the drive.
-        let least_mm = 2.0 * velocity * f64::from(cycle_us) / 1e6;
-        if window <= least_mm {
-            let rule = format!("must be above {least_mm}, the way of two cycles at velocity_mm_s");
-            section.wrong("following_error_mm", rule);
-        }
-    }
-    let step = match with_steps {
-        true => {
+    let drive = Drive::read(section, around, taken)?;
+    let (node, mode, axis) = (drive.node, drive.mode, drive.axis.unwrap_or(0));
+    let counts_per_unit = scale::counts_per_unit(section, drive.turn(), drive.is_known());
+    let velocity_ratio = scale::velocity_ratio(section, drive.factor_group);
+    let travel_mm = section.range("travel_mm", SOFT_LIMITS);
+    let limits = Limits::read(section);
+    let velocity_mm_s = limits.velocity_mm_s;
+    let following_error_mm = following_error(section, velocity_mm_s, around.cycle_us);
+    let step = match drive.output {
+        Output::Step => {
             let port = taken.steps.as_mut();
-            let step = steps::output(section, port, around.has_steps, velocity_mm_s, counts_per_unit);
-            step.map(Some)
+            steps::output(section, port, around.has_steps, velocity_mm_s, counts_per_unit).map(Some)
         }
-        false => {
-            if section.has("step") {
-                section.wrong("step", "is of a joint with output = \"step\"");
-            }
-            section.known(&["step"]);
+        Output::Drive | Output::Analog => {
+            section.refuse(&["step"], "is of a joint with output = \"step\"");
             Some(None)
         }
     };
-    let analog = match output {
+    let analog = match drive.output {
         Output::Analog => analog::output(section, around.nodes, mode).map(Some),
         Output::Drive | Output::Step => {
-            if section.has("analog") {
-                section.wrong("analog", "is of a joint with output = \"analog\"");
-            }
-            section.known(&["analog"]);
+            section.refuse(&["analog"], "is of a joint with output = \"analog\"");
             Some(None)
         }
     };
     let unhomed_jog_mm_s = unhomed_jog(section, velocity_mm_s);
-    let inputs = (node.zip(around.nodes)).map(|(node, nodes)| nodes[node].inputs.as_slice());
+    let inputs = node.map(|node| node.inputs.as_slice());
     let limits_by_drive = limit_switches(section, axis, inputs);
-    let torque_per_mm_s2 = drive::torque_per_mm_s2(section, axis, of_node);
-    let touch_probe = drive::touch_probe(section, axis, of_node);
-    let reactions = drive::reactions(section, axis, of_node);
-    let sto = match section.optional_section("sto") {
-        None if section.has("sto") => None,
-        // Where the object of the profile is among the inputs.
-        None => Some(
-            known
-                .and_then(|known| known.sto)
-                .map(|sto| sto.of_axis(axis))
-                .filter(|sto| {
-                    let sends = |inputs: &[Mapped]| inputs.iter().any(|it| (it.index, it.sub) == sto.object);
-                    inputs.is_some_and(sends)
-                }),
-        ),
-        Some(mut table) => {
-            let sto = sto(&mut table, inputs);
-            table.done();
-            sto.map(Some)
-        }
-    };
+    let torque_per_mm_s2 = drive::torque_per_mm_s2(section, axis, node);
+    let touch_probe = drive::touch_probe(section, axis, node);
+    let reactions = drive::reactions(section, axis, node);
+    let sto = section.optional_table("sto", |table| sto(table, inputs)).map(|sto| {
+        // Left out: where the object of the profile is among the inputs.
+        let usual = drive.profile().and_then(|known| known.sto).map(|sto| sto.of_axis(axis));
+        let sends = |sto: &Sto| inputs.is_some_and(|inputs| inputs.iter().any(|it| (it.index, it.sub) == sto.object));
+        sto.or(usual.filter(sends))
+    });
     let squaring_offset_mm = section.number("squaring_offset_mm", Bound::Size(LENGTH_MAX), 0.0);
     let of_joint = Known {
         travel_mm,
         velocity_mm_s,
-        stop: stop_acceleration_mm_s2
-            .zip(stop_jerk_mm_s3)
-            .map(|(acceleration_mm_s2, jerk_mm_s3)| StopLimits {
-                acceleration_mm_s2,
-                jerk_mm_s3,
-            }),
+        stop: limits.stop,
         counts_per_unit,
-        turn_mm: known_turn
-            .zip(counts_per_unit)
+        turn_mm: (drive.turn().zip(counts_per_unit))
             .map(|([units, turns], counts)| units as f64 / turns as f64 / ratio(counts)),
-        is_local: output != Output::Drive,
-        drive: known,
+        is_local: drive.output != Output::Drive,
+        drive: drive.profile(),
     };
     let homing = homing::homing(section, &of_joint);
-    let counts_per_unit = match (with_steps, counts_per_unit) {
-        (false, counts) => counts,
-        (true, Some([steps, units])) => {
-            let parts = steps.checked_mul(steps::SUBSTEPS);
-            if parts.is_none() {
-                section.wrong(
-                    "counts_per_unit",
-                    format!("must not be above {} steps", u32::MAX / steps::SUBSTEPS),
-                );
-            }
-            parts.map(|parts| [parts, units])
-        }
-        (true, None) => None,
+    let counts_per_unit = match drive.output {
+        Output::Step => counts_per_unit.and_then(|counts| in_substeps(section, counts)),
+        Output::Drive | Output::Analog => counts_per_unit,
     };
-    if let (Some(node), Some(mode), Some(homing)) = (of_node, mode, &homing) {
+    if let (Some(node), Some(mode), Some(homing)) = (node, mode, &homing) {
         let by_drive = matches!(homing.by, HomingBy::Drive { .. });
         drive::modes_are_offered(section, (node, axis), mode, by_drive);
     }
-    if let (Some(counts), Some(travel)) = (counts_per_unit, travel_mm) {
-        let counts_per_mm = ratio(counts);
-        for end in travel {
-            if (end * counts_per_mm).abs() > f64::from(i32::MAX) {
-                section.wrong(
-                    "travel_mm",
-                    format!("must fit 32-bit positions of the drive: {end} is too far"),
-                );
-            }
-        }
-        if let Some(velocity) = velocity_mm_s.filter(|velocity| velocity * counts_per_mm > f64::from(i32::MAX)) {
-            section.wrong(
-                "velocity_mm_s",
-                format!("must fit 32-bit speeds of the drive: {velocity} is too fast"),
-            );
-        }
-        // Without a ratio of its own the speed has just been judged.
-        let units = velocity_ratio.filter(|units| *units != [1, 1]);
-        let units = units.map(|units| ratio(units) * counts_per_mm);
-        if let (Some(units), Some(velocity)) = (units, velocity_mm_s)
-            && velocity * units > f64::from(i32::MAX)
-        {
-            section.wrong(
-                "velocity_ratio",
-                format!(
-                    "must let 60FFh hold velocity_mm_s: {velocity} makes {:.0}",
-                    velocity * units
-                ),
-            );
-        }
+    if let (Some(counts), Some(travel_mm)) = (counts_per_unit, travel_mm) {
+        fit_32_bits(section, counts, travel_mm, velocity_mm_s, velocity_ratio);
     }
     let pid = position_loop::keys(section, mode, velocity_mm_s);
     if let (Some(Some((gains, _))), Some(mode)) = (&pid, mode) {
         let goes_on_alone = reactions.as_ref().is_some_and(|it| it.connection_lost == Some(0));
-        position_loop::suits(section, mode, goes_on_alone, of_node, axis);
+        position_loop::suits(section, mode, goes_on_alone, node, axis);
         let reach = counts_per_unit.zip(velocity_ratio);
         let reach = reach.map(|(counts, units)| ratio(counts) * ratio(units) * gains.output_max);
-        if mode == cia402::Mode::Csv && reach.is_some_and(|reach| reach > f64::from(i32::MAX)) {
+        if mode == DriveMode::Csv && reach.is_some_and(|reach| reach > f64::from(i32::MAX)) {
             section.wrong("pid", "has an output_max that 60FFh cannot hold");
         }
     }
     let compensation = compensation::keys(section, around.folder);
-    let mut limits = JointLimits {
-        velocity_mm_s: velocity_mm_s?,
-        acceleration_mm_s2: acceleration_mm_s2?,
-        jerk_mm_s3: jerk_mm_s3?,
-    };
-    let mut stop = StopLimits {
-        acceleration_mm_s2: stop_acceleration_mm_s2?,
-        jerk_mm_s3: stop_jerk_mm_s3?,
-    };
+    let (mut plan, mut stop) = (limits.plan()?, limits.stop?);
     let compensation = match compensation? {
         None => None,
-        Some(asked_for) => Some(compensation::share(section, asked_for, &mut limits, &mut stop)?),
+        Some(asked_for) => Some(compensation::share(section, asked_for, &mut plan, &mut stop)?),
     };
     Some(Joint {
-        node: match output {
-            Output::Drive => node?,
-            Output::Step | Output::Analog => around.nodes?.len() + taken.local - 1,
-        },
-        drive_axis: drive_axis?,
+        node: drive.place?,
+        drive_axis: drive.axis?,
         step: step?,
         analog: analog?,
         mode: mode?,
@@ -289,23 +331,78 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
         velocity_ratio: velocity_ratio?,
         torque_per_mm_s2: torque_per_mm_s2?,
         reactions: reactions?,
-        factor_group: factor_group?,
+        factor_group: drive.factor_group?,
         pid: pid?.map(|(gains, _)| gains),
         amplifier_lag_s: pid?.and_then(|(_, lag_s)| lag_s),
         travel_mm: travel_mm?,
-        limits,
+        limits: plan,
         stop,
         following_error_mm: following_error_mm?,
         homing: homing?,
         compensation,
         unhomed_jog_mm_s: unhomed_jog_mm_s?,
         touch_probe: touch_probe?,
-        limits_by_drive: limits_by_drive?,
-        input_bits: known.map_or(InputBits::default(), |known| known.input_bits),
-        home_count: of_node.map_or(0, |node| home_count(node, axis)),
+        switches: Switches {
+            limits: limits_by_drive?,
+            bits: drive.profile().map_or(InputBits::default(), |known| known.input_bits),
+        },
+        home_count: node.map_or(0, |node| home_count(node, axis)),
         sto: sto?,
         squaring_offset_mm: squaring_offset_mm?,
     })
+}
+
+/// `following_error_mm`: what a joint covers in two cycles is lag of the bus, not of the drive.
+fn following_error(section: &mut Section<'_, '_>, velocity_mm_s: Option<f64>, cycle_us: Option<u32>) -> Option<f64> {
+    let window_mm = section.number("following_error_mm", Bound::Positive(LENGTH_MAX), None);
+    if let (Some(window_mm), Some(velocity), Some(cycle_us)) = (window_mm, velocity_mm_s, cycle_us) {
+        let least_mm = 2.0 * velocity * f64::from(cycle_us) / 1e6;
+        if window_mm <= least_mm {
+            let rule = format!("must be above {least_mm}, the way of two cycles at velocity_mm_s");
+            section.wrong("following_error_mm", rule);
+        }
+    }
+    window_mm
+}
+
+/// The scale of step pulses, in parts of a step.
+fn in_substeps(section: &Section<'_, '_>, [steps, units]: [u32; 2]) -> Option<[u32; 2]> {
+    let parts = steps.checked_mul(steps::SUBSTEPS);
+    if parts.is_none() {
+        let most = u32::MAX / steps::SUBSTEPS;
+        section.wrong("counts_per_unit", format!("must not be above {most} steps"));
+    }
+    parts.map(|parts| [parts, units])
+}
+
+/// Notes positions and speeds that the numbers of the drive cannot hold.
+fn fit_32_bits(
+    section: &Section<'_, '_>,
+    counts_per_unit: [u32; 2],
+    travel_mm: [f64; 2],
+    velocity_mm_s: Option<f64>,
+    velocity_ratio: Option<[u32; 2]>,
+) {
+    const MOST: f64 = i32::MAX as f64;
+    let counts_per_mm = ratio(counts_per_unit);
+    for end in travel_mm.into_iter().filter(|end| (end * counts_per_mm).abs() > MOST) {
+        let rule = format!("must fit 32-bit positions of the drive: {end} is too far");
+        section.wrong("travel_mm", rule);
+    }
+    let Some(velocity) = velocity_mm_s else { return };
+    if velocity * counts_per_mm > MOST {
+        let rule = format!("must fit 32-bit speeds of the drive: {velocity} is too fast");
+        section.wrong("velocity_mm_s", rule);
+    }
+    // Without a ratio of its own the speed has just been judged.
+    let Some(units) = velocity_ratio.filter(|units| *units != [1, 1]) else {
+        return;
+    };
+    let makes = velocity * (ratio(units) * counts_per_mm);
+    if makes > MOST {
+        let rule = format!("must let 60FFh hold velocity_mm_s: {velocity} makes {makes:.0}");
+        section.wrong("velocity_ratio", rule);
+    }
 }
 
 /// What the drive counts at its home point: 0, unless something is written into its home offset (607C).
@@ -320,95 +417,15 @@ fn home_count(node: &Node, axis: u8) -> i64 {
     }
 }
 
-/// `velocity_ratio`; the factor group of the drive, where it has one of speeds, must say the same.
-fn velocity_ratio(section: &mut Section<'_, '_>, group: Option<FactorGroup>) -> Option<[u32; 2]> {
-    let Some(item) = section.optional("velocity_ratio") else {
-        return group.map(|group| group.velocity_ratio());
-    };
-    let rule = "must be two integers: what 60FFh counts, and the increments/s that it makes";
-    let ratio = ratio_of_integers(section, "velocity_ratio", item, rule)?;
-    if let Some([above, below]) = group.and_then(|group| group.velocity)
-        && !factor_group::same(ratio, [above, below])
-    {
-        let rule = format!("must be the velocity of factor_group, [{above}, {below}], or be left out");
-        section.wrong("velocity_ratio", rule);
-        return None;
-    }
-    Some(ratio)
-}
-
-/// `counts_per_unit`, or `turns_per_unit` of a motor of which it is known what its drive counts in a turn, `known_turn`; with both
-/// they must be the same. `drive_is_known`: what is said of the drive has no errors of its own.
-fn counts_per_unit(
-    section: &mut Section<'_, '_>,
-    known_turn: Option<[u64; 2]>,
-    drive_is_known: bool,
-) -> Option<[u32; 2]> {
-    let turns = section.optional("turns_per_unit");
-    let counts = match section.optional("counts_per_unit") {
-        None => None,
-        Some(item) => {
-            let rule = "must be two integers: increments and the mm (degrees) that they make";
-            Some(ratio_of_integers(section, "counts_per_unit", item, rule)?)
-        }
-    };
-    let Some(item) = turns else {
-        let what = "increments of the drive, or steps, per mm (degree), like [10000, 1]";
-        if counts.is_none() {
-            section.required("counts_per_unit", what)?;
-        }
-        return counts;
-    };
-    let rule = "must be two integers: turns of the motor and the mm (degrees) that they make";
-    let [turns, units] = ratio_of_integers(section, "turns_per_unit", item, rule)?;
-    let Some([per_turn, of_turns]) = known_turn else {
-        if drive_is_known {
-            let rule = "needs a drive profile that has increments_per_turn, or a factor_group that has feed and gear; without one \
-                        counts_per_unit is the scale";
-            section.wrong("turns_per_unit", rule);
-        }
-        return None;
-    };
-    let products = per_turn
-        .checked_mul(turns.into())
-        .zip(of_turns.checked_mul(units.into()));
-    let both = products.map(|(above, below)| factor_group::lowest([above, below]));
-    let fits = both.and_then(|both| Some([u32::try_from(both[0]).ok()?, u32::try_from(both[1]).ok()?]));
-    let Some(scale) = fits else {
-        let turn = if of_turns == 1 {
-            format!("{per_turn} a turn")
-        } else {
-            format!("{per_turn} in {of_turns} turns")
-        };
-        section.wrong(
-            "turns_per_unit",
-            format!("makes more increments than there are numbers, {turn}"),
-        );
-        return None;
-    };
-    if let Some(counts) = counts.filter(|counts| !factor_group::same(*counts, scale)) {
-        let [[counted, of], [made, makes]] = [counts, scale];
-        let rule = format!(
-            "contradicts turns_per_unit, which makes [{made}, {makes}]: one of them is wrong, and one is enough; it is [{counted}, {of}]"
-        );
-        section.wrong("counts_per_unit", rule);
-        return None;
-    }
-    Some(scale)
-}
-
 /// How fast it may be jogged before it is homed; left out: a tenth of its velocity.
 fn unhomed_jog(section: &mut Section<'_, '_>, velocity_mm_s: Option<f64>) -> Option<f64> {
     const SHARE: f64 = 0.1;
-    let Some(item) = section.optional("unhomed_jog_mm_s") else {
+    let Some(speed) = section.optional_number("unhomed_jog_mm_s", Bound::Positive(VELOCITY_MAX))? else {
         return velocity_mm_s.map(|velocity| SHARE * velocity);
     };
-    let speed = item.number(&section.key("unhomed_jog_mm_s"), Bound::Positive(VELOCITY_MAX))?;
     if let Some(velocity) = velocity_mm_s.filter(|velocity| speed > *velocity) {
-        section.wrong(
-            "unhomed_jog_mm_s",
-            format!("must not be above velocity_mm_s, {velocity}"),
-        );
+        let rule = format!("must not be above velocity_mm_s, {velocity}");
+        section.wrong("unhomed_jog_mm_s", rule);
     }
     Some(speed)
 }
@@ -422,59 +439,6 @@ fn limit_switches(section: &mut Section<'_, '_>, axis: u8, inputs: Option<&[Mapp
         section.wrong("limit_switches", rule);
     }
     Some(by_drive)
-}
-
-pub(super) fn sto(section: &mut Section<'_, '_>, inputs: Option<&[Mapped]>) -> Option<Sto> {
-    let what = "an object that the drive sends, like \"0x60FD\" or \"0x2110:1\"";
-    let object = section.required("object", what);
-    let bit = section.integer("bit", 0..=63, None).map(|bit| bit as u32);
-    let active = section.flag("active", true);
-    let text = object?.text(&section.key("object"))?;
-    let Some(object) = parse_object(text) else {
-        section.wrong("object", format!("must be {what}"));
-        return None;
-    };
-    if let Some(inputs) = inputs {
-        match inputs.iter().find(|mapped| (mapped.index, mapped.sub) == object) {
-            None => section.wrong("object", "must be among the inputs of its node"),
-            Some(mapped) if bit.is_some_and(|bit| bit >= u32::from(mapped.bits)) => {
-                section.wrong("bit", format!("must be below {}, the bits of {text}", mapped.bits));
-            }
-            Some(_) => {}
-        }
-    }
-    Some(Sto {
-        object,
-        bit: bit?,
-        active: active?,
-    })
-}
-
-/// A limit of stops; left out it is a multiple of that of the plan.
-fn stop_limit(
-    section: &mut Section<'_, '_>,
-    key: &'static str,
-    most: f64,
-    of_plan: Option<f64>,
-    default_ratio: f64,
-) -> Option<f64> {
-    // Slowing down on the path while the plan uses all of its acceleration takes more than the plan has.
-    const RATIO_MIN: f64 = 1.2;
-    let Some(item) = section.optional(key) else {
-        return of_plan.map(|limit| limit * default_ratio);
-    };
-    let stop = item.number(&section.key(key), Bound::Positive(most))?;
-    if let Some(limit) = of_plan.filter(|limit| stop < RATIO_MIN * limit) {
-        section.wrong(
-            key,
-            format!("must be at least {RATIO_MIN} times the limit of the plan, {limit}"),
-        );
-    }
-    Some(stop)
-}
-
-pub(super) fn ratio(counts_per_unit: [u32; 2]) -> f64 {
-    f64::from(counts_per_unit[0]) / f64::from(counts_per_unit[1])
 }
 
 /// Notes an axis of a node that a joint above has.
@@ -491,14 +455,13 @@ fn not_taken(section: &mut Section<'_, '_>, axis: u8, taken: &mut Vec<(i64, u8)>
         } else {
             "node"
         };
-        section.wrong(
-            key,
-            "is the drive of a joint above; of a node with several axes drive_axis says which",
-        );
+        let rule = "is the drive of a joint above; of a node with several axes drive_axis says which";
+        section.wrong(key, rule);
     }
     taken.push((id, axis));
 }
 
+/// The place of the node of a drive.
 fn node(section: &mut Section<'_, '_>, around: &Surroundings<'_>) -> Option<usize> {
     let id = section.integer("node", 1..=239, None)?;
     let nodes = around.nodes?;
@@ -511,176 +474,9 @@ fn node(section: &mut Section<'_, '_>, around: &Surroundings<'_>) -> Option<usiz
     match nodes.iter().position(|node| i64::from(node.id) == id) {
         None => {
             let list = drives().collect::<Vec<_>>().join(", ");
-            section.wrong("node", format!("no [[bus.node]] has this id; drives: {list}"));
-            None
+            section.refused("node", format!("no [[bus.node]] has this id; drives: {list}"))
         }
         Some(index) if nodes[index].profile == Profile::Cia402 => Some(index),
-        Some(_) => {
-            section.wrong("node", "must be a node of profile \"cia402\"");
-            None
-        }
+        Some(_) => section.refused("node", "must be a node of profile \"cia402\""),
     }
-}
-
-/// A ratio of two integers above 0.
-pub(super) fn ratio_of_integers(
-    section: &mut Section<'_, '_>,
-    key: &'static str,
-    item: Item<'_, '_>,
-    rule: &'static str,
-) -> Option<[u32; 2]> {
-    let path = section.key(key);
-    let items = item.items(&path)?;
-    let [above, below] = items[..] else {
-        section.wrong(key, rule);
-        return None;
-    };
-    let above = above.integer(&format!("{path}[0]"), 1..=i64::from(u32::MAX));
-    let below = below.integer(&format!("{path}[1]"), 1..=i64::from(u32::MAX));
-    Some([above? as u32, below? as u32])
-}
-
-fn travel(section: &mut Section<'_, '_>) -> Option<[f64; 2]> {
-    range(section, "travel_mm", "soft limits, like [-5.0, 305.0]")
-}
-
-/// A lower and an upper limit, mm.
-pub(super) fn range(section: &mut Section<'_, '_>, key: &'static str, what: &str) -> Option<[f64; 2]> {
-    let path = section.key(key);
-    let items = section.required(key, what)?.items(&path)?;
-    let [lower, upper] = items[..] else {
-        section.wrong(key, "must be two numbers: lower and upper limit");
-        return None;
-    };
-    let lower = lower.number(&format!("{path}[0]"), Bound::Size(LENGTH_MAX));
-    let upper = upper.number(&format!("{path}[1]"), Bound::Size(LENGTH_MAX));
-    let range = [lower?, upper?];
-    if range[0] >= range[1] {
-        section.wrong(key, "the lower limit must be below the upper one");
-        return None;
-    }
-    Some(range)
-}
-
-/// Reads all `[[axis]]`; every one of `joints` joints must belong to one axis. `follows`: each joint follows its axis.
-pub(super) fn axes(root: &mut Section<'_, '_>, joints: usize, follows: bool) -> Option<Vec<AxisMap>> {
-    let mut axes: Vec<AxisMap> = Vec::new();
-    let mut taken = vec![false; joints];
-    let mut complete = true;
-    let tables = root.some_sections("axis");
-    if tables.is_empty() {
-        return None;
-    }
-    for mut section in tables {
-        let axis = letter(&mut section, "letter");
-        if let Some(axis) = axis
-            && axes.iter().any(|other| other.axis == axis)
-        {
-            section.wrong("letter", "is taken by an axis above");
-            complete = false;
-        }
-        let joints = joints_of_axis(&mut section, &mut taken);
-        let wrapped = section.flag("wrapped", false);
-        if wrapped == Some(true) && axis.is_some_and(|axis| !axis.is_rotary()) {
-            section.wrong("wrapped", "only A, B and C turn without end");
-            complete = false;
-        }
-        let travel_mm = section.has("travel_mm").then(|| travel(&mut section));
-        if travel_mm.is_some() && follows {
-            section.wrong("travel_mm", "the joints' own travel_mm is that of the axis");
-            complete = false;
-        }
-        section.done();
-        match (axis, joints, wrapped, travel_mm) {
-            (Some(axis), Some(joints), Some(wrapped), None | Some(Some(_))) => axes.push(AxisMap {
-                axis,
-                joints,
-                wrapped,
-                travel_mm: travel_mm.flatten(),
-            }),
-            _ => complete = false,
-        }
-    }
-    if complete && let Some(left_out) = taken.iter().position(|taken| !taken) {
-        root.wrong("axis", format!("joint {left_out} belongs to no axis"));
-        return None;
-    }
-    complete.then_some(axes)
-}
-
-/// The axis that a key names.
-pub(super) fn letter(section: &mut Section<'_, '_>, key: &'static str) -> Option<Axis> {
-    let item = section.required(key, "one of X Y Z A B C U V W")?;
-    let text = item.text(&section.key(key))?;
-    let mut letters = text.chars();
-    let axis = letters
-        .next()
-        .filter(|_| letters.next().is_none())
-        .and_then(Axis::from_letter);
-    if axis.is_none() {
-        section.wrong(key, "must be one of X Y Z A B C U V W");
-    }
-    axis
-}
-
-fn joints_of_axis(section: &mut Section<'_, '_>, taken: &mut [bool]) -> Option<Vec<usize>> {
-    let path = section.key("joints");
-    let item = section.required("joints", "the joints that the axis moves, counted from 0")?;
-    let items = item.items(&path)?;
-    if items.is_empty() {
-        section.wrong("joints", "must name at least one joint");
-        return None;
-    }
-    let mut joints = Vec::new();
-    let mut complete = true;
-    for (index, item) in items.into_iter().enumerate() {
-        let key = format!("{path}[{index}]");
-        let Some(joint) = item.integer(&key, 0..=i64::from(u16::MAX)) else {
-            complete = false;
-            continue;
-        };
-        let joint = joint as usize;
-        let rule = match taken.get(joint) {
-            None => format!("there is no such joint; joints: {}, counted from 0", taken.len()),
-            Some(true) => "belongs to an axis already".to_owned(),
-            Some(false) => {
-                taken[joint] = true;
-                joints.push(joint);
-                continue;
-            }
-        };
-        item.log.wrong(item.value.span(), &key, rule, None);
-        complete = false;
-    }
-    complete.then_some(joints)
-}
-
-/// Work offset systems in the order of G54 to G59.3.
-const SYSTEMS: [&str; 9] = ["g54", "g55", "g56", "g57", "g58", "g59", "g59_1", "g59_2", "g59_3"];
-
-/// Reads `[offsets]`; only axes of the machine may be shifted.
-pub(super) fn offsets(root: &mut Section<'_, '_>, axes: Option<&[AxisMap]>) -> Option<[Position; 9]> {
-    const LETTERS: [&str; 9] = ["x", "y", "z", "a", "b", "c", "u", "v", "w"];
-    let mut offsets = [Position::ZERO; 9];
-    let mut complete = true;
-    let mut section = root.section("offsets")?;
-    for (name, origin) in SYSTEMS.into_iter().zip(&mut offsets) {
-        let Some(mut system) = section.optional_section(name) else {
-            continue;
-        };
-        for (letter, axis) in LETTERS.into_iter().zip(Axis::ALL) {
-            let Some(item) = system.optional(letter) else { continue };
-            match item.number(&system.key(letter), Bound::Size(LENGTH_MAX)) {
-                Some(value) => origin[axis] = value,
-                None => complete = false,
-            }
-            if axes.is_some_and(|axes| axes.iter().all(|map| map.axis != axis)) {
-                system.wrong(letter, "the machine has no such axis");
-                complete = false;
-            }
-        }
-        system.done();
-    }
-    section.done();
-    complete.then_some(offsets)
 }

@@ -9,12 +9,13 @@
 //! | `"scara"` | `inner_arm_mm`, `outer_arm_mm`, `tool_offset_mm` |
 //! | `"linear-delta"` | `rod_mm`, `radius_mm`, `tower_angles_degrees` |
 
-use super::document::{Bound, Section};
-use super::types::{AxisMap, Joint};
+use super::axes::AxisMap;
+use super::joints::Joint;
+use super::question::Bound;
+use super::section::Section;
+use super::values::LENGTH_MAX;
 use motion::canon::Axis;
 use motion::kinematics::{Elbow, Hand, HeadTable, LinearDelta, Rotary, RotaryAxis, Scara, TableTable, Transform};
-
-const LENGTH_MAX: f64 = 1e6;
 
 /// The words of `machine.kinematics`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -80,8 +81,7 @@ fn table_table(section: &mut Section<'_, '_>) -> Option<TableTable> {
     let secondary_hand = section.word("secondary_turns", &HANDS, Hand::Left);
     let secondary_centre_mm = numbers(section, "secondary_centre_mm", Bound::Size(LENGTH_MAX), None);
     if primary.is_some() && primary == secondary {
-        section.wrong("secondary", "must be another axis than primary");
-        return None;
+        return section.refused("secondary", "must be another axis than primary");
     }
     Some(TableTable {
         primary: Rotary {
@@ -106,8 +106,7 @@ fn head_table(section: &mut Section<'_, '_>) -> Option<HeadTable> {
     let table_hand = section.word("table_turns", &HANDS, Hand::Left);
     let table_centre_mm = numbers(section, "table_centre_mm", Bound::Size(LENGTH_MAX), None);
     if head.is_some() && head == table {
-        section.wrong("table", "must be another axis than head");
-        return None;
+        return section.refused("table", "must be another axis than head");
     }
     let [x, y] = pivot_offset_mm?;
     Some(HeadTable {
@@ -151,14 +150,12 @@ fn linear_delta(section: &mut Section<'_, '_>) -> Option<LinearDelta> {
     if let (Some(rod), Some(radius)) = (rod_mm, radius_mm)
         && radius >= rod
     {
-        section.wrong("radius_mm", format!("must be below rod_mm, {rod}"));
-        return None;
+        return section.refused("radius_mm", format!("must be below rod_mm, {rod}"));
     }
     let towers = angles?.map(LinearDelta::tower);
     let apart = |a: [f64; 2], b: [f64; 2]| (a[0] * b[1] - a[1] * b[0]).abs() > 0.1 || a[0] * b[0] + a[1] * b[1] < 0.0;
     if !(apart(towers[0], towers[1]) && apart(towers[1], towers[2]) && apart(towers[2], towers[0])) {
-        section.wrong("tower_angles_degrees", "must lie apart, like [90.0, -30.0, -150.0]");
-        return None;
+        return section.refused("tower_angles_degrees", "must lie apart, like [90.0, -30.0, -150.0]");
     }
     Some(LinearDelta {
         rod_mm: rod_mm?,
@@ -182,19 +179,11 @@ fn numbers<const N: usize>(
             Some(item) => item,
         },
     };
-    let items = item.items(&path)?;
-    if items.len() != N {
-        section.wrong(key, format!("must be {N} numbers, are {}", items.len()));
-        return None;
+    let count = item.items(&path)?.len();
+    if count != N {
+        return section.refused(key, format!("must be {N} numbers, are {count}"));
     }
-    let mut numbers = [Some(0.0); N];
-    for (index, (number, item)) in numbers.iter_mut().zip(items).enumerate() {
-        *number = item.number(&format!("{path}[{index}]"), bound);
-    }
-    numbers
-        .iter()
-        .all(Option::is_some)
-        .then(|| numbers.map(Option::unwrap_or_default))
+    item.list(&path, |item, path| item.number(path, bound))?.try_into().ok()
 }
 
 /// Whether the machine has the axes and joints of its kinematics; takes from the joints what they say of a SCARA.
@@ -226,18 +215,14 @@ pub(super) fn fit(root: &Section<'_, '_>, transform: &mut Transform, axes: &[Axi
         let (shoulder, elbow) = (&joints[x.joints[0]], &joints[y.joints[0]]);
         let [low, high] = shoulder.travel_mm;
         if high - low >= 360.0 {
-            root.wrong(
-                "joint",
-                "the shoulder of a SCARA (the joint of X) must turn less than 360 degrees",
-            );
+            let rule = "the shoulder of a SCARA (the joint of X) must turn less than 360 degrees";
+            root.wrong("joint", rule);
             fits = false;
         }
         let [least, most] = elbow.travel_mm;
         if least < -180.0 || most > 180.0 {
-            root.wrong(
-                "joint",
-                "the elbow of a SCARA (the joint of Y) must stay within -180 and 180 degrees",
-            );
+            let rule = "the elbow of a SCARA (the joint of Y) must stay within -180 and 180 degrees";
+            root.wrong("joint", rule);
             fits = false;
         }
         scara.shoulder_middle_degrees = 0.5 * (low + high);

@@ -7,10 +7,12 @@
 //! What has to act in the cycle in which it is read (emergency stop chain, limit and home switches, probe) is refused as an output
 //! of a program: it would come up to a period late.
 
-use super::document::{Bound, Scalar, Section};
+use super::components::Component;
+use super::document::Scalar;
 use super::error::nearest;
-use super::types::{Component, Net};
-use super::{PIN_RULE, is_pin};
+use super::net::{Net, PIN_RULE, is_pin};
+use super::question::Bound;
+use super::section::Section;
 use files::read::TEXT_MAX;
 use hal_pins::Type;
 use logic::{Logic, Role, Value, Variable};
@@ -187,27 +189,23 @@ pub(super) fn logics(
     let sections = root.sections("logic");
     let count = sections.len();
     if count > LOGICS_MAX {
-        root.wrong(
-            "logic",
-            format!("must not be more than {LOGICS_MAX} programs, are {count}"),
-        );
+        let rule = format!("must not be more than {LOGICS_MAX} programs, are {count}");
+        root.wrong("logic", rule);
     }
     if let Some(priority) = priority.filter(|priority| usize::from(*priority) <= count) {
         let rule = format!("runs below the cycle thread: rt.priority must be above {count}, is {priority}");
         root.wrong("logic", rule);
     }
-    for mut section in sections {
-        tasks.extend(task(&mut section, folder, cycle_us, &tasks));
-        section.done();
+    for section in sections {
+        let task = section.whole(|section| task(section, folder, cycle_us, &tasks));
+        tasks.extend(task);
     }
     (tasks.len() == count && count <= LOGICS_MAX).then_some(tasks)
 }
 
 fn task(section: &mut Section<'_, '_>, folder: &Path, cycle_us: Option<u32>, above: &[LogicTask]) -> Option<LogicTask> {
-    let path = section.key("file");
     let file = section
-        .required("file", "a file of Structured Text")
-        .and_then(|item| item.text(&path))
+        .text("file", "a file of Structured Text")
         .map(|file| folder.join(file));
     let name = name(section, file.as_deref(), above);
     let every = period(section, cycle_us);
@@ -223,8 +221,7 @@ fn task(section: &mut Section<'_, '_>, folder: &Path, cycle_us: Option<u32>, abo
     let interface = match interface(&name, &logic, &addresses, &alarms) {
         Ok(interface) => interface,
         Err(rule) => {
-            section.wrong("file", format!("{}: {rule}", file.display()));
-            return None;
+            return section.refused("file", format!("{}: {rule}", file.display()));
         }
     };
     Some(LogicTask {
@@ -237,16 +234,15 @@ fn task(section: &mut Section<'_, '_>, folder: &Path, cycle_us: Option<u32>, abo
         alarms,
         safe: safe?,
         goes_on: goes_on?,
-        overruns_stop: overruns_stop? as u32,
+        overruns_stop: overruns_stop?,
         share_max: share? / 100.0,
     })
 }
 
 /// What it is called, by its file if nothing else is said.
 fn name(section: &mut Section<'_, '_>, file: Option<&Path>, above: &[LogicTask]) -> Option<String> {
-    let path = section.key("name");
-    let name = match section.optional("name") {
-        Some(item) => item.text(&path)?.to_owned(),
+    let name = match section.optional_text("name")? {
+        Some(name) => name.to_owned(),
         None => {
             let stem = file?.file_stem()?.to_string_lossy();
             stem.to_ascii_lowercase().replace('_', "-")
@@ -259,8 +255,7 @@ fn name(section: &mut Section<'_, '_>, file: Option<&Path>, above: &[LogicTask])
     } else {
         return Some(name);
     };
-    section.wrong("name", rule);
-    None
+    section.refused("name", rule)
 }
 
 /// Cycles from one scan to the next.
@@ -271,8 +266,7 @@ fn period(section: &mut Section<'_, '_>, cycle_us: Option<u32>) -> Option<u64> {
     let whole = cycles.round();
     if whole < 1.0 || (cycles - whole).abs() > 1e-6 {
         let rule = format!("must be a whole number of cycles, which take {} ms", cycle_us / 1000.0);
-        section.wrong("period_ms", rule);
-        return None;
+        return section.refused("period_ms", rule);
     }
     Some(whole as u64)
 }
@@ -282,8 +276,7 @@ fn compile(section: &mut Section<'_, '_>, file: &Path) -> Option<Arc<Logic>> {
     let text = match files::read_text(file, TEXT_MAX) {
         Ok(text) => text,
         Err(error) => {
-            section.wrong("file", format!("cannot be read: {error}"));
-            return None;
+            return section.refused("file", format!("cannot be read: {error}"));
         }
     };
     match logic::compile(&text) {
@@ -296,10 +289,8 @@ fn compile(section: &mut Section<'_, '_>, file: &Path) -> Option<Arc<Logic>> {
             }
             if count > MISTAKES_TOLD {
                 let more = count - MISTAKES_TOLD;
-                section.wrong(
-                    "file",
-                    format!("has {more} more: isocnc logic check {}", file.display()),
-                );
+                let rule = format!("has {more} more: isocnc logic check {}", file.display());
+                section.wrong("file", rule);
             }
             None
         }
@@ -308,106 +299,75 @@ fn compile(section: &mut Section<'_, '_>, file: &Path) -> Option<Arc<Logic>> {
 
 /// `at = { "%IX0.0" = "io.10.in-03" }`
 fn addresses(section: &mut Section<'_, '_>) -> Option<Vec<(String, String)>> {
-    let mut table = section.section("at")?;
     let mut addresses: Vec<(String, String)> = Vec::new();
-    let mut complete = true;
-    for address in table.names() {
-        let rule = match table.any_scalar(&address) {
+    section.section("at")?.each(|table, address| {
+        let rule = match table.any_scalar(address) {
             _ if !address.starts_with('%') => "is no address: one begins with %I or %Q; a pin of its own needs a net",
-            _ if addresses.iter().any(|(above, _)| is_same_address(above, &address)) => "is bound above",
+            _ if addresses.iter().any(|(above, _)| is_same_address(above, address)) => "is bound above",
             Some(Scalar::Word(pin)) if is_pin(&pin) => {
-                addresses.push((address, pin));
-                continue;
+                addresses.push((address.to_owned(), pin));
+                return Some(());
             }
             Some(_) => PIN_RULE,
-            None => {
-                complete = false;
-                continue;
-            }
+            None => return None,
         };
-        table.wrong(&address, rule);
-        complete = false;
-    }
-    complete.then_some(addresses)
+        table.refused(address, rule)
+    })?;
+    Some(addresses)
 }
 
 /// Outputs of texts that are alarms.
 fn alarms(section: &mut Section<'_, '_>, logic: Option<&Logic>) -> Option<Vec<String>> {
-    let path = section.key("alarms");
-    let Some(item) = section.optional("alarms") else {
-        return Some(Vec::new());
-    };
-    let mut alarms = Vec::new();
-    let mut complete = true;
-    for (index, item) in item.items(&path)?.into_iter().enumerate() {
-        let key = format!("{path}[{index}]");
-        let name = item.text(&key)?.to_owned();
-        let texts = |logic: &Logic| -> Vec<String> {
-            let texts = logic
-                .outputs()
-                .filter(|output| output.scalar() == Some(logic::Scalar::String));
-            texts.map(|output| logic.name(output)).collect()
-        };
-        if let Some(logic) = logic {
-            let known = texts(logic);
-            if !known.iter().any(|known| known.eq_ignore_ascii_case(&name)) {
-                let hint =
-                    nearest(&name, known.iter().map(String::as_str)).map(|near| format!("did you mean {near:?}?"));
-                let rule = "is no output of the program that is a STRING";
-                item.log.wrong(item.value.span(), &key, rule, hint);
-                complete = false;
-            }
+    let is_text = |output: &&Variable| output.scalar() == Some(logic::Scalar::String);
+    section.list("alarms", |item, path| {
+        let name = item.text(path)?.to_owned();
+        let Some(logic) = logic else { return Some(name) };
+        let known: Vec<String> = logic
+            .outputs()
+            .filter(is_text)
+            .map(|output| logic.name(output))
+            .collect();
+        if !known.iter().any(|known| known.eq_ignore_ascii_case(&name)) {
+            let near = nearest(&name, known.iter().map(String::as_str));
+            return item.no_word(path, "is no output of the program that is a STRING", near);
         }
-        alarms.push(name);
-    }
-    complete.then_some(alarms)
+        Some(name)
+    })
 }
 
 /// Values of outputs where the program has failed.
 fn safe(mut table: Section<'_, '_>, logic: &Logic) -> Option<Vec<(String, i64)>> {
-    let mut values = Vec::new();
-    let mut complete = true;
-    for name in table.names() {
-        let output = logic.variable(&name).filter(|variable| variable.role == Role::Output);
+    table.each(|table, name| {
+        let output = logic.variable(name).filter(|variable| variable.role == Role::Output);
         let Some(output) = output else {
             let known: Vec<String> = logic.outputs().map(|output| logic.name(output)).collect();
-            let near = nearest(&name, known.iter().map(String::as_str));
+            let near = nearest(name, known.iter().map(String::as_str));
             let hint = near.map_or(String::new(), |near| format!("; did you mean {near:?}?"));
-            table.wrong(&name, format!("is no output of the program{hint}"));
-            complete = false;
-            continue;
+            return table.refused(name, format!("is no output of the program{hint}"));
         };
         let scalar = output.scalar();
-        let value = match (table.any_scalar(&name), scalar) {
-            (Some(Scalar::Flag(value)), _) => logic.slot_value(output, Value::Bool(value)),
-            (Some(Scalar::Integer(value)), Some(logic::Scalar::Time)) => value.checked_mul(1_000_000),
-            (Some(Scalar::Integer(value)), Some(logic::Scalar::Real | logic::Scalar::Lreal)) => {
+        let value = match (table.any_scalar(name)?, scalar) {
+            (Scalar::Flag(value), _) => logic.slot_value(output, Value::Bool(value)),
+            (Scalar::Integer(value), Some(logic::Scalar::Time)) => value.checked_mul(1_000_000),
+            (Scalar::Integer(value), Some(logic::Scalar::Real | logic::Scalar::Lreal)) => {
                 logic.slot_value(output, Value::Lreal(value as f64))
             }
-            (Some(Scalar::Integer(value)), _) => logic.slot_value(output, Value::Integer(i128::from(value))),
-            (Some(Scalar::Number(value)), Some(logic::Scalar::Time)) => Some((value * 1e6).round() as i64),
-            (Some(Scalar::Number(value)), _) => logic.slot_value(output, Value::Lreal(value)),
-            (Some(Scalar::Word(word)), None) => logic.slot_value(output, Value::Text(&word)),
-            (Some(Scalar::Word(_)), _) => None,
-            (None, _) => {
-                complete = false;
-                continue;
-            }
+            (Scalar::Integer(value), _) => logic.slot_value(output, Value::Integer(i128::from(value))),
+            (Scalar::Number(value), Some(logic::Scalar::Time)) => Some((value * 1e6).round() as i64),
+            (Scalar::Number(value), _) => logic.slot_value(output, Value::Lreal(value)),
+            (Scalar::Word(word), None) => logic.slot_value(output, Value::Text(&word)),
+            (Scalar::Word(_), _) => None,
         };
-        match value {
-            Some(value) => values.push((name, value)),
-            None => {
-                let form = if scalar == Some(logic::Scalar::Time) {
-                    ", in ms"
-                } else {
-                    ""
-                };
-                table.wrong(&name, format!("must be a value of type {}{form}", output.ty));
-                complete = false;
-            }
-        }
-    }
-    complete.then_some(values)
+        let Some(value) = value else {
+            let form = if scalar == Some(logic::Scalar::Time) {
+                ", in ms"
+            } else {
+                ""
+            };
+            return table.refused(name, format!("must be a value of type {}{form}", output.ty));
+        };
+        Some((name.to_owned(), value))
+    })
 }
 
 /// Whether something must act in the cycle in which it is read.

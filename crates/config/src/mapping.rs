@@ -3,10 +3,14 @@
 //! In:  arrays of strings, the profile of the node, its device file.
 //! Out: objects with their lengths, which the profile and the device take.
 
-use super::document::{Item, Section};
-use super::drive::mode_word;
-use super::types::{DeviceDescription, DriveMode, DriveProfile, Mapped, MappingLimits, Profile, targets};
+use super::document::Item;
+use super::drive_profile::{DriveProfile, MappingLimits};
+use super::esi::have_padding;
+use super::modes::{DriveMode, mode_word, targets};
+use super::objects::{Mapped, Profile, digits, parse_object};
+use super::section::Section;
 use cia402::profile::{axis_of, object_of};
+use obd::device::DeviceDescription;
 use obd::mapping::Direction;
 
 /// Most octets of process data in one PReq or PRes.
@@ -148,18 +152,12 @@ pub(super) fn payload(section: &mut Section<'_, '_>, payload: Payload, target: &
     let octets = octets(&objects);
     let [(octets_max, of_octets), (objects_max, of_objects)] = payload.limits(target);
     if octets > octets_max {
-        section.wrong(
-            key,
-            format!("must not hold more than {octets_max} octets{of_octets}, holds {octets}"),
-        );
-        return None;
+        let rule = format!("must not hold more than {octets_max} octets{of_octets}, holds {octets}");
+        return section.refused(key, rule);
     }
     if objects.len() > objects_max {
-        section.wrong(
-            key,
-            format!("must not hold more than {objects_max} objects{of_objects}"),
-        );
-        return None;
+        let rule = format!("must not hold more than {objects_max} objects{of_objects}");
+        return section.refused(key, rule);
     }
     let drives = target.axes.iter().filter(|_| target.profile == Some(Profile::Cia402));
     for axis in drives {
@@ -171,10 +169,8 @@ pub(super) fn payload(section: &mut Section<'_, '_>, payload: Payload, target: &
         let held: Vec<&Mapped> = objects.iter().filter(own).collect();
         if let [one, other, ..] = held[..] {
             // Only one of them would follow the motion; a drive that takes the other one would jump.
-            section.wrong(
-                key,
-                format!("must not hold {one} beside {other}: a drive has one target"),
-            );
+            let rule = format!("must not hold {one} beside {other}: a drive has one target");
+            section.wrong(key, rule);
             valid = false;
         }
         for object in missing(payload, axis, &objects) {
@@ -183,10 +179,8 @@ pub(super) fn payload(section: &mut Section<'_, '_>, payload: Payload, target: &
                 DriveMode::Csp => String::new(),
                 other => format!(" in mode {:?}", mode_word(other)),
             };
-            section.wrong(
-                key,
-                format!("must hold {object:?}: a drive is not run{mode} without it"),
-            );
+            let rule = format!("must hold {object:?}: a drive is not run{mode} without it");
+            section.wrong(key, rule);
             valid = false;
         }
     }
@@ -229,9 +223,7 @@ fn left_out(section: &Section<'_, '_>, payload: Payload, target: &Target<'_>) ->
     let own = target.device.and_then(|device| device_mapping(device, payload));
     let own = own.or_else(|| usual.clone());
     let enough = |own: &Vec<Mapped>| match profile {
-        Profile::Cia402 => {
-            !super::ethercat::have_padding(own) && target.axes.iter().all(|axis| missing(payload, axis, own).is_empty())
-        }
+        Profile::Cia402 => !have_padding(own) && target.axes.iter().all(|axis| missing(payload, axis, own).is_empty()),
         Profile::Io => true,
     };
     if let Some(own) = own.filter(enough) {
@@ -327,8 +319,7 @@ pub(super) fn mapped(
             },
         },
     };
-    item.log.wrong(item.value.span(), key, rule, None);
-    None
+    item.refused(key, rule)
 }
 
 /// `0x60FE:1/32`; the sub-index is decimal and may be left out.
@@ -337,20 +328,6 @@ fn parse_mapped(text: &str) -> Option<Mapped> {
     let (index, sub) = parse_object(object)?;
     let bits = digits(bits).then(|| bits.parse().ok()).flatten()?;
     Some(Mapped { index, sub, bits })
-}
-
-/// `0x60FE:1`; the sub-index is decimal and may be left out.
-pub(super) fn parse_object(text: &str) -> Option<(u16, u8)> {
-    let (index, sub) = text.split_once(':').unwrap_or((text, "0"));
-    let index = index.strip_prefix("0x").or(index.strip_prefix("0X"))?;
-    if !digits(index) || !digits(sub) {
-        return None;
-    }
-    Some((u16::from_str_radix(index, 16).ok()?, sub.parse().ok()?))
-}
-
-fn digits(text: &str) -> bool {
-    text.bytes().next().is_some_and(|octet| octet.is_ascii_hexdigit())
 }
 
 /// Length in bits of objects that CiA 402 lets be mapped; `None`: not in this table.

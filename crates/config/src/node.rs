@@ -3,34 +3,19 @@
 //! In:  a table of the machine file, the device file that it names.
 //! Out: a [`Node`] that fits its device file.
 
-use super::bus::{NAME_RULE, is_name};
+use super::bus_types::{Exchange, Identity, Node, Profile};
 use super::channels;
+use super::cross::PendingCross;
 use super::device;
-use super::document::Section;
-use super::drive::DriveUse;
 use super::drive_profile;
-use super::ethercat::Esi;
-use super::keys::{Keys, NodeFacts};
+use super::esi::Esi;
 use super::mapping::{self, AxisUse, Payload, Target};
-use super::powerlink::PendingCross;
-use super::types::{BusClock, ConfigurationWrite, DriveMode, Exchange, Identity, Node, Profile};
+use super::modes::DriveMode;
+use super::protocol::{Network, NodeFacts};
+use super::section::Section;
+use super::values::{NAME_RULE, is_name};
 use cia402::profile::object_of;
-use std::path::Path;
-
-/// What a node is read against.
-pub(super) struct Network<'a> {
-    /// Folder of the machine file.
-    pub(super) folder: &'a Path,
-    pub(super) cycle_us: Option<u32>,
-    /// Cycles of a multiplexed round.
-    pub(super) multiplex_cycles: Option<u8>,
-    /// What drives are there for.
-    pub(super) uses: &'a [DriveUse],
-    /// What the protocol of the bus has of its own.
-    pub(super) keys: &'static dyn Keys,
-    /// Whose clock leads, where that is known.
-    pub(super) clock: Option<BusClock>,
-}
+use obd::device::ConfigurationWrite;
 
 /// Ids and names that are taken.
 #[derive(Default)]
@@ -44,7 +29,7 @@ pub(super) fn node<'d, 'l>(
     network: &Network<'_>,
     used: &mut Names,
 ) -> Option<(Node, Vec<PendingCross<'d, 'l>>)> {
-    let id = section.integer("id", 1..=239, None).map(|id| id as u8);
+    let id = section.integer("id", 1..=239, None);
     if let Some(id) = id {
         if used.ids.contains(&id) {
             section.wrong("id", "is taken by a node above");
@@ -70,14 +55,17 @@ pub(super) fn node<'d, 'l>(
     let file = device.as_ref().and_then(Option::as_ref);
     let esi_file = esi.as_ref().and_then(Option::as_ref);
     let exchange = keys.exchange(section, network, profile, file);
-    let identity = device::identity(section, file, known).map(|identity| match esi_file.map(Esi::identity) {
-        Some(usual) => Identity {
-            vendor_id: identity.vendor_id.or(usual.vendor_id),
-            product_code: identity.product_code.or(usual.product_code),
-            ..identity
-        },
-        None => identity,
-    });
+    let identity =
+        device::identity(section, file, known.map_or(Identity::default(), |known| known.identity)).map(|identity| {
+            match esi_file.map(Esi::identity) {
+                Some(usual) => Identity {
+                    vendor_id: identity.vendor_id.or(usual.vendor_id),
+                    product_code: identity.product_code.or(usual.product_code),
+                    ..identity
+                },
+                None => identity,
+            }
+        });
     let uses = network.uses.iter().filter(|it| Some(it.node) == id.map(i64::from));
     let mut axes: Vec<AxisUse> = uses
         .map(|it| AxisUse {
@@ -163,15 +151,9 @@ fn of_axes(writes: &[ConfigurationWrite], axes: &[AxisUse]) -> Vec<Configuration
 }
 
 fn name(section: &mut Section<'_, '_>, id: Option<u8>) -> Option<String> {
-    match section.optional("name") {
+    match section.optional_text("name")? {
         None => id.map(|id| format!("node-{id}")),
-        Some(item) => {
-            let text = item.text(&section.key("name"))?;
-            let valid = is_name(text);
-            if !valid {
-                section.wrong("name", NAME_RULE);
-            }
-            valid.then(|| text.to_owned())
-        }
+        Some(text) if is_name(text) => Some(text.to_owned()),
+        Some(_) => section.refused("name", NAME_RULE),
     }
 }

@@ -2,9 +2,8 @@
 //!
 //! In:  the table of the machine file. Out: where it listens, and who may come.
 
-use super::bus::is_name;
-use super::document::Section;
-use super::program;
+use super::section::{Section, keys, left_out};
+use super::values::is_name;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
 
@@ -12,30 +11,50 @@ use std::path::{Path, PathBuf};
 pub const PANEL_PORT: u16 = 8402;
 /// Names of this PC at the most.
 const HOSTS_MAX: usize = 16;
+const LOST: [(&str, OnLostControl); 2] = [("go-on", OnLostControl::GoOn), ("hold", OnLostControl::Hold)];
 
-/// `[panel]`
-#[derive(Clone, Debug, PartialEq)]
-pub struct Panel {
-    /// Where it listens; port 0: any.
-    pub address: SocketAddr,
-    /// Names of this PC by which it may be called, beside its addresses.
-    pub hosts: Vec<String>,
-    /// File of tokens; `None`: a token that is made at each start.
-    pub tokens: Option<PathBuf>,
-    /// Folder of programs; `None`: none can be sent.
-    pub programs: Option<PathBuf>,
-    /// What a program does whose client had taken control and is lost.
-    pub on_lost_control: OnLostControl,
-    /// How what goes over the network is encrypted.
-    pub encryption: Encryption,
-    /// Where senders of Grbl connect, an address of this PC alone; `None`: nowhere.
-    pub grbl: Option<SocketAddr>,
-    /// Where agents of MTConnect read lines of SHDR; `None`: nowhere.
-    pub shdr: Option<SocketAddr>,
-    /// Errors of MTConnect are told as before 2.6.
-    pub mtconnect_old_errors: bool,
-    /// MTConnect answers at `/probe` and the like, too, not only below `/mtconnect`.
-    pub mtconnect_at_root: bool,
+keys! {
+    /// `[panel]`; `base`: folder of the machine file, `state_directory`: what the control writes by itself.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct Panel(section, base: &Path, state_directory: Option<&Path>) {
+        /// Where it listens; port 0: any.
+        pub address: SocketAddr = match section.or("address", || Panel::loopback().to_string().into()) {
+            None => Some(Panel::loopback()),
+            Some(_) => section.address("address", "\"127.0.0.1:8402\" or \"[::1]:8402\"").flatten(),
+        },
+        /// Names of this PC by which it may be called, beside its addresses.
+        pub hosts: Vec<String> = hosts(section),
+        /// File of tokens; `None`: a token that is made at each start.
+        pub tokens: Option<PathBuf> = {
+            let usual = state_directory.map(|folder| folder.join("panel-tokens.json"));
+            section.path("tokens", base).map(|given| given.or(usual))
+        },
+        /// Folder of programs; `None`: none can be sent.
+        pub programs: Option<PathBuf> = {
+            let usual = state_directory.map(|folder| folder.join("programs"));
+            section.new_folder("programs", base).map(|given| given.or(usual))
+        },
+        /// What a program does whose client had taken control and is lost.
+        pub on_lost_control: OnLostControl = section.word("on_lost_control", &LOST, OnLostControl::GoOn),
+        /// How what goes over the network is encrypted.
+        pub encryption: Encryption = encryption(section, base, state_directory),
+        /// Where senders of Grbl connect, an address of this PC alone; `None`: nowhere.
+        pub grbl: Option<SocketAddr> = section.optional_table("grbl", grbl),
+        pub mtconnect: MtConnect = section.optional_table("mtconnect", MtConnect::read).map(Option::unwrap_or_default),
+    }
+}
+
+keys! {
+    /// `[panel.mtconnect]`
+    #[derive(Clone, Debug, Default, PartialEq)]
+    pub struct MtConnect(section) {
+        /// It answers at `/probe` and the like, too, not only below `/mtconnect`.
+        pub at_root: bool = section.flag("at_root", false),
+        /// Errors are told as before 2.6.
+        pub old_errors: bool = section.word("errors", &[("2.7", false), ("2.2", true)], false),
+        /// Where agents read lines of SHDR; `None`: nowhere.
+        pub shdr: Option<SocketAddr> = section.address("shdr", "\"127.0.0.1:7878\""),
+    }
 }
 
 /// What connections of the panel are encrypted with.
@@ -65,15 +84,7 @@ impl Panel {
     pub fn at(address: SocketAddr, state_directory: Option<&Path>) -> Panel {
         Panel {
             address,
-            hosts: Vec::new(),
-            tokens: state_directory.map(|folder| folder.join("panel-tokens.json")),
-            programs: state_directory.map(|folder| folder.join("programs")),
-            on_lost_control: OnLostControl::default(),
-            encryption: Encryption::None,
-            grbl: None,
-            shdr: None,
-            mtconnect_old_errors: false,
-            mtconnect_at_root: false,
+            ..left_out(|section| Panel::read(section, Path::new(""), state_directory))
         }
     }
 
@@ -83,140 +94,64 @@ impl Panel {
     }
 }
 
-pub(super) fn panel(mut section: Section<'_, '_>, base: &Path, state_directory: Option<&Path>) -> Option<Panel> {
-    let address = match section.or("address", || Panel::loopback().to_string().into()) {
-        None => Some(Panel::loopback()),
-        Some(item) => item.text("panel.address").and_then(|text| {
-            let address = text.parse().ok();
-            if address.is_none() {
-                section.wrong(
-                    "address",
-                    "must be an address and a port, like \"127.0.0.1:8402\" or \"[::1]:8402\"",
-                );
-            }
-            address
-        }),
+impl Section<'_, '_> {
+    /// An address and a port, like `example`; left out: `Some(None)`.
+    fn address(&mut self, key: &'static str, example: &str) -> Option<Option<SocketAddr>> {
+        let Some(text) = self.optional_text(key)? else {
+            return Some(None);
+        };
+        let address = text.parse().ok();
+        if address.is_none() {
+            self.wrong(key, format!("must be an address and a port, like {example}"));
+        }
+        address.map(Some)
+    }
+}
+
+fn hosts(section: &mut Section<'_, '_>) -> Option<Vec<String>> {
+    let Some(item) = section.optional("hosts") else {
+        return Some(Vec::new());
     };
-    let hosts = match section.optional("hosts") {
-        None => Some(Vec::new()),
-        Some(item) => item.items("panel.hosts").and_then(|items| {
-            if items.len() > HOSTS_MAX {
-                section.wrong("hosts", format!("must not be more than {HOSTS_MAX} names"));
-                return None;
-            }
-            let texts: Vec<_> = items
-                .iter()
-                .enumerate()
-                .map(|(at, item)| item.text(&format!("panel.hosts[{at}]")))
-                .collect();
-            let texts: Option<Vec<&str>> = texts.into_iter().collect();
-            let texts = texts?;
-            let is_host = |text: &&str| !text.is_empty() && text.split('.').all(is_name);
-            if let Some(at) = texts.iter().position(|text| !is_host(text)) {
-                let rule = format!("{:?} is no name of a PC: without address, port or http://", texts[at]);
-                section.wrong("hosts", rule);
-                return None;
-            }
-            Some(texts.into_iter().map(str::to_owned).collect())
-        }),
-    };
-    let tokens = program::path(&mut section, "tokens", base);
-    let programs = program::new_folder(&mut section, "programs", base);
-    let lost = [("go-on", OnLostControl::GoOn), ("hold", OnLostControl::Hold)];
-    let on_lost_control = section.word("on_lost_control", &lost, OnLostControl::GoOn);
-    let encryption = encryption(&mut section, base, state_directory);
-    let grbl = match section.optional_section("grbl") {
-        None => Some(None),
-        Some(table) => grbl(table).map(Some),
-    };
-    let mtconnect = match section.optional_section("mtconnect") {
-        None => Some(MtConnect::default()),
-        Some(table) => mtconnect(table),
-    };
-    section.done();
-    let default = Panel::at(address?, state_directory);
-    let mtconnect = mtconnect?;
-    Some(Panel {
-        hosts: hosts?,
-        tokens: tokens?.or(default.tokens),
-        programs: programs?.or(default.programs),
-        on_lost_control: on_lost_control?,
-        encryption: encryption?,
-        grbl: grbl?,
-        shdr: mtconnect.shdr,
-        mtconnect_old_errors: mtconnect.old_errors,
-        mtconnect_at_root: mtconnect.at_root,
-        ..default
-    })
+    let path = section.key("hosts");
+    if item.items(&path)?.len() > HOSTS_MAX {
+        return section.refused("hosts", format!("must not be more than {HOSTS_MAX} names"));
+    }
+    let texts = item.list(&path, |item, path| item.text(path))?;
+    let is_host = |text: &&str| !text.is_empty() && text.split('.').all(is_name);
+    if let Some(text) = texts.iter().find(|text| !is_host(text)) {
+        let rule = format!("{text:?} is no name of a PC: without address, port or http://");
+        return section.refused("hosts", rule);
+    }
+    Some(texts.into_iter().map(str::to_owned).collect())
 }
 
 fn encryption(section: &mut Section<'_, '_>, base: &Path, state_directory: Option<&Path>) -> Option<Encryption> {
     let is_off = section.has("tls");
     let tls = section.flag("tls", false)?;
-    let certificate = program::path(section, "certificate", base)?;
-    let key = program::path(section, "key", base)?;
+    let certificate = section.path("certificate", base)?;
+    let key = section.path("key", base)?;
     match (certificate, key) {
         (None, None) if tls => Some(Encryption::Own(state_directory.map(Path::to_owned))),
         (None, None) => Some(Encryption::None),
         (Some(certificate), Some(key)) if tls || !is_off => Some(Encryption::Files { certificate, key }),
-        (Some(_), Some(_)) => {
-            section.wrong("tls", "must be true, or left out, with a certificate");
-            None
-        }
-        (Some(_), None) => {
-            section.wrong("certificate", "needs its key: key = \"FILE\"");
-            None
-        }
-        (None, Some(_)) => {
-            section.wrong("key", "needs its certificate: certificate = \"FILE\"");
-            None
-        }
+        (Some(_), Some(_)) => section.refused("tls", "must be true, or left out, with a certificate"),
+        (Some(_), None) => section.refused("certificate", "needs its key: key = \"FILE\""),
+        (None, Some(_)) => section.refused("key", "needs its certificate: certificate = \"FILE\""),
     }
-}
-
-#[derive(Default)]
-struct MtConnect {
-    at_root: bool,
-    old_errors: bool,
-    shdr: Option<SocketAddr>,
-}
-
-/// `[panel.mtconnect]`
-fn mtconnect(mut section: Section<'_, '_>) -> Option<MtConnect> {
-    let at_root = section.flag("at_root", false);
-    let old_errors = section.word("errors", &[("2.7", false), ("2.2", true)], false);
-    let shdr = match section.optional("shdr") {
-        None => Some(None),
-        Some(item) => item.text("panel.mtconnect.shdr").and_then(|text| {
-            let address = text.parse().ok();
-            if address.is_none() {
-                section.wrong("shdr", "must be an address and a port, like \"127.0.0.1:7878\"");
-            }
-            address.map(Some)
-        }),
-    };
-    section.done();
-    Some(MtConnect {
-        at_root: at_root?,
-        old_errors: old_errors?,
-        shdr: shdr?,
-    })
 }
 
 /// `[panel.grbl]`
-fn grbl(mut section: Section<'_, '_>) -> Option<SocketAddr> {
-    let item = section.required("listen", "an address and a port");
-    let text = item.and_then(|item| item.text("panel.grbl.listen"));
-    let address: Option<SocketAddr> = text.and_then(|text| text.parse().ok());
+fn grbl(section: &mut Section<'_, '_>) -> Option<SocketAddr> {
+    let text = section.text("listen", "an address and a port")?;
     // It knows no tokens: whoever connects is known by the system, which it is on this PC alone.
-    let address = address.filter(|address| address.ip().is_loopback());
-    if text.is_some() && address.is_none() {
-        section.wrong(
-            "listen",
-            "must be an address of this PC alone and a port, like \"127.0.0.1:8403\"",
-        );
+    let address = text
+        .parse()
+        .ok()
+        .filter(|address: &SocketAddr| address.ip().is_loopback());
+    if address.is_none() {
+        let rule = "must be an address of this PC alone and a port, like \"127.0.0.1:8403\"";
+        section.wrong("listen", rule);
     }
-    section.done();
     address
 }
 
@@ -253,14 +188,18 @@ mod tests {
             .unwrap()
             .unwrap();
         assert_eq!(
-            (panel.grbl, panel.mtconnect_at_root),
+            (panel.grbl, panel.mtconnect.at_root),
             (Some("127.0.0.1:8403".parse().unwrap()), true)
         );
         let panel = read("[panel.mtconnect]\nerrors = \"2.2\"\nshdr = \"0.0.0.0:7878\"")
             .unwrap()
             .unwrap();
         assert_eq!(
-            (panel.shdr, panel.mtconnect_old_errors, panel.mtconnect_at_root),
+            (
+                panel.mtconnect.shdr,
+                panel.mtconnect.old_errors,
+                panel.mtconnect.at_root
+            ),
             (Some("0.0.0.0:7878".parse().unwrap()), true, false)
         );
         let of_folder = Panel::at(Panel::loopback(), Some(Path::new("/s")));

@@ -3,9 +3,10 @@
 //! In:  `loop`, `pid` and the mode of a `[[joint]]`.
 //! Out: gains of the loop that the control closes; nothing where the drive does.
 
-use super::document::{Bound, Section};
-use super::drive::mode_word;
-use super::types::{DriveMode, Exchange, Mapped, Node};
+use super::bus_types::{Exchange, Mapped, Node};
+use super::modes::{DriveMode, mode_word};
+use super::question::Bound;
+use super::section::Section;
 use cia402::profile::object_of;
 use motion::rt::PidGains;
 
@@ -28,29 +29,18 @@ pub(super) fn keys(
     velocity_mm_s: Option<f64>,
 ) -> Option<Option<Loop>> {
     let by_control = section.word("loop", &[("drive", false), ("pid", true)], false)?;
-    let gains = match section.optional_section("pid") {
-        None => None,
-        Some(mut table) => {
-            let gains = gains(&mut table, mode, velocity_mm_s);
-            table.done();
-            Some(gains)
-        }
-    };
+    let table = section.optional_section("pid");
+    let gains = table.map(|table| table.whole(|table| gains(table, mode, velocity_mm_s)));
     match (mode?.is_position(), by_control, gains) {
         (true, true, _) => {
             let rule = "must be \"drive\" where the drive is told positions; \"pid\" is for mode = \"csv\" and \"cst\"";
-            section.wrong("loop", rule);
-            None
+            section.refused("loop", rule)
         }
-        (true, false, Some(_)) => {
-            section.wrong("pid", "is for loop = \"pid\"");
-            None
-        }
+        (true, false, Some(_)) => section.refused("pid", "is for loop = \"pid\""),
         (true, false, None) => Some(None),
         (false, false, _) => {
             let rule = "needs loop = \"pid\" beside it, as the drive holds no position then; or \"csp\", \"ip\"";
-            section.wrong("mode", rule);
-            None
+            section.refused("mode", rule)
         }
         (false, true, None) => {
             if !section.has("pid") {
@@ -84,28 +74,19 @@ fn gains(table: &mut Section<'_, '_>, mode: Option<DriveMode>, velocity_mm_s: Op
         table.number("ff2_max_mm_s2", Bound::Within(0.0, 1e9), 0.0),
         table.number("ff3_max_mm_s3", Bound::Within(0.0, 1e12), 0.0),
     ];
-    let output_max = match table.optional("output_max") {
-        Some(item) => {
-            let most = if is_torque { TORQUE_MAX } else { GAIN_MAX };
-            item.number(&table.key("output_max"), Bound::Positive(most))
-        }
-        None if is_torque => Some(1.0),
-        None => velocity_mm_s.map(|velocity| VELOCITY_SHARE * velocity),
+    let most = if is_torque { TORQUE_MAX } else { GAIN_MAX };
+    let output_max = match table.optional_number("output_max", Bound::Positive(most)) {
+        Some(None) if is_torque => Some(1.0),
+        Some(None) => velocity_mm_s.map(|velocity| VELOCITY_SHARE * velocity),
+        given => given.flatten(),
     };
     if let (Some(output_max), Some(velocity)) = (output_max, velocity_mm_s.filter(|_| !is_torque))
         && output_max <= velocity
     {
-        table.wrong(
-            "output_max",
-            format!("must be above velocity_mm_s, {velocity}: the loop needs room to catch up"),
-        );
+        let rule = format!("must be above velocity_mm_s, {velocity}: the loop needs room to catch up");
+        table.wrong("output_max", rule);
     }
-    let amplifier_lag_s = match table.optional("lag_ms") {
-        Some(item) => Some(Some(
-            item.number(&table.key("lag_ms"), Bound::Within(0.0, LAG_MS_MAX))? / 1000.0,
-        )),
-        None => Some(None),
-    };
+    let lag_ms = table.optional_number("lag_ms", Bound::Within(0.0, LAG_MS_MAX))?;
     let [ff0, ff1, ff2, ff3] = ff;
     let [velocity_max, acceleration_max, jerk_max] = ff_max;
     let gains = PidGains {
@@ -121,7 +102,7 @@ fn gains(table: &mut Section<'_, '_>, mode: Option<DriveMode>, velocity_mm_s: Op
         ff_max: [velocity_max?, acceleration_max?, jerk_max?],
         output_max: output_max?,
     };
-    Some((gains, amplifier_lag_s?))
+    Some((gains, lag_ms.map(|lag_ms| lag_ms / 1000.0)))
 }
 
 /// Notes what of a joint and its node does not suit a loop of the control.
@@ -138,10 +119,8 @@ pub(super) fn suits(
     }
     if section.has("torque_per_mm_s2") {
         section.known(&["torque_per_mm_s2"]);
-        section.wrong(
-            "torque_per_mm_s2",
-            "is for drives that hold their position themselves; a loop has ff2",
-        );
+        let rule = "is for drives that hold their position themselves; a loop has ff2";
+        section.wrong("torque_per_mm_s2", rule);
     }
     let Some(node) = node else { return };
     if !matches!(node.exchange, Exchange::Polled | Exchange::Chained) {

@@ -1,21 +1,18 @@
 //! POWERLINK's part of the machine file.
 //!
 //! In:  tables of the machine file, the XDD that a node names. Out: how the cycle is spent and how the network starts; of a node, when it
-//! is asked, by when it answers, and what it reads from others.
+//! is asked, and by when it answers.
 
-use super::bus::wire_time_ns;
+use super::bus_types::{BusClock, BusKind, BusLink, Exchange, Mapped, Profile, Protocol, Stamp, wire_time_ns};
+use super::cross::{PendingCross, pending_cross};
 use super::device::{self, IsOurs};
-use super::document::{Item, Section};
+use super::document::Item;
 use super::drive_profile::DriveProfile;
 use super::error::nearest;
-use super::ethercat::Esi;
-use super::keys::{BusKeys, Foreign, Keys, NodeFacts, NodeKeys};
-use super::mapping::{self, Target};
-use super::node::Network;
-use super::types::{
-    BusClock, BusKind, BusLink, Cross, DeviceDescription, Exchange, Mapped, Node, Profile, Protocol, Stamp,
-};
-use obd::mapping::Direction;
+use super::esi::Esi;
+use super::protocol::{BusKeys, Foreign, Keys, Network, NodeFacts, NodeKeys};
+use super::section::Section;
+use obd::device::DeviceDescription;
 
 /// Keys of `[bus]` that are EtherCAT's.
 const BUS_OF_ETHERCAT: [Foreign; 2] = [
@@ -71,12 +68,10 @@ impl Keys for Powerlink {
     fn bus(&self, section: &mut Section<'_, '_>, kind: Option<BusKind>, cycle_us: Option<u32>) -> Option<BusKeys> {
         let is_powerlink = kind.is_some_and(|kind| kind.protocol() == Protocol::Powerlink);
         if let (true, Some(cycle_us @ ..CYCLE_MIN_US)) = (is_powerlink, cycle_us) {
-            section.wrong(
-                "kind",
-                format!("takes cycles from {CYCLE_MIN_US} us, machine.cycle_us is {cycle_us}"),
-            );
+            let rule = format!("takes cycles from {CYCLE_MIN_US} us, machine.cycle_us is {cycle_us}");
+            section.wrong("kind", rule);
         }
-        let cycle_us = i64::from(cycle_us.unwrap_or(CYCLE_MAX_US));
+        let cycle_us = cycle_us.unwrap_or(CYCLE_MAX_US);
         let link = link(section, kind);
         let async_slot_timeout_us = section.integer("async_slot_timeout_us", 1..=cycle_us, 150);
         let async_mtu = async_mtu(section, async_slot_timeout_us);
@@ -87,12 +82,12 @@ impl Keys for Powerlink {
         let tap = tap(section, kind);
         Some(BusKeys {
             link: link?,
-            async_slot_timeout_us: async_slot_timeout_us? as u32,
-            lost_max: pres_lost_max? as u32,
-            soc_lost_max: soc_lost_max? as u32,
-            multiplex_cycles: multiplex_cycles? as u8,
+            async_slot_timeout_us: async_slot_timeout_us?,
+            lost_max: pres_lost_max?,
+            soc_lost_max: soc_lost_max?,
+            multiplex_cycles: multiplex_cycles?,
             async_mtu: async_mtu?,
-            prescaler: prescaler? as u16,
+            prescaler: prescaler?,
             tap: tap?,
             clock: BusClock::Own,
         })
@@ -129,7 +124,7 @@ impl Keys for Powerlink {
         Some(NodeKeys {
             pres_timeout_us: pres_timeout_us?,
             software: software?,
-            pdo_version: pdo_version? as u8,
+            pdo_version: pdo_version?,
             ethercat: None,
         })
     }
@@ -149,54 +144,44 @@ const NEEDS_INTERFACE: &str = "needs a bus on a network interface";
 fn link(section: &mut Section<'_, '_>, kind: Option<BusKind>) -> Option<BusLink> {
     let link = section.word("link", &[("raw", BusLink::Raw), ("pnet", BusLink::Pnet)], BusLink::Raw)?;
     if kind.is_some_and(|kind| kind != BusKind::Powerlink) && link != BusLink::Raw {
-        section.wrong("link", NEEDS_INTERFACE);
-        return None;
+        return section.refused("link", NEEDS_INTERFACE);
     }
     Some(link)
 }
 
 /// The name of a TAP device; a wire in memory has no other end that could answer.
 fn tap(section: &mut Section<'_, '_>, kind: Option<BusKind>) -> Option<Option<String>> {
-    let Some(item) = section.optional("tap") else {
+    let Some(name) = section.optional_text("tap")? else {
         return Some(None);
     };
-    let name = item.text(&section.key("tap"))?;
     let legal = |octet: u8| octet.is_ascii_alphanumeric() || b"-_.".contains(&octet);
     if !(1..=15).contains(&name.len()) || !name.bytes().all(legal) {
-        section.wrong("tap", "must be 1 to 15 letters, digits, dashes, underscores or dots");
-        return None;
+        return section.refused("tap", "must be 1 to 15 letters, digits, dashes, underscores or dots");
     }
     if kind.is_some_and(|kind| kind != BusKind::Powerlink) {
-        section.wrong("tap", NEEDS_INTERFACE);
-        return None;
+        return section.refused("tap", NEEDS_INTERFACE);
     }
     Some(Some(name.to_owned()))
 }
 
 /// The longest ASnd; left out: as long as the asynchronous slot allows.
-fn async_mtu(section: &mut Section<'_, '_>, slot_us: Option<i64>) -> Option<u16> {
+fn async_mtu(section: &mut Section<'_, '_>, slot_us: Option<u32>) -> Option<u16> {
     let [least, most] = ASYNC_MTU;
-    let slot_ns = slot_us? as u64 * 1000;
+    let slot_ns = u64::from(slot_us?) * 1000;
     let wire_ns = |mtu: u16| wire_time_ns(usize::from(ETHERNET_HEADER_LEN + mtu));
-    let Some(item) = section.optional("async_mtu") else {
-        return Some(
-            (least..=most)
-                .rev()
-                .find(|mtu| wire_ns(*mtu) <= slot_ns)
-                .unwrap_or(least),
-        );
+    let Some(mtu) = section.maybe("async_mtu", |item, path| item.integer(path, least..=most))? else {
+        let fitting = (least..=most).rev().find(|mtu| wire_ns(*mtu) <= slot_ns);
+        return Some(fitting.unwrap_or(least));
     };
-    let mtu = item.integer(&section.key("async_mtu"), i64::from(least)..=i64::from(most))? as u16;
     if wire_ns(mtu) > slot_ns {
         let wire_us = wire_ns(mtu).div_ceil(1000);
-        section.wrong(
+        return section.refused(
             "async_mtu",
             format!(
                 "takes {wire_us} us on the wire, async_slot_timeout_us leaves {}",
                 slot_ns / 1000
             ),
         );
-        return None;
     }
     Some(mtu)
 }
@@ -221,19 +206,10 @@ const APPLICATION: &str = "the control always lets the network go on by itself";
 
 /// `startup = ["check-identity", ...]`: bits of 0x1F80; left out: the managing node's defaults.
 fn startup(section: &mut Section<'_, '_>) -> Option<Option<u32>> {
-    let Some(item) = section.optional("startup") else {
-        return Some(None);
-    };
-    let path = section.key("startup");
-    let bits = item
-        .items(&path)?
-        .into_iter()
-        .enumerate()
-        .map(|(index, item)| startup_bit(item, &format!("{path}[{index}]")));
-    // Every name is looked at before one that is wrong ends it.
-    let bits: Vec<Option<u8>> = bits.collect();
-    let bits = bits.into_iter().collect::<Option<Vec<u8>>>()?;
-    Some(Some(bits.into_iter().fold(0, |value, bit| value | 1 << bit)))
+    section.maybe("startup", |item, path| {
+        let bits = item.list(path, startup_bit)?;
+        Some(bits.into_iter().fold(0, |value, bit| value | 1 << bit))
+    })
 }
 
 fn startup_bit(item: Item<'_, '_>, key: &str) -> Option<u8> {
@@ -242,24 +218,13 @@ fn startup_bit(item: Item<'_, '_>, key: &str) -> Option<u8> {
         Some((_, bit, None)) => Some(*bit),
         Some((_, bit, Some(reason))) => {
             let rule = format!("is refused: bit {bit} of 0x1F80 is not served, {reason}");
-            item.log.wrong(item.value.span(), key, rule, None);
-            None
+            item.refused(key, rule)
         }
         None => {
-            let served: Vec<&str> = START_UP
-                .iter()
-                .filter(|(.., refused)| refused.is_none())
-                .map(|(name, ..)| *name)
-                .collect();
-            let hint = nearest(text, START_UP.iter().map(|(name, ..)| *name));
-            let hint = hint.map(|near| format!("did you mean {near:?}?"));
-            item.log.wrong(
-                item.value.span(),
-                key,
-                format!("must be one of {}", served.join(", ")),
-                hint,
-            );
-            None
+            let served = START_UP.iter().filter(|(.., refused)| refused.is_none());
+            let served: Vec<&str> = served.map(|(name, ..)| *name).collect();
+            let near = nearest(text, START_UP.iter().map(|(name, ..)| *name));
+            item.no_word(key, format!("must be one of {}", served.join(", ")), near)
         }
     }
 }
@@ -271,12 +236,7 @@ fn exchange(
     profile: Option<Profile>,
     device: Option<&DeviceDescription>,
 ) -> Option<Exchange> {
-    let multiplex = match section.optional("multiplex") {
-        None => Some(None),
-        Some(item) => item
-            .integer(&section.key("multiplex"), 1..=254)
-            .map(|cycle| Some(cycle as u8)),
-    };
+    let multiplex = section.maybe("multiplex", |item, path| item.integer(path, 1..=254));
     let chained = section.flag("chained", false);
     let async_only = section.flag("async_only", false);
     let features = device.map(|device| &device.features);
@@ -294,25 +254,21 @@ fn exchange(
                     0 => "needs bus.multiplex_cycles, the number of cycles of a round".to_owned(),
                     cycles => format!("must be an integer from 1 to {cycles}, the cycles of a round"),
                 };
-                section.wrong("multiplex", rule);
-                return None;
+                return section.refused("multiplex", rule);
             }
             if features.is_some_and(|features| features.multiplexing == Some(false)) {
-                section.wrong("multiplex", cannot("DLLCNFeatureMultiplex=\"false\""));
-                return None;
+                return section.refused("multiplex", cannot("DLLCNFeatureMultiplex=\"false\""));
             }
             Some(Exchange::Multiplexed(cycle))
         }
         (None, true, false) => {
             if features.is_some_and(|features| features.chaining == Some(false)) {
-                section.wrong("chained", cannot("DLLCNPResChaining=\"false\""));
-                return None;
+                return section.refused("chained", cannot("DLLCNPResChaining=\"false\""));
             }
             Some(Exchange::Chained)
         }
         (None, false, true) if profile == Some(Profile::Cia402) => {
-            section.wrong("async_only", "cannot be: a drive is not run without process data");
-            None
+            section.refused("async_only", "cannot be: a drive is not run without process data")
         }
         (None, false, true) => Some(Exchange::AsyncOnly),
         (multiplex, chained, _) => {
@@ -322,11 +278,8 @@ fn exchange(
                 "async_only"
             };
             let key = if multiplex.is_some() { "multiplex" } else { key };
-            section.wrong(
-                key,
-                "cannot stand together: multiplex, chained and async_only exclude each other",
-            );
-            None
+            let rule = "cannot stand together: multiplex, chained and async_only exclude each other";
+            section.refused(key, rule)
         }
     }
 }
@@ -338,7 +291,7 @@ fn pres_timeout(
     device: Option<&DeviceDescription>,
     inputs: Option<&[Mapped]>,
 ) -> Option<u32> {
-    let cycle_us = i64::from(cycle_us.unwrap_or(10_000));
+    let cycle_us = cycle_us.unwrap_or(CYCLE_MAX_US);
     let octets: usize = inputs
         .unwrap_or(&[])
         .iter()
@@ -348,7 +301,7 @@ fn pres_timeout(
     let latency = device.and_then(|device| Some((device, device.features.pres_latency_ns?)));
     let answer_us = latency.map(|(_, latency_ns)| (u64::from(latency_ns) + wire_ns).div_ceil(1000) as u32);
     let default_us = answer_us.map_or(PRES_TIMEOUT_US, |answer_us| answer_us.saturating_add(HOST_ALLOWANCE_US));
-    let timeout_us = section.integer("pres_timeout_us", 1..=cycle_us, i64::from(default_us))? as u32;
+    let timeout_us = section.integer("pres_timeout_us", 1..=cycle_us, default_us)?;
     if let (Some((device, latency_ns)), Some(answer_us)) = (latency, answer_us)
         && timeout_us < answer_us
     {
@@ -356,159 +309,26 @@ fn pres_timeout(
             "must be at least {answer_us}: by {} the device may take {latency_ns} ns, its PRes {wire_ns} ns on the wire",
             device.file
         );
-        section.wrong("pres_timeout_us", rule);
-        return None;
+        return section.refused("pres_timeout_us", rule);
     }
     Some(timeout_us)
 }
 
 /// `software_date` and `software_time`: both or none.
 fn stamp(section: &mut Section<'_, '_>) -> Option<Option<Stamp>> {
-    const MS_OF_DAY: i64 = 24 * 60 * 60 * 1000;
-    let mut part = |key, most| match section.optional(key) {
-        None => Some(None),
-        Some(item) => item
-            .integer(&section.key(key), 0..=most)
-            .map(|value| Some(value as u32)),
-    };
-    let (date, time) = (
-        part("software_date", i64::from(u32::MAX)),
-        part("software_time", MS_OF_DAY - 1),
-    );
+    const MS_OF_DAY: u32 = 24 * 60 * 60 * 1000;
+    let mut part = |key, most| section.maybe(key, |item, path| item.integer(path, 0..=most));
+    let (date, time) = (part("software_date", u32::MAX), part("software_time", MS_OF_DAY - 1));
     match (date?, time?) {
         (None, None) => Some(None),
         (Some(date), Some(time)) => Some(Some(Stamp { date, time })),
         (None, Some(_)) => {
-            section.wrong(
-                "software_date",
-                "is missing: software_time is only checked together with it",
-            );
-            None
+            let rule = "is missing: software_time is only checked together with it";
+            section.refused("software_date", rule)
         }
         (Some(_), None) => {
-            section.wrong(
-                "software_time",
-                "is missing: software_date is only checked together with it",
-            );
-            None
+            let rule = "is missing: software_date is only checked together with it";
+            section.refused("software_time", rule)
         }
     }
-}
-
-/// An entry of `cross`, which can only be understood when all nodes are known.
-pub(super) struct PendingCross<'d, 'l> {
-    key: String,
-    from: Item<'d, 'l>,
-    read: Item<'d, 'l>,
-    into: Item<'d, 'l>,
-}
-
-fn pending_cross<'d, 'l>(section: &mut Section<'d, 'l>) -> Option<Vec<PendingCross<'d, 'l>>> {
-    let no_array = section
-        .optional("cross")
-        .is_some_and(|item| item.value.get_ref().as_array().is_none());
-    let path = section.key("cross");
-    let mut pending = Vec::new();
-    let mut complete = !no_array;
-    for (index, mut table) in section.sections("cross").into_iter().enumerate() {
-        let from = table.required("from", "the name of the node that sends the object");
-        let read = table.required("read", "the object of that node, like \"0x6064/32\"");
-        let into = table.required("into", "the object of this node that takes it, like \"0x2010:1/32\"");
-        match (from, read, into) {
-            (Some(from), Some(read), Some(into)) => {
-                let key = format!("{path}[{index}]");
-                pending.push(PendingCross { key, from, read, into });
-            }
-            _ => complete = false,
-        }
-        table.done();
-    }
-    complete.then_some(pending)
-}
-
-/// Cross traffic of the node at `own`, when all nodes are known.
-pub(super) fn cross(nodes: &[Node], own: usize, pending: &[PendingCross<'_, '_>]) -> Option<Vec<Cross>> {
-    let mut found: Vec<Cross> = Vec::new();
-    let mut complete = true;
-    for entry in pending {
-        // What the PReq brings and what is read from others is received, and an object has one source.
-        let mut taken = nodes[own].outputs.clone();
-        taken.extend(found.iter().map(|cross| cross.into));
-        match one_cross(nodes, own, entry, &taken) {
-            Some(cross) => found.push(cross),
-            None => complete = false,
-        }
-    }
-    let mut sources: Vec<usize> = found.iter().map(|cross| cross.from).collect();
-    sources.sort_unstable();
-    sources.dedup();
-    let channels = nodes[own]
-        .device
-        .as_ref()
-        .and_then(|device| Some((device, device.features.rpdo_channels?)));
-    if let (Some((device, channels)), Some(entry)) = (channels, pending.first())
-        && sources.len() + 1 > usize::from(channels)
-    {
-        let rule = format!(
-            "needs {} RPDOs, one for each node that is read and one for the PReq; {} says {channels}",
-            sources.len() + 1,
-            device.file
-        );
-        entry
-            .from
-            .log
-            .wrong(entry.from.value.span(), &format!("{}.from", entry.key), rule, None);
-        complete = false;
-    }
-    complete.then_some(found)
-}
-
-fn one_cross(nodes: &[Node], own: usize, entry: &PendingCross<'_, '_>, taken: &[Mapped]) -> Option<Cross> {
-    let key = |part: &str| format!("{}.{part}", entry.key);
-    let log = entry.from.log;
-    let name = entry.from.text(&key("from"))?;
-    let Some(from) = nodes.iter().position(|node| node.name == name) else {
-        let hint = nearest(name, nodes.iter().map(|node| node.name.as_str()));
-        let hint = hint.map(|near| format!("did you mean {near:?}?"));
-        log.wrong(
-            entry.from.value.span(),
-            &key("from"),
-            "must be the name of a node",
-            hint,
-        );
-        return None;
-    };
-    if from == own {
-        log.wrong(entry.from.value.span(), &key("from"), "must be another node", None);
-        return None;
-    }
-    let anything = Target {
-        profile: None,
-        device: None,
-        drive: None,
-        axes: &[],
-        usual: [None, None],
-    };
-    let read = mapping::mapped(entry.read, &key("read"), Direction::Transmit, &anything, &[]);
-    let this = Target {
-        profile: Some(nodes[own].profile),
-        device: nodes[own].device.as_ref(),
-        drive: nodes[own].drive.as_ref(),
-        axes: &[],
-        usual: [None, None],
-    };
-    let into = mapping::mapped(entry.into, &key("into"), Direction::Receive, &this, taken);
-    let (read, into) = (read?, into?);
-    if !nodes[from].inputs.contains(&read) {
-        let inputs: Vec<_> = nodes[from].inputs.iter().map(Mapped::to_string).collect();
-        let rule = format!("must stand among the inputs of {name}: {}", inputs.join(", "));
-        log.wrong(entry.read.value.span(), &key("read"), rule, None);
-        return None;
-    }
-    if read.bits != into.bits {
-        let rule = format!("must have the length of what is read, {} bits", read.bits);
-        log.wrong(entry.into.value.span(), &key("into"), rule, None);
-        return None;
-    }
-    Some(Cross { from, read, into })
 }

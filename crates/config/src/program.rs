@@ -2,10 +2,12 @@
 //!
 //! Paths are relative to the folder of the machine file.
 
-use super::document::{Bound, Section};
-use super::remap::remap;
-use super::types::{ARC_RADIUS_TOLERANCE, Program, ToolChanger, Tools, UserCodes};
+use super::paths::MayBeMissing;
+use super::question::Bound;
+use super::remap::Remap;
+use super::section::{Section, keys, left_out};
 use ::compensation::{Corner, FeedSettings, Gouge, InsideCorners};
+pub use gcode::ToolChanger;
 use motion::canon::LengthUnit;
 use motion::element::Outputs;
 use motion::plan::PlannerKind;
@@ -16,9 +18,9 @@ use std::path::{Path, PathBuf};
 const ARC_TOLERANCE_MIN_MM: f64 = 0.001;
 const ARC_TOLERANCE_MIN_INCH: f64 = 0.00004;
 /// No cycle needs more; mm.
-const PECK_CLEARANCE_MAX_MM: f64 = 100.0;
+const PECK_CLEARANCE_MM: Bound = Bound::Within(0.0, 100.0);
 /// Rapid moves that cut corners by more are none that anybody would foresee; mm.
-const RAPID_TOLERANCE_MAX_MM: f64 = 100.0;
+const RAPID_TOLERANCE_MM: Bound = Bound::Positive(100.0);
 /// Bend of a corner, degrees: beyond the limit the way to its point and back is 12 radii long.
 const CORNER_LIMIT: Bound = Bound::Within(1.0, 160.0);
 /// Feed in inside corners, as a share of F; the length that counts as corner, mm; the bend from which on it is one, degrees.
@@ -26,10 +28,8 @@ const INSIDE_CORNER_SHARE: Bound = Bound::Within(0.05, 1.0);
 const INSIDE_CORNER_MAX_MM: f64 = 100.0;
 const INSIDE_CORNER_BEND: Bound = Bound::Within(5.0, 170.0);
 const INSIDE_CORNER_DEGREES: f64 = 30.0;
-/// Folders that are searched for one file.
-const FOLDERS_MAX: usize = 10;
 /// Threads that plan; more than a PC has cores are of no use.
-const THREADS_MAX: i64 = 64;
+const THREADS_MAX: usize = 64;
 /// Time of a program of the PC, s.
 const USER_CODE_TIMEOUT: Bound = Bound::Within(0.1, 86_400.0);
 /// Values of `#<_ini[section]name>`.
@@ -39,128 +39,190 @@ const VALUE_MAX: f64 = 1e9;
 pub(super) const CLASSIC_IS_LINEAR: &str = "plans for the axes of the program, and the limits of the joints of these kinematics would not \
      hold: expected \"optimal\", or machine.kinematics \"trivial\" or \"corexy\"";
 
-/// Reads `[program]`; `base`: folder of the machine file.
-pub(super) fn program(section: &mut Section<'_, '_>, base: &Path) -> Option<Program> {
-    let default = Program::default();
-    let tolerance_mm = section.number("tolerance_mm", Bound::Positive(10.0), default.tolerance_mm);
-    let rapid_tolerance_mm = match section.has("rapid_tolerance_mm") {
-        true => section
-            .number("rapid_tolerance_mm", Bound::Positive(RAPID_TOLERANCE_MAX_MM), None)
-            .map(Some),
-        false => Some(None),
-    };
-    let look_ahead_blocks = section.integer("look_ahead_blocks", 1..=1_000_000, default.look_ahead_blocks as i64);
-    let buffer_blocks = default.look_ahead_buffer_blocks as i64;
-    let look_ahead_buffer_blocks = section.integer("look_ahead_buffer_blocks", 1..=1_000_000, buffer_blocks);
-    let overlap_blocks = default.look_ahead_overlap_blocks as i64;
-    let look_ahead_overlap_blocks = section.integer("look_ahead_overlap_blocks", 0..=1_000_000, overlap_blocks);
-    let planner = section.word(
-        "planner",
-        &[("optimal", PlannerKind::Optimal), ("classic", PlannerKind::Classic)],
-        Some(default.planner),
-    );
-    let threads = section.optional_integer("threads", 1..=THREADS_MAX);
-    let parameter_file = file(section, "parameter_file", base, MayBeMissing::Yes);
-    let directory = folder(section, "directory", base);
-    let subroutine_directories = folders(section, "subroutine_directories", base);
-    let user_codes = user_codes(section, base);
-    let log_directory = folder(section, "log_directory", base);
-    let startup_code = startup_code(section);
-    let pins = pins(section);
-    let digital_pins = section.integer(
-        "digital_pins",
-        1..=Outputs::DIGITAL as i64,
-        i64::from(default.digital_pins),
-    );
-    let analog_pins = section.integer(
-        "analog_pins",
-        1..=Outputs::ANALOG as i64,
-        i64::from(default.analog_pins),
-    );
-    let block_delete = section.flag("block_delete", default.block_delete);
-    let optional_stop = section.flag("optional_stop", default.optional_stop);
-    let diameter_mode = section.flag("diameter_mode", default.diameter_mode);
-    let keep_g92 = section.flag("keep_g92", default.keep_g92);
-    let fanuc_subroutines = section.flag("fanuc_subroutines", default.fanuc_subroutines);
-    let mut clearance = |key| match section.has(key) {
-        true => section
-            .number(key, Bound::Within(0.0, PECK_CLEARANCE_MAX_MM), None)
-            .map(Some),
-        false => Some(None),
-    };
-    let chip_breaking_clearance_mm = clearance("chip_breaking_clearance_mm");
-    let peck_clearance_mm = clearance("peck_clearance_mm");
-    let cutter_corner = cutter_corner(section);
-    let gouges = [
-        ("error", Gouge::Error),
-        ("drop-loop", Gouge::DropLoop),
-        ("neighbours-only", Gouge::NeighboursOnly),
-    ];
-    let gouge = section.word("gouge", &gouges, default.gouge);
-    let contour_feed = contour_feed(section);
-    let mut tolerance = |key, least, most| section.number(key, Bound::Within(least, most), most);
-    let [most_mm, most_inch] = ARC_RADIUS_TOLERANCE;
-    let arc_radius_tolerance_mm = tolerance("arc_radius_tolerance_mm", ARC_TOLERANCE_MIN_MM, most_mm);
-    let arc_radius_tolerance_inch = tolerance("arc_radius_tolerance_inch", ARC_TOLERANCE_MIN_INCH, most_inch);
-    let values = values(section);
-    let listed = subroutine_directories.iter().flatten();
-    let searched: Vec<PathBuf> = directory.iter().flatten().chain(listed).cloned().collect();
-    let mut remaps = Vec::new();
-    let mut complete = true;
-    for mut table in section.sections("remap") {
-        match remap(&mut table, &remaps, &searched) {
-            Some(remap) => remaps.push(remap),
-            None => complete = false,
-        }
-        table.done();
+/// LinuxCNC's tolerance of an arc's centre, mm and inch: default and limit.
+const ARC_RADIUS_TOLERANCE: [f64; 2] = [0.02 * std::f64::consts::SQRT_2, 0.002 * std::f64::consts::SQRT_2];
+
+const PLANNERS: [(&str, PlannerKind); 2] = [("optimal", PlannerKind::Optimal), ("classic", PlannerKind::Classic)];
+const GOUGES: [(&str, Gouge); 3] = [
+    ("error", Gouge::Error),
+    ("drop-loop", Gouge::DropLoop),
+    ("neighbours-only", Gouge::NeighboursOnly),
+];
+const CHANGERS: [(&str, ToolChanger); 2] = [("fixed", ToolChanger::Fixed), ("random", ToolChanger::Random)];
+
+keys! {
+    /// `[program]`; `base`: folder of the machine file.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct Program(section, base: &Path) {
+        /// Path tolerance of G64 without P, mm; default 0.01.
+        pub tolerance_mm: f64 = section.number("tolerance_mm", Bound::Positive(10.0), 0.01),
+        /// Path tolerance of G64 at the corners between two rapid moves, mm. `None`: that of the program.
+        pub rapid_tolerance_mm: Option<f64> = section.optional_number("rapid_tolerance_mm", RAPID_TOLERANCE_MM),
+        /// Blocks that the planner looks ahead; default 10,000.
+        pub look_ahead_blocks: usize = section.integer("look_ahead_blocks", 1..=1_000_000, 10_000),
+        /// Blocks over which one thread of the classic planner looks ahead at a time; default 300.
+        pub look_ahead_buffer_blocks: usize = section.integer("look_ahead_buffer_blocks", 1..=1_000_000, 300),
+        /// Blocks on either side of such a buffer from which it begins; default 50.
+        pub look_ahead_overlap_blocks: usize = section.integer("look_ahead_overlap_blocks", 0..=1_000_000, 50),
+        /// How speed is chosen along the path.
+        pub planner: PlannerKind = section.word("planner", &PLANNERS, PlannerKind::default()),
+        /// Threads that plan, from text to committed motion, that of the program among them. `None`: one for every core that may be used and is not that of the
+        /// real-time threads, at most [`Program::THREADS_USUAL`].
+        pub threads: Option<usize> = section.optional_integer("threads", 1..=THREADS_MAX),
+        /// File of the parameters that outlive a program, LinuxCNC's var file; made if it is missing. `None`: nothing outlives
+        /// the process, and [`Config::work_offsets`](super::Config::work_offsets) hold at each start.
+        pub parameter_file: Option<PathBuf> = section.file("parameter_file", base, MayBeMissing::Yes),
+        /// Folder of the programs; subroutines are looked for here first.
+        pub directory: Option<PathBuf> = section.folder("directory", base),
+        /// Further folders in which subroutines are looked for, in this order.
+        pub subroutine_directories: Vec<PathBuf> = section.folders("subroutine_directories", base),
+        /// M100 to M199.
+        pub user_codes: UserCodes = UserCodes::read(section, base),
+        /// Folder of the files that programs write; `None`: they write none.
+        pub log_directory: Option<PathBuf> = section.folder("log_directory", base),
+        /// Modes that are set before every program.
+        pub startup_code: String =
+            section.optional_text("startup_code").map(|code| code.unwrap_or_default().to_owned()),
+        /// Values of `#<_hal[pin]>` in checks and plans, by name in lower case.
+        pub pins: BTreeMap<String, f64> = pins(section),
+        /// Digital inputs and outputs that programs may name (M62 to M66), each; default 4.
+        pub digital_pins: u16 = section.integer("digital_pins", 1..=Outputs::DIGITAL as u16, 4),
+        /// Analog inputs and outputs that programs may name (M66 to M68), each; default 4.
+        pub analog_pins: u16 = section.integer("analog_pins", 1..=Outputs::ANALOG as u16, 4),
+        /// Leave out lines that begin with `/`; default false.
+        pub block_delete: bool = section.flag("block_delete", false),
+        /// Stop at M1 until the operator switches that off.
+        pub optional_stop: bool = section.flag("optional_stop", false),
+        /// What programs mean.
+        pub dialect: Dialect = Dialect::read(section),
+        /// How G73 and G83 back off.
+        pub pecks: Pecks = Pecks::read(section),
+        /// How the tool goes around the contour under G41 and G42.
+        pub cutter: Cutter = Cutter::read(section),
+        /// How far an arc may miss its end.
+        pub arc_radius_tolerance: ArcTolerance = ArcTolerance::read(section),
+        /// Numbers that programs read as `#<_ini[section]name>`, by section and name in lower case.
+        pub values: BTreeMap<(String, String), f64> = values(section),
+        /// Codes that call subroutines.
+        pub remaps: Vec<Remap> = {
+            let listed = subroutine_directories.iter().flatten();
+            let searched: Vec<PathBuf> = directory.iter().flatten().chain(listed).cloned().collect();
+            section.tables("remap", |table, above| Remap::read(table, above, &searched))
+        },
     }
-    section.renamed("planner_threads", "threads");
-    Some(Program {
-        tolerance_mm: tolerance_mm?,
-        rapid_tolerance_mm: rapid_tolerance_mm?,
-        look_ahead_blocks: look_ahead_blocks? as usize,
-        look_ahead_buffer_blocks: look_ahead_buffer_blocks? as usize,
-        look_ahead_overlap_blocks: look_ahead_overlap_blocks? as usize,
-        planner: planner?,
-        threads: threads?.map(|threads| threads as usize),
-        parameter_file: parameter_file?,
-        directory: directory?,
-        subroutine_directories: subroutine_directories?,
-        user_codes: user_codes?,
-        log_directory: log_directory?,
-        startup_code: startup_code?,
-        pins: pins?,
-        digital_pins: digital_pins? as u16,
-        analog_pins: analog_pins? as u16,
-        block_delete: block_delete?,
-        optional_stop: optional_stop?,
-        diameter_mode: diameter_mode?,
-        keep_g92: keep_g92?,
-        fanuc_subroutines: fanuc_subroutines?,
-        chip_breaking_clearance_mm: chip_breaking_clearance_mm?,
-        peck_clearance_mm: peck_clearance_mm?,
-        cutter_corner: cutter_corner?,
-        gouge: gouge?,
-        contour_feed: contour_feed?,
-        arc_radius_tolerance_mm: arc_radius_tolerance_mm?,
-        arc_radius_tolerance_inch: arc_radius_tolerance_inch?,
-        values: values?,
-        remaps: complete.then_some(remaps)?,
-    })
+    rules {
+        section.renamed("planner_threads", "threads");
+    }
 }
 
-/// Reads `[tools]`.
-pub(super) fn tools(section: &mut Section<'_, '_>, base: &Path) -> Option<Tools> {
-    let table = file(section, "table", base, MayBeMissing::No);
-    let changer = section.word(
-        "changer",
-        &[("fixed", ToolChanger::Fixed), ("random", ToolChanger::Random)],
-        ToolChanger::Fixed,
-    );
-    Some(Tools {
-        table: table?,
-        changer: changer?,
-    })
+keys! {
+    /// What the words of programs mean.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub struct Dialect(section) {
+        /// X words are diameters (G7) at the start; default false.
+        pub diameter_mode: bool = section.flag("diameter_mode", false),
+        /// The offset of G92 and G52 outlives the process; default true.
+        pub keep_g92: bool = section.flag("keep_g92", true),
+        /// Subprograms in Fanuc's style (a bare O-word, M98, M99); default true.
+        pub fanuc_subroutines: bool = section.flag("fanuc_subroutines", true),
+    }
+}
+
+keys! {
+    /// How far drilling cycles back off where a line says nothing.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct Pecks(section) {
+        /// How far G73 backs off where its line has no D, mm; `None`: 1 mm, in a program in inches 0.05 in.
+        pub chip_breaking_mm: Option<f64> = section.optional_number("chip_breaking_clearance_mm", PECK_CLEARANCE_MM),
+        /// How far above the last depth G83 begins to feed again where its line has no D, mm; `None`: as for G73.
+        pub deep_hole_mm: Option<f64> = section.optional_number("peck_clearance_mm", PECK_CLEARANCE_MM),
+    }
+}
+
+keys! {
+    /// Cutter compensation (G41, G42).
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct Cutter(section) {
+        /// How the tool goes around outer corners under G41 and G42; default by an arc.
+        pub corner: Corner = cutter_corner(section),
+        /// What happens where it would cut into another part of the contour; default an error.
+        pub gouge: Gouge = section.word("gouge", &GOUGES, Gouge::default()),
+        /// Feed under G41 and G42 inside of arcs and in inside corners; default as programmed.
+        pub feed: FeedSettings = contour_feed(section),
+    }
+}
+
+keys! {
+    /// Greatest difference of an arc's radii at start and end.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct ArcTolerance(section) {
+        /// Greatest difference of an arc's radii at start and end under G21, mm; default 0.02·√2.
+        pub mm: f64 =
+            arc_tolerance(section, "arc_radius_tolerance_mm", ARC_TOLERANCE_MIN_MM, ARC_RADIUS_TOLERANCE[0]),
+        /// The same under G20, inch; default 0.002·√2.
+        pub inch: f64 =
+            arc_tolerance(section, "arc_radius_tolerance_inch", ARC_TOLERANCE_MIN_INCH, ARC_RADIUS_TOLERANCE[1]),
+    }
+}
+
+impl ArcTolerance {
+    /// That of a unit in mm, where it is another than LinuxCNC's.
+    pub fn own_mm(&self, unit: LengthUnit) -> Option<f64> {
+        let [mm, inch] = ARC_RADIUS_TOLERANCE;
+        match unit {
+            LengthUnit::Millimetre => Some(self.mm).filter(|tolerance| *tolerance != mm),
+            LengthUnit::Inch => {
+                let tolerance = Some(self.inch).filter(|tolerance| *tolerance != inch);
+                tolerance.map(|tolerance| tolerance * LengthUnit::Inch.mm())
+            }
+        }
+    }
+}
+
+impl Program {
+    /// Threads that plan at the most where the machine file names no number.
+    pub const THREADS_USUAL: usize = 4;
+}
+
+impl Default for Program {
+    fn default() -> Program {
+        left_out(|section| Program::read(section, Path::new("")))
+    }
+}
+
+keys! {
+    /// M100 to M199: programs of the PC that part programs may start.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct UserCodes(section, base: &Path) {
+        /// They may be started; default false.
+        pub allowed: bool = section.flag("user_codes", false),
+        /// Folders of the files `M100` to `M199`, in the order in which they are searched.
+        pub directories: Vec<PathBuf> = section.folders("user_code_directories", base),
+        /// How long one may run, s; default 60.
+        pub timeout_s: f64 = section.number("user_code_timeout_s", USER_CODE_TIMEOUT, 60.0),
+    }
+    rules {
+        if allowed == Some(true) && directories.as_ref().is_some_and(Vec::is_empty) {
+            return section.refused("user_codes", "needs user_code_directories, where the files M100 to M199 are");
+        }
+    }
+}
+
+impl Default for UserCodes {
+    fn default() -> UserCodes {
+        left_out(|section| UserCodes::read(section, Path::new("")))
+    }
+}
+
+keys! {
+    /// `[tools]`
+    #[derive(Clone, Debug, Default, PartialEq, Eq)]
+    pub struct Tools(section, base: &Path) {
+        /// The tool table; `None`: tools 1 to 99, none with a length or diameter.
+        pub table: Option<PathBuf> = section.file("table", base, MayBeMissing::No),
+        /// What pocket numbers mean; default fixed.
+        pub changer: ToolChanger = section.word("changer", &CHANGERS, ToolChanger::Fixed),
+    }
 }
 
 /// `machine.units`: what lengths in the tool table and the parameter file are in, and a program before G20 or G21.
@@ -169,23 +231,22 @@ pub(super) fn units(section: &mut Section<'_, '_>) -> Option<LengthUnit> {
     section.word("units", &words, LengthUnit::Millimetre)
 }
 
+/// Greatest difference of an arc's radii, of which the default is the greatest that there is.
+fn arc_tolerance(section: &mut Section<'_, '_>, key: &'static str, least: f64, most: f64) -> Option<f64> {
+    section.number(key, Bound::Within(least, most), most)
+}
+
 /// `feed_at_contour` and the keys of inside corners, of which the share switches them on.
 fn contour_feed(section: &mut Section<'_, '_>) -> Option<FeedSettings> {
     const SHARE: &str = "inside_corner_feed";
     let arcs = section.flag("feed_at_contour", false);
     let slow = section.optional(SHARE).is_some();
     let share = section.number(SHARE, INSIDE_CORNER_SHARE, 1.0);
-    let distance_mm = match section.has("inside_corner_mm") {
-        true => section
-            .number("inside_corner_mm", Bound::Positive(INSIDE_CORNER_MAX_MM), None)
-            .map(Some),
-        false => Some(None),
-    };
+    let distance_mm = section.optional_number("inside_corner_mm", Bound::Positive(INSIDE_CORNER_MAX_MM));
     let bend_degrees = section.number("inside_corner_degrees", INSIDE_CORNER_BEND, INSIDE_CORNER_DEGREES);
     for key in ["inside_corner_mm", "inside_corner_degrees"] {
         if section.has(key) && !slow {
-            section.wrong(key, "needs inside_corner_feed");
-            return None;
+            return section.refused(key, "needs inside_corner_feed");
         }
     }
     let corners = InsideCorners {
@@ -207,8 +268,7 @@ fn cutter_corner(section: &mut Section<'_, '_>) -> Option<Corner> {
     let words = [("arc", false), ("intersection", true)];
     let intersection = section.word("cutter_corner", &words, false)?;
     if given && !intersection {
-        section.wrong(limit, "needs cutter_corner = \"intersection\"");
-        return None;
+        return section.refused(limit, "needs cutter_corner = \"intersection\"");
     }
     let limit_degrees = limit_degrees?;
     Some(match intersection {
@@ -217,178 +277,37 @@ fn cutter_corner(section: &mut Section<'_, '_>) -> Option<Corner> {
     })
 }
 
-fn user_codes(section: &mut Section<'_, '_>, base: &Path) -> Option<UserCodes> {
-    let allowed = section.flag("user_codes", false);
-    let directories = folders(section, "user_code_directories", base);
-    let timeout_s = section.number("user_code_timeout_s", USER_CODE_TIMEOUT, UserCodes::default().timeout_s);
-    if allowed == Some(true) && directories.as_ref().is_some_and(Vec::is_empty) {
-        section.wrong(
-            "user_codes",
-            "needs user_code_directories, where the files M100 to M199 are",
-        );
-        return None;
-    }
-    Some(UserCodes {
-        allowed: allowed?,
-        directories: directories?,
-        timeout_s: timeout_s?,
-    })
-}
-
-/// `startup_code`.
-fn startup_code(section: &mut Section<'_, '_>) -> Option<String> {
-    match section.optional("startup_code") {
-        Some(item) => Some(item.text(&section.key("startup_code"))?.to_owned()),
-        None => Some(String::new()),
-    }
-}
-
 /// `[program.pins]`: what programs read as `#<_hal[pin]>` where no control runs.
 fn pins(section: &mut Section<'_, '_>) -> Option<BTreeMap<String, f64>> {
-    let mut pins = BTreeMap::new();
-    let mut complete = true;
-    let Some(mut names) = section.optional_section("pins") else {
-        return Some(pins);
+    let Some(mut table) = section.optional_section("pins") else {
+        return Some(BTreeMap::new());
     };
-    for name in names.names() {
-        match names.any_number(&name, Bound::Size(VALUE_MAX)) {
-            Some(value) => complete &= pins.insert(name.to_ascii_lowercase(), value).is_none(),
-            None => complete = false,
-        }
-    }
-    complete.then_some(pins)
+    let pins = table.each(|table, name| {
+        Some((
+            name.to_ascii_lowercase(),
+            table.any_number(name, Bound::Size(VALUE_MAX))?,
+        ))
+    })?;
+    let count = pins.len();
+    let pins: BTreeMap<_, _> = pins.into_iter().collect();
+    (pins.len() == count).then_some(pins)
 }
 
 /// `[program.values.SECTION]`: numbers that programs read as `#<_ini[SECTION]NAME>`.
 fn values(section: &mut Section<'_, '_>) -> Option<BTreeMap<(String, String), f64>> {
     let mut values = BTreeMap::new();
-    let mut complete = true;
     let Some(mut groups) = section.optional_section("values") else {
         return Some(values);
     };
-    for group in groups.names() {
-        let Some(mut names) = groups.any_section(&group) else {
-            complete = false;
-            continue;
-        };
-        for name in names.names() {
-            match names.any_number(&name, Bound::Size(VALUE_MAX)) {
-                Some(value) => {
-                    let key = (group.to_ascii_lowercase(), name.to_ascii_lowercase());
-                    if values.insert(key, value).is_some() {
-                        names.wrong(&name, "stands here twice: case does not matter to programs");
-                        complete = false;
-                    }
-                }
-                None => complete = false,
+    groups.each(|groups, group| {
+        groups.any_section(group)?.each(|table, name| {
+            let value = table.any_number(name, Bound::Size(VALUE_MAX))?;
+            let key = (group.to_ascii_lowercase(), name.to_ascii_lowercase());
+            match values.insert(key, value) {
+                None => Some(()),
+                Some(_) => table.refused(name, "stands here twice: case does not matter to programs"),
             }
-        }
-    }
-    complete.then_some(values)
-}
-
-/// Whether a file may be made later.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum MayBeMissing {
-    Yes,
-    No,
-}
-
-/// A file; left out: `Some(None)`.
-fn file(
-    section: &mut Section<'_, '_>,
-    key: &'static str,
-    base: &Path,
-    may_be_missing: MayBeMissing,
-) -> Option<Option<PathBuf>> {
-    let Some(path) = path(section, key, base)? else {
-        return Some(None);
-    };
-    let rule = match std::fs::metadata(&path) {
-        Ok(metadata) if metadata.is_file() => return Some(Some(path)),
-        Ok(_) => format!("is no file: {}", path.display()),
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound && may_be_missing == MayBeMissing::Yes => {
-            let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-            match folder {
-                Some(folder) if !folder.is_dir() => format!("there is no folder {}", folder.display()),
-                Some(_) | None => return Some(Some(path)),
-            }
-        }
-        Err(error) => format!("{}: {error}", path.display()),
-    };
-    section.wrong(key, rule);
-    None
-}
-
-/// A folder that is there; left out: `Some(None)`.
-fn folder(section: &mut Section<'_, '_>, key: &'static str, base: &Path) -> Option<Option<PathBuf>> {
-    let Some(path) = path(section, key, base)? else {
-        return Some(None);
-    };
-    if !path.is_dir() {
-        section.wrong(key, format!("there is no folder {}", path.display()));
-        return None;
-    }
-    Some(Some(path))
-}
-
-/// A folder that is made if it is missing, in one that is there.
-pub(super) fn new_folder(section: &mut Section<'_, '_>, key: &'static str, base: &Path) -> Option<Option<PathBuf>> {
-    let Some(path) = path(section, key, base)? else {
-        return Some(None);
-    };
-    let is_folder = path.is_dir();
-    // A path of one word lies where the process runs.
-    let beside = |parent: &Path| parent.as_os_str().is_empty() || parent.is_dir();
-    let can_be_made = !path.exists() && path.parent().is_some_and(beside);
-    if !is_folder && !can_be_made {
-        section.wrong(key, format!("{} is no folder and cannot be made", path.display()));
-        return None;
-    }
-    Some(Some(path))
-}
-
-pub(super) fn path(section: &mut Section<'_, '_>, key: &'static str, base: &Path) -> Option<Option<PathBuf>> {
-    let Some(item) = section.optional(key) else {
-        return Some(None);
-    };
-    let text = item.text(&section.key(key))?;
-    if text.is_empty() {
-        section.wrong(key, "must be a path");
-        return None;
-    }
-    Some(Some(base.join(text)))
-}
-
-/// Folders in the order in which they are searched; left out: none.
-fn folders(section: &mut Section<'_, '_>, key: &'static str, base: &Path) -> Option<Vec<PathBuf>> {
-    let Some(item) = section.optional(key) else {
-        return Some(Vec::new());
-    };
-    let path = section.key(key);
-    let items = item.items(&path)?;
-    if items.len() > FOLDERS_MAX {
-        section.wrong(
-            key,
-            format!("must not be more than {FOLDERS_MAX} folders, are {}", items.len()),
-        );
-        return None;
-    }
-    let mut folders = Vec::new();
-    let mut complete = true;
-    for (index, item) in items.into_iter().enumerate() {
-        let key = format!("{path}[{index}]");
-        let Some(folder) = item.text(&key).map(|text| base.join(text)) else {
-            complete = false;
-            continue;
-        };
-        if folder.is_dir() {
-            folders.push(folder);
-        } else {
-            let rule = format!("there is no folder {}", folder.display());
-            item.log.wrong(item.value.span(), &key, rule, None);
-            complete = false;
-        }
-    }
-    complete.then_some(folders)
+        })
+    })?;
+    Some(values)
 }

@@ -3,8 +3,7 @@
 //! In:  code, modal group, words that the subroutine takes, its name.
 //! Out: a [`Remap`] that LinuxCNC's rules allow, whose subroutine is there.
 
-use super::document::Section;
-use super::types::Remap;
+use super::section::{Section, keys};
 use std::path::PathBuf;
 
 /// G codes of the language, times ten, that keep their meaning. G28 and G30 with their .1 may be given another one.
@@ -19,53 +18,44 @@ const M_TAKEN: &[u16] = &[
     2, 3, 4, 5, 7, 8, 9, 19, 30, 48, 49, 50, 51, 52, 53, 62, 63, 64, 65, 66, 67, 68, 70, 71, 72, 73, 98, 99,
 ];
 const M_MAX: u16 = 999;
-const M_GROUP_DEFAULT: i64 = 10;
+const M_GROUP_DEFAULT: u8 = 10;
 
-/// What may be remapped.
-enum Code {
-    /// T, S, F: at their own place in the order of a block.
-    Word,
-    G,
-    M,
-}
-
-/// Reads one table; `before`: those above it; `folders`: where subroutines are looked for.
-pub(super) fn remap(section: &mut Section<'_, '_>, before: &[Remap], folders: &[PathBuf]) -> Option<Remap> {
-    let what = "the code, such as \"M400\", \"G88.1\", \"M6\" or \"T\"";
-    let path = section.key("code");
-    let text = section.required("code", what).and_then(|item| item.text(&path));
-    let code = text.and_then(|text| {
-        let found = code(text).and_then(|(name, kind)| {
-            if before.iter().any(|remap| remap.code == name) {
-                return Err("is remapped above already".to_owned());
-            }
-            Ok((name, kind))
-        });
-        found.map_err(|rule| section.wrong("code", rule)).ok()
-    });
-    let modal_group = modal_group(section, code.as_ref().map(|(_, kind)| kind));
-    let arguments = arguments(section);
-    let subroutine = subroutine(section, folders);
-    Some(Remap {
-        code: code?.0,
-        modal_group: modal_group?,
-        arguments: arguments?,
-        subroutine: subroutine?,
-    })
+keys! {
+    /// `[[program.remap]]`; `before`: those above it, `folders`: where subroutines are looked for.
+    #[derive(Clone, Debug, PartialEq, Eq)]
+    pub struct Remap(section, before: &[Remap], folders: &[PathBuf]) {
+        /// `G88.1`, `M400`, or `T`, `S`, `F`.
+        pub code: String = {
+            let text = section.text("code", "the code, such as \"M400\", \"G88.1\", \"M6\" or \"T\"");
+            text.and_then(|text| match code(text) {
+                Ok(name) if before.iter().any(|remap| remap.code == name) => {
+                    section.refused("code", "is remapped above already")
+                }
+                Ok(name) => Some(name),
+                Err(rule) => section.refused("code", rule),
+            })
+        },
+        /// 1 of G codes, 4 to 10 of M codes; 0: `T`, `S` and `F` have a place of their own.
+        pub modal_group: u8 = modal_group(section, code.as_deref()),
+        /// Words that the subroutine takes, as in LinuxCNC's argspec.
+        pub arguments: String = arguments(section),
+        /// Name of the subroutine, in lower case.
+        pub subroutine: String = subroutine(section, folders),
+    }
 }
 
 /// The code in its usual form.
-fn code(text: &str) -> Result<(String, Code), String> {
+fn code(text: &str) -> Result<String, String> {
     let upper = text.to_ascii_uppercase();
     let number = upper.get(1..).unwrap_or_default();
     let is_number = |number: &str| !number.is_empty() && number.bytes().all(|octet| octet.is_ascii_digit());
     match upper.chars().next() {
-        Some('T' | 'S' | 'F') if number.is_empty() => Ok((upper, Code::Word)),
+        Some('T' | 'S' | 'F') if number.is_empty() => Ok(upper),
         Some('M') if is_number(number) => match number.parse::<u16>() {
             Ok(number) if M_TAKEN.contains(&number) => Err(format!(
                 "M{number} keeps its meaning; M0, M1, M6, M60, M61 and unused codes up to M{M_MAX} may be remapped"
             )),
-            Ok(number) if number <= M_MAX => Ok((format!("M{number}"), Code::M)),
+            Ok(number) if number <= M_MAX => Ok(format!("M{number}")),
             Ok(_) | Err(_) => Err(format!("must not be above M{M_MAX}")),
         },
         Some('G') => {
@@ -83,37 +73,28 @@ fn code(text: &str) -> Result<(String, Code), String> {
                     "{name} keeps its meaning; G28, G28.1, G30, G30.1 and unused codes may be remapped"
                 ));
             }
-            Ok((name, Code::G))
+            Ok(name)
         }
         Some(_) | None => Err("must be a G code, an M code, \"T\", \"S\" or \"F\"".into()),
     }
 }
 
-/// The modal group; 0 for T, S and F.
-fn modal_group(section: &mut Section<'_, '_>, code: Option<&Code>) -> Option<u8> {
-    let group = match code {
+/// The modal group of a code, which is `None` where it is wrong; 0 for T, S and F.
+fn modal_group(section: &mut Section<'_, '_>, code: Option<&str>) -> Option<u8> {
+    match code.map(|code| code.as_bytes()[0]) {
         None => section.integer("modal_group", 1..=10, M_GROUP_DEFAULT),
-        Some(Code::G) => section.integer("modal_group", 1..=1, 1),
-        Some(Code::M) => section.integer("modal_group", 4..=10, M_GROUP_DEFAULT),
-        Some(Code::Word) => {
-            if section.optional("modal_group").is_some() {
-                section.wrong(
-                    "modal_group",
-                    "must be left out: T, S and F have their own place in a block",
-                );
-                return None;
-            }
-            Some(0)
+        Some(b'G') => section.integer("modal_group", 1..=1, 1),
+        Some(b'M') => section.integer("modal_group", 4..=10, M_GROUP_DEFAULT),
+        Some(_) if section.optional("modal_group").is_some() => {
+            let rule = "must be left out: T, S and F have their own place in a block";
+            section.refused("modal_group", rule)
         }
-    };
-    group.map(|group| group as u8)
+        Some(_) => Some(0),
+    }
 }
 
 fn arguments(section: &mut Section<'_, '_>) -> Option<String> {
-    let Some(item) = section.optional("args") else {
-        return Some(String::new());
-    };
-    let text = item.text(&section.key("args"))?;
+    let text = section.optional_text("args")?.unwrap_or_default();
     let is_word = |character: char| "ABCDEFHIJKLNPQRSTUVWXYZ".contains(character.to_ascii_uppercase());
     let mut seen = Vec::new();
     for character in text.chars() {
@@ -130,15 +111,14 @@ fn arguments(section: &mut Section<'_, '_>) -> Option<String> {
             seen.push(letter);
             continue;
         };
-        section.wrong("args", rule);
-        return None;
+        return section.refused("args", rule);
     }
     Some(text.to_owned())
 }
 
 fn subroutine(section: &mut Section<'_, '_>, folders: &[PathBuf]) -> Option<String> {
     let what = "the name of the subroutine and of its file, without .ngc";
-    let name = section.required("subroutine", what)?.text(&section.key("subroutine"))?;
+    let name = section.text("subroutine", what)?;
     let is_name = |name: &str| {
         !name.is_empty()
             && name
@@ -146,8 +126,7 @@ fn subroutine(section: &mut Section<'_, '_>, folders: &[PathBuf]) -> Option<Stri
                 .all(|octet| octet.is_ascii_alphanumeric() || matches!(octet, b'_' | b'-'))
     };
     if !is_name(name) {
-        section.wrong("subroutine", "must be a name of letters, digits, _ and -, without .ngc");
-        return None;
+        return section.refused("subroutine", "must be a name of letters, digits, _ and -, without .ngc");
     }
     let file = format!("{}.ngc", name.to_ascii_lowercase());
     if folders.iter().any(|folder| folder.join(&file).is_file()) {
@@ -159,6 +138,5 @@ fn subroutine(section: &mut Section<'_, '_>, folders: &[PathBuf]) -> Option<Stri
     } else {
         format!("there is no file {file} in {}", folders.join(", "))
     };
-    section.wrong("subroutine", rule);
-    None
+    section.refused("subroutine", rule)
 }

@@ -3,12 +3,16 @@
 //! In:  the section, the nodes of the bus.
 //! Out: a [`Spindle`] whose objects stand in the payloads of their nodes.
 
-use super::document::{Bound, Section};
-use super::drive::{self, DriveMode, Reactions, SPINDLE_MODES, modes_are_offered};
+use super::bus_types::{Exchange, Mapped, Node, Profile};
+use super::drive::{self, modes_are_offered};
+use super::drive_profile::DriveProfile;
 use super::factor_group::{self, FactorGroup};
-use super::joints::{ratio, ratio_of_integers};
-use super::mapping::parse_object;
-use super::types::{DriveProfile, Exchange, Joint, Mapped, Node, Profile};
+use super::joints::Joint;
+use super::modes::{DriveMode, Reactions, SPINDLE_MODES};
+use super::node_keys::{has_no_channel, node, object};
+use super::question::Bound;
+use super::section::{Section, keys, left_out};
+use super::values::ratio;
 use motion::canon::SPINDLES;
 
 /// `[spindle]`
@@ -46,23 +50,57 @@ pub struct SpindleDrive {
     pub speed: Mapped,
 }
 
-/// `[spindle.drive]` with a mode: a drive of CiA 402.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SpindleAxis {
-    /// Index into `Bus::nodes`.
-    pub node: usize,
-    /// Axis of the drive at its node, from 0; default 0.
-    pub drive_axis: u8,
-    /// VL, PV or CSV.
-    pub mode: DriveMode,
-    /// Target of the mode (6042, 60FF) per 1/min: numerator and denominator.
-    pub units_per_rpm: [u32; 2],
-    /// How fast its target may change, 1/min per second; `None`: it has a ramp of its own.
-    pub ramp_rpm_s: Option<f64>,
-    /// How it stops.
-    pub reactions: Reactions,
-    /// In which units it counts.
-    pub factor_group: FactorGroup,
+/// A spindle that takes a millionth of a second to its speed needs no ramp.
+const RAMP_RPM_S: Bound = Bound::Positive(1e9);
+
+keys! {
+    /// `[spindle.drive]` with a mode: a drive of CiA 402, which no joint has. `found`: its node and the place of that.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct SpindleAxis(section, found: Option<(usize, &Node)>, joints: &[Joint], rpm_max: Option<f64>) {
+        /// Index into `Bus::nodes`.
+        pub node: usize = found.map(|(node, _)| node),
+        /// VL, PV or CSV.
+        pub mode: DriveMode = section.word("mode", &SPINDLE_MODES, None),
+        /// Axis of the drive at its node, from 0; default 0.
+        pub drive_axis: u8 = drive::drive_axis(section, found.map(|(_, node)| node)),
+        /// How it stops.
+        pub reactions: Reactions = drive::reactions(section, drive_axis.unwrap_or(0), found.map(|(_, node)| node)),
+        /// In which units it counts.
+        pub factor_group: FactorGroup =
+            drive::factor_group(section, drive_axis.unwrap_or(0), found.map(|(_, node)| node)),
+        /// Target of the mode (6042, 60FF) per 1/min: numerator and denominator.
+        pub units_per_rpm: [u32; 2] =
+            units(section, mode, factor_group, found.and_then(|(_, node)| node.drive.as_ref())),
+        /// How fast its target may change, 1/min per second; `None`: it has a ramp of its own.
+        pub ramp_rpm_s: Option<f64> = match mode {
+            // Nobody but the control makes its set-points.
+            Some(DriveMode::Csv) => section.number("ramp_rpm_s", RAMP_RPM_S, None).map(Some),
+            _ => section.optional_number("ramp_rpm_s", RAMP_RPM_S),
+        },
+    }
+    rules {
+        if let Some((index, node)) = found {
+            let axis = drive_axis.unwrap_or(0);
+            if node.profile != Profile::Cia402 {
+                section.wrong("node", "must be a node of profile \"cia402\"");
+            } else if joints.iter().any(|joint| (joint.node, joint.drive_axis) == (index, axis)) {
+                section.wrong("node", "is the drive of a joint");
+            } else if let Some(mode) = mode {
+                modes_are_offered(section, (node, axis), mode, false);
+            }
+        }
+        if let (Some(units), Some(rpm_max), Some(mode)) = (units_per_rpm, rpm_max, mode) {
+            let (most, object) = match mode {
+                DriveMode::Vl => (f64::from(i16::MAX), "6042h"),
+                _ => (f64::from(i32::MAX), "60FFh"),
+            };
+            let makes = rpm_max * ratio(units);
+            if makes > most {
+                let rule = format!("must let {object} hold rpm_max: {rpm_max} makes {makes:.0}");
+                section.wrong("units_per_rpm", rule);
+            }
+        }
+    }
 }
 
 /// `[spindle.encoder]`
@@ -88,23 +126,6 @@ pub struct SpindleCounter {
     pub index: Option<Mapped>,
 }
 
-impl Default for Spindle {
-    fn default() -> Spindle {
-        Spindle {
-            rpm_max: 24_000.0,
-            count: 1,
-            orient_offset_degrees: 0.0,
-            wait_for_speed: true,
-            speed_tolerance: 0.05,
-            speed_timeout_s: 20.0,
-            drive: None,
-            axis: None,
-            encoder: None,
-            encoder_lead_cycles: LEAD_CYCLES,
-        }
-    }
-}
-
 /// From the cycle in which a place is known to where the axes are with the set-points that come of it, cycles: those computed in
 /// it leave in the next one and are reached at the end of the following one; half a cycle is for the lag of the drives.
 const LEAD_CYCLES: f64 = 2.5;
@@ -119,164 +140,90 @@ enum Source {
 }
 
 /// `[spindle]`; `nodes`: `None` if the bus is wrong itself.
-pub(super) fn spindle(mut section: Section<'_, '_>, nodes: Option<&[Node]>, joints: &[Joint]) -> Option<Spindle> {
-    let default = Spindle::default();
-    let rpm_max = section.number("rpm_max", Bound::Positive(1e6), default.rpm_max);
-    let count = section.integer("count", 1..=SPINDLES as i64, i64::from(default.count));
-    let orient_offset_degrees = section.number(
-        "orient_offset_degrees",
-        Bound::Size(360.0),
-        default.orient_offset_degrees,
-    );
-    let wait_for_speed = section.flag("wait_for_speed", default.wait_for_speed);
-    let percent = section.number(
-        "speed_tolerance_percent",
-        Bound::Within(0.1, 50.0),
-        default.speed_tolerance * 100.0,
-    );
-    let speed_timeout_s = section.number("speed_timeout_s", Bound::Within(0.1, 600.0), default.speed_timeout_s);
+pub(super) fn spindle(section: &mut Section<'_, '_>, nodes: Option<&[Node]>, joints: &[Joint]) -> Option<Spindle> {
+    let rpm_max = section.number("rpm_max", Bound::Positive(1e6), 24_000.0);
+    let count = section.integer("count", 1..=SPINDLES as u8, 1);
+    let orient_offset_degrees = section.number("orient_offset_degrees", Bound::Size(360.0), 0.0);
+    let wait_for_speed = section.flag("wait_for_speed", true);
+    let percent = section.number("speed_tolerance_percent", Bound::Within(0.1, 50.0), 5.0);
+    let speed_timeout_s = section.number("speed_timeout_s", Bound::Within(0.1, 600.0), 20.0);
     let (drive, axis) = match section.has("drive") {
         false => (Some(None), Some(None)),
         true => match section.section("drive") {
             None => (None, None),
-            Some(section) if section.has("mode") => (Some(None), axis(section, nodes, joints, rpm_max).map(Some)),
-            Some(section) => (drive(section, nodes).map(Some), Some(None)),
+            Some(table) if table.has("mode") => {
+                let axis = table.whole(|table| {
+                    let found = node(table, nodes, |node| node.exchange != Exchange::AsyncOnly);
+                    SpindleAxis::read(table, found, joints, rpm_max)
+                });
+                (Some(None), axis.map(Some))
+            }
+            Some(table) => (table.whole(|table| drive(table, nodes)).map(Some), Some(None)),
         },
     };
     let encoder = match section.has("encoder") {
         false => Some(None),
         true => section
             .section("encoder")
-            .and_then(|section| encoder(section, nodes))
+            .and_then(|table| encoder(table, nodes))
             .map(Some),
     };
-    section.done();
     Some(Spindle {
         rpm_max: rpm_max?,
-        count: count? as u8,
+        count: count?,
         orient_offset_degrees: orient_offset_degrees?,
         wait_for_speed: wait_for_speed?,
         speed_tolerance: percent? / 100.0,
         speed_timeout_s: speed_timeout_s?,
         drive: drive?,
         axis: axis?,
-        encoder: encoder.map(|encoder| encoder.map(|(encoder, _)| encoder))?,
-        encoder_lead_cycles: encoder?.map_or(default.encoder_lead_cycles, |(_, lead)| lead),
+        encoder: encoder?.map(|(encoder, _)| encoder),
+        encoder_lead_cycles: encoder?.map_or(LEAD_CYCLES, |(_, lead)| lead),
     })
 }
 
-fn drive(mut section: Section<'_, '_>, nodes: Option<&[Node]>) -> Option<SpindleDrive> {
-    let node = node(&mut section, nodes, |node| node.exchange != Exchange::AsyncOnly);
-    let speed = object(
-        &mut section,
-        "speed",
-        true,
-        node.map(|(_, node)| &node.outputs),
-        "outputs",
-    );
-    if let (Some((_, node)), Some(Some(speed))) = (node, speed)
-        && let Some(channel) = node.channels.iter().find(|it| it.output && it.object == speed)
-    {
-        let rule = format!(
-            "is the channel {:?} of the node already: an output has one writer",
-            channel.name
-        );
-        section.wrong("speed", rule);
+impl Default for Spindle {
+    fn default() -> Spindle {
+        left_out(|section| spindle(section, None, &[]))
     }
-    section.done();
+}
+
+fn drive(section: &mut Section<'_, '_>, nodes: Option<&[Node]>) -> Option<SpindleDrive> {
+    let node = node(section, nodes, |node| node.exchange != Exchange::AsyncOnly);
+    let speed = object(section, "speed", true, node.map(|(_, node)| &node.outputs), "outputs");
+    if let (Some((_, node)), Some(Some(speed))) = (node, speed) {
+        has_no_channel(section, "speed", node, speed);
+    }
     Some(SpindleDrive {
         node: node?.0,
         speed: speed??,
     })
 }
 
-/// A drive of CiA 402, which no joint has.
-fn axis(
-    mut section: Section<'_, '_>,
-    nodes: Option<&[Node]>,
-    joints: &[Joint],
-    rpm_max: Option<f64>,
-) -> Option<SpindleAxis> {
-    /// A spindle that takes a millionth of a second to its speed needs no ramp.
-    const RAMP_MAX_RPM_S: f64 = 1e9;
-    let found = node(&mut section, nodes, |node| node.exchange != Exchange::AsyncOnly);
-    let mode = section.word("mode", &SPINDLE_MODES, None);
-    let drive_axis = drive::drive_axis(&mut section, found.map(|(_, node)| node));
-    let number = drive_axis.unwrap_or(0);
-    let reactions = drive::reactions(&mut section, number, found.map(|(_, node)| node));
-    if let Some((index, node)) = found {
-        if node.profile != Profile::Cia402 {
-            section.wrong("node", "must be a node of profile \"cia402\"");
-        } else if joints
-            .iter()
-            .any(|joint| (joint.node, joint.drive_axis) == (index, number))
-        {
-            section.wrong("node", "is the drive of a joint");
-        } else if let Some(mode) = mode {
-            modes_are_offered(&mut section, (node, number), mode, false);
-        }
-    }
-    let factor_group = factor_group::factor_group(&mut section, number, found.map(|(_, node)| node));
-    let known = found.and_then(|(_, node)| node.drive.as_ref());
-    let per_rpm = factor_group.and_then(|group| units_per_rpm(&group, known));
-    let item = section.optional("units_per_rpm");
-    let units_per_rpm = match (item, mode, per_rpm) {
-        (Some(item), ..) => {
-            let rule = "must be two integers: what the target counts, and the 1/min that it makes";
-            ratio_of_integers(&mut section, "units_per_rpm", item, rule)
-        }
+/// `units_per_rpm`, where it is not given as the mode and the units of the drive have it.
+fn units(
+    section: &mut Section<'_, '_>,
+    mode: Option<DriveMode>,
+    group: Option<FactorGroup>,
+    known: Option<&DriveProfile>,
+) -> Option<[u32; 2]> {
+    let per_rpm = group.and_then(|group| units_per_rpm(&group, known));
+    let what = "what the target counts, and the 1/min that it makes";
+    match (section.ratio("units_per_rpm", what)?, mode?, per_rpm) {
+        (Some(units), ..) => Some(units),
         // By the profile 6042 is in 1/min.
-        (None, Some(DriveMode::Vl), _) => Some([1, 1]),
-        (None, Some(_), Some(per_rpm)) => Some(per_rpm),
-        (None, Some(_), None) => {
-            section.wrong(
-                "units_per_rpm",
-                "is missing: what 60FFh counts, and the 1/min that it makes, like [10000, 60]",
-            );
-            None
-        }
-        (None, None, _) => None,
-    };
-    let ramp_rpm_s = match mode {
-        // Nobody but the control makes its set-points.
-        Some(DriveMode::Csv) => section
-            .number("ramp_rpm_s", Bound::Positive(RAMP_MAX_RPM_S), None)
-            .map(Some),
-        _ => match section.optional("ramp_rpm_s") {
-            None => Some(None),
-            Some(item) => item
-                .number(&section.key("ramp_rpm_s"), Bound::Positive(RAMP_MAX_RPM_S))
-                .map(Some),
-        },
-    };
-    if let (Some(units), Some(rpm_max), Some(mode)) = (units_per_rpm, rpm_max, mode) {
-        let (most, object) = match mode {
-            DriveMode::Vl => (f64::from(i16::MAX), "6042h"),
-            _ => (f64::from(i32::MAX), "60FFh"),
-        };
-        if rpm_max * ratio(units) > most {
-            let makes = rpm_max * ratio(units);
-            section.wrong(
-                "units_per_rpm",
-                format!("must let {object} hold rpm_max: {rpm_max} makes {makes:.0}"),
-            );
+        (None, DriveMode::Vl, _) => Some([1, 1]),
+        (None, _, Some(per_rpm)) => Some(per_rpm),
+        (None, _, None) => {
+            let rule = "is missing: what 60FFh counts, and the 1/min that it makes, like [10000, 60]";
+            section.refused("units_per_rpm", rule)
         }
     }
-    section.done();
-    Some(SpindleAxis {
-        node: found?.0,
-        drive_axis: drive_axis?,
-        mode: mode?,
-        units_per_rpm: units_per_rpm?,
-        ramp_rpm_s: ramp_rpm_s?,
-        reactions: reactions?,
-        factor_group: factor_group?,
-    })
 }
 
 /// Velocity units of 1/min, where they are known and can be written.
 fn units_per_rpm(group: &FactorGroup, known: Option<&DriveProfile>) -> Option<[u32; 2]> {
-    let [units, turns] = factor_group::units_per_turn(group, known)?;
+    let [units, turns] = drive::units_per_turn(group, known)?;
     let [velocity, per] = group.velocity_ratio().map(u64::from);
     let above = units.checked_mul(velocity)?;
     let below = turns.checked_mul(per)?.checked_mul(60)?;
@@ -308,8 +255,8 @@ fn counter(section: &mut Section<'_, '_>, nodes: Option<&[Node]>) -> Option<Spin
     let counter = object(section, "counter", true, inputs, "inputs");
     let index = object(section, "index", false, inputs, "inputs");
     /// A turn in steps of a millionth is finer than any spindle runs round.
-    const COUNTS_MAX: i64 = 100_000_000;
-    let counts = section.integer("counts_per_turn", -COUNTS_MAX..=COUNTS_MAX, None)?;
+    const COUNTS_MAX: i32 = 100_000_000;
+    let counts: i32 = section.integer("counts_per_turn", -COUNTS_MAX..=COUNTS_MAX, None)?;
     let (node, counter, index) = (node?.0, counter??, index?);
     let room = 1_i128 << counter.bits;
     let counts_abs = i128::from(counts.abs());
@@ -326,65 +273,14 @@ fn counter(section: &mut Section<'_, '_>, nodes: Option<&[Node]>) -> Option<Spin
         return Some(SpindleCounter {
             node,
             counter,
-            counts_per_turn: counts as i32,
+            counts_per_turn: counts,
             index: match index {
                 Some(index) if index.bits != counter.bits => {
-                    section.wrong("index", format!("must have the length of the counter, {counter}"));
-                    return None;
+                    return section.refused("index", format!("must have the length of the counter, {counter}"));
                 }
                 Some(_) | None => index,
             },
         });
     };
-    section.wrong("counts_per_turn", rule);
-    None
-}
-
-/// The node that `node` names by its id.
-pub(super) fn node<'n>(
-    section: &mut Section<'_, '_>,
-    nodes: Option<&'n [Node]>,
-    fits: impl Fn(&Node) -> bool,
-) -> Option<(usize, &'n Node)> {
-    let id = section.integer("node", 1..=239, None)?;
-    let (index, node) = nodes?
-        .iter()
-        .enumerate()
-        .find(|(_, node)| i64::from(node.id) == id)
-        .or_else(|| {
-            section.wrong("node", "is no node of the bus");
-            None
-        })?;
-    if !fits(node) {
-        section.wrong("node", "must be a node whose process data are exchanged in every cycle");
-        return None;
-    }
-    Some((index, node))
-}
-
-/// An object that stands in a payload; `Some(None)`: left out.
-pub(super) fn object(
-    section: &mut Section<'_, '_>,
-    key: &'static str,
-    required: bool,
-    payload: Option<&Vec<Mapped>>,
-    name: &str,
-) -> Option<Option<Mapped>> {
-    let item = match required {
-        true => Some(section.required(key, "an object of the node, like \"0x3000:1\"")?),
-        false => section.optional(key),
-    };
-    let Some(item) = item else { return Some(None) };
-    let text = item.text(&section.key(key))?;
-    let Some((index, sub)) = parse_object(text) else {
-        section.wrong(key, "must be an object like \"0x3000:1\"");
-        return None;
-    };
-    let found = payload?
-        .iter()
-        .find(|object| (object.index, object.sub) == (index, sub));
-    if found.is_none() {
-        section.wrong(key, format!("does not stand among the `{name}` of the node"));
-    }
-    found.map(|object| Some(*object))
+    section.refused("counts_per_turn", rule)
 }

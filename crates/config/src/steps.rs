@@ -2,8 +2,9 @@
 //!
 //! In:  the tables of the machine file. Out: what the port is, and how each joint puts its pulses on it.
 
-use super::document::{Bound, Section};
-use super::joints::ratio;
+use super::question::Bound;
+use super::section::{Section, keys};
+use super::values::ratio;
 use motion::rt::dda::PulseTiming;
 use std::path::PathBuf;
 
@@ -43,15 +44,17 @@ pub enum StepPortKind {
     Simulated,
 }
 
-/// Simulated stepper motors.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SimStepper {
-    /// Pulses that make a full step.
-    pub microsteps: u32,
-    /// Acceleration that the motor gives at rest, in multiples of `stop_acceleration_mm_s2` of its joint.
-    pub acceleration: f64,
-    /// Speed at which it gives half of that, in multiples of `velocity_mm_s` of its joint.
-    pub speed: f64,
+keys! {
+    /// Simulated stepper motors.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct SimStepper(section) {
+        /// Pulses that make a full step.
+        pub microsteps: u32 = section.integer("microsteps", 1..=256, 16),
+        /// Acceleration that the motor gives at rest, in multiples of `stop_acceleration_mm_s2` of its joint.
+        pub acceleration: f64 = section.number("acceleration", Bound::Within(0.01, 1000.0), 4.0),
+        /// Speed at which it gives half of that, in multiples of `velocity_mm_s` of its joint.
+        pub speed: f64 = section.number("speed", Bound::Within(0.01, 1000.0), 2.0),
+    }
 }
 
 /// `step` of a joint.
@@ -97,9 +100,10 @@ pub(super) struct Port {
 pub(super) fn steps(mut section: Section<'_, '_>, timeout_us: Option<u32>, cycle_us: Option<u32>) -> Option<Port> {
     const WORDS: [(&str, u8); 4] = [("parallel", 0), ("gpio", 1), ("pins", 2), ("simulated", 3)];
     let port = section.word("port", &WORDS, None);
-    let mut device = |usual: &str| match section.optional("device") {
-        None => Some(PathBuf::from(usual)),
-        Some(item) => item.text(&section.key("device")).map(PathBuf::from),
+    let mut device = |usual| {
+        section
+            .optional_text("device")
+            .map(|text| PathBuf::from(text.unwrap_or(usual)))
     };
     let kind = match port? {
         0 => StepPortKind::Parallel(device("/dev/parport0")?),
@@ -107,21 +111,19 @@ pub(super) fn steps(mut section: Section<'_, '_>, timeout_us: Option<u32>, cycle
         2 => StepPortKind::Pins,
         _ => StepPortKind::Simulated,
     };
-    if matches!(kind, StepPortKind::Pins | StepPortKind::Simulated) && section.has("device") {
-        section.wrong("device", "is of port = \"parallel\" or \"gpio\"");
+    match kind {
+        StepPortKind::Pins | StepPortKind::Simulated => {
+            section.refuse(&["device"], "is of port = \"parallel\" or \"gpio\"");
+        }
+        StepPortKind::Parallel(_) | StepPortKind::Gpio(_) => section.known(&["device"]),
     }
-    section.known(&["device"]);
     // A tick must be over before the next one, with time for the others.
-    let pulse_most = i64::from(timeout_us.unwrap_or(50)) * 1000 / 4;
+    let pulse_most = timeout_us.unwrap_or(50) * 1000 / 4;
     let pulse_ns = section.integer("pulse_ns", 100..=pulse_most, 2500);
     if kind != StepPortKind::Simulated && section.has("motor") {
         section.wrong("motor", "is of port = \"simulated\"");
     }
-    let mut motor = section.section("motor")?;
-    let microsteps = motor.integer("microsteps", 1..=256, 16);
-    let acceleration = motor.number("acceleration", Bound::Within(0.01, 1000.0), 4.0);
-    let speed = motor.number("speed", Bound::Within(0.01, 1000.0), 2.0);
-    motor.done();
+    let motor = section.section("motor")?.whole(SimStepper::read);
     let (timeout_us, cycle_us) = (timeout_us?, cycle_us?);
     let tick_ns = match kind {
         StepPortKind::Pins => cycle_us * 1000,
@@ -137,15 +139,11 @@ pub(super) fn steps(mut section: Section<'_, '_>, timeout_us: Option<u32>, cycle
     Some(Port {
         steps: Steps {
             port: kind,
-            pulse_ns: pulse_ns? as u32,
+            pulse_ns: pulse_ns?,
             tick_ns,
             pins: Vec::new(),
             inverted: 0,
-            motor: SimStepper {
-                microsteps: microsteps? as u32,
-                acceleration: acceleration?,
-                speed: speed?,
-            },
+            motor: motor?,
         },
         cycle_us,
     })
@@ -157,27 +155,19 @@ impl Port {
     }
 
     /// The bit of a pin that no other line has.
-    fn take(&mut self, section: &mut Section<'_, '_>, key: &'static str, pin: i64, inverted: bool) -> Option<u8> {
+    fn take(&mut self, section: &mut Section<'_, '_>, key: &'static str, pin: u8, inverted: bool) -> Option<u8> {
         if let StepPortKind::Parallel(_) = self.steps.port
-            && !PARALLEL_PINS.iter().any(|own| i64::from(*own) == pin)
+            && !PARALLEL_PINS.contains(&pin)
         {
-            section.wrong(
-                key,
-                format!("must be an output of a parallel port: one of {PARALLEL_PINS:?}"),
-            );
-            return None;
+            let rule = format!("must be an output of a parallel port: one of {PARALLEL_PINS:?}");
+            return section.refused(key, rule);
         }
-        let pin = pin as u8;
         if self.steps.pins.contains(&pin) {
-            section.wrong(key, format!("pin {pin} is taken by another line"));
-            return None;
+            return section.refused(key, format!("pin {pin} is taken by another line"));
         }
         if self.steps.pins.len() == PINS_MAX {
-            section.wrong(
-                key,
-                format!("must not be one more line: a port has {PINS_MAX} at the most"),
-            );
-            return None;
+            let rule = format!("must not be one more line: a port has {PINS_MAX} at the most");
+            return section.refused(key, rule);
         }
         let bit = self.steps.pins.len() as u8;
         self.steps.pins.push(pin);
@@ -195,10 +185,8 @@ pub(super) fn output(
     counts_per_unit: Option<[u32; 2]>,
 ) -> Option<StepOutput> {
     if !has_port {
-        joint.wrong(
-            "output",
-            "\"step\" needs a table [steps], which says where pulses come out",
-        );
+        let rule = "\"step\" needs a table [steps], which says where pulses come out";
+        joint.wrong("output", rule);
     }
     let mut section = match joint.optional_section("step") {
         Some(section) => section,
@@ -217,21 +205,24 @@ pub(super) fn output(
         &[StepKind::StepDirection, StepKind::UpDown, StepKind::Quadrature].map(|kind| (kind.name(), kind)),
         StepKind::StepDirection,
     );
-    let pins = two(&mut section, "pins", |item, path| item.integer(path, 0..=255));
+    let (each, rule) = (
+        "one for each of the two lines, like [2, 3]",
+        "must be two: one for each line",
+    );
+    let pins: Option<[u8; 2]> = (section.required("pins", each))
+        .and_then(|item| section.array("pins", item, rule, |item, path| item.integer(path, 0..=u8::MAX)));
     let inverted = match section.has("inverted") {
-        true => two(&mut section, "inverted", |item, path| item.flag(path)),
+        true => (section.required("inverted", each))
+            .and_then(|item| section.array("inverted", item, rule, |item, path| item.flag(path))),
         false => Some([false; 2]),
     };
-    let enable = section.optional_integer("enable_pin", 0..=255);
+    let enable = section.optional_integer("enable_pin", 0..=u8::MAX);
     let enable_inverted = section.flag("enable_inverted", false);
-    let ticks = |section: &mut Section<'_, '_>, key, least: i64| {
-        section.integer(key, least..=1000, 1).map(|ticks| ticks as u32)
-    };
     let within_tick = port.as_ref().is_some_and(|port| port.steps.port != StepPortKind::Pins);
-    let high_ticks = ticks(&mut section, "length_ticks", if within_tick { 0 } else { 1 });
-    let low_ticks = ticks(&mut section, "space_ticks", 1);
-    let setup_ticks = ticks(&mut section, "setup_ticks", 0);
-    let hold_ticks = ticks(&mut section, "hold_ticks", 0);
+    let high_ticks = section.integer("length_ticks", u32::from(!within_tick)..=1000, 1);
+    let low_ticks = section.integer("space_ticks", 1..=1000, 1);
+    let setup_ticks = section.integer("setup_ticks", 0..=1000, 1);
+    let hold_ticks = section.integer("hold_ticks", 0..=1000, 1);
     let (kind, pins, inverted) = (kind?, pins?, inverted?);
     let port = port?;
     // Only where there is a line of the direction.
@@ -288,25 +279,4 @@ pub(super) fn output(
 /// Steps a second that a timing allows at the most.
 pub fn rate_max_hz(timing: &PulseTiming, tick_ns: u32) -> f64 {
     1e9 / f64::from(tick_ns) / f64::from(timing.high_ticks + timing.low_ticks)
-}
-
-/// A list of two values.
-fn two<T: Copy>(
-    section: &mut Section<'_, '_>,
-    key: &'static str,
-    read: impl Fn(super::document::Item<'_, '_>, &str) -> Option<T>,
-) -> Option<[T; 2]> {
-    let path = section.key(key);
-    let items = section
-        .required(key, "one for each of the two lines, like [2, 3]")?
-        .items(&path)?;
-    if items.len() != 2 {
-        section.wrong(key, "must be two: one for each line");
-        return None;
-    }
-    let mut values = items
-        .into_iter()
-        .enumerate()
-        .map(|(number, item)| read(item, &format!("{path}[{number}]")));
-    Some([values.next()??, values.next()??])
 }

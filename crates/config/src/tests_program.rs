@@ -51,14 +51,14 @@ fn what_is_left_out_is_as_in_linuxcnc() {
     assert_eq!((program.threads, buffers), (None, (300, 50)));
     assert_eq!((program.parameter_file, program.directory), (None, None));
     assert_eq!((program.digital_pins, program.analog_pins), (4, 4));
-    assert!(!program.user_codes.allowed && !program.block_delete && !program.diameter_mode);
-    assert!(program.keep_g92 && program.fanuc_subroutines);
+    assert!(!program.user_codes.allowed && !program.block_delete && !program.dialect.diameter_mode);
+    assert!(program.dialect.keep_g92 && program.dialect.fanuc_subroutines);
     assert_eq!(
-        (program.chip_breaking_clearance_mm, program.peck_clearance_mm),
+        (program.pecks.chip_breaking_mm, program.pecks.deep_hole_mm),
         (None, None)
     );
-    assert!((program.arc_radius_tolerance_mm - 0.028_284).abs() < 1e-6);
-    assert!((program.arc_radius_tolerance_inch - 0.002_828_4).abs() < 1e-7);
+    assert!((program.arc_radius_tolerance.mm - 0.028_284).abs() < 1e-6);
+    assert!((program.arc_radius_tolerance.inch - 0.002_828_4).abs() < 1e-7);
     assert_eq!((config.tools.table, config.tools.changer), (None, ToolChanger::Fixed));
     assert_eq!((config.spindle.count, config.spindle.orient_offset_degrees), (1, 0.0));
 }
@@ -156,23 +156,28 @@ orient_offset_degrees = -90
         analog_pins: 16,
         block_delete: true,
         optional_stop: true,
-        diameter_mode: true,
-        keep_g92: false,
-        fanuc_subroutines: false,
-        chip_breaking_clearance_mm: Some(1.0),
-        peck_clearance_mm: Some(0.5),
-        cutter_corner: ::compensation::Corner::Intersection { limit_degrees: 95.0 },
-        gouge: ::compensation::Gouge::DropLoop,
-        contour_feed: ::compensation::FeedSettings {
-            arcs: true,
-            inside_corners: Some(::compensation::InsideCorners {
-                share: 0.5,
-                distance_mm: Some(3.0),
-                bend_degrees: 45.0,
-            }),
+        dialect: Dialect {
+            diameter_mode: true,
+            keep_g92: false,
+            fanuc_subroutines: false,
         },
-        arc_radius_tolerance_mm: 0.01,
-        arc_radius_tolerance_inch: 0.001,
+        pecks: Pecks {
+            chip_breaking_mm: Some(1.0),
+            deep_hole_mm: Some(0.5),
+        },
+        cutter: Cutter {
+            corner: ::compensation::Corner::Intersection { limit_degrees: 95.0 },
+            gouge: ::compensation::Gouge::DropLoop,
+            feed: ::compensation::FeedSettings {
+                arcs: true,
+                inside_corners: Some(::compensation::InsideCorners {
+                    share: 0.5,
+                    distance_mm: Some(3.0),
+                    bend_degrees: 45.0,
+                }),
+            },
+        },
+        arc_radius_tolerance: ArcTolerance { mm: 0.01, inch: 0.001 },
         values: [value("height", 12.5), value("speed", -3.0)].into(),
         remaps: vec![
             remap("M400", 7, "@Pq>", "drill"),

@@ -6,7 +6,7 @@
 use super::user_code;
 use config::{self, Config};
 use machine::tables::{Tables, without_file};
-use motion::canon::{AXES, LengthUnit, Position};
+use motion::canon::{AXES, Position};
 
 /// A file of `programs/probing`: its path and its text.
 macro_rules! cycle {
@@ -80,17 +80,17 @@ pub fn interpreter_settings(config: &Config, start: Position) -> gcode::Settings
         machine_unit: config.unit,
         tools: without_file(config),
         block_delete: program.block_delete,
-        diameter_mode: program.diameter_mode,
+        diameter_mode: program.dialect.diameter_mode,
         spindles: config.spindle.count,
         wrapped_rotary,
         kinematics: config.kinematics(),
-        arc_radius_tolerance_mm: arc_radius_tolerance_mm(config),
-        chip_breaking_clearance_mm: program.chip_breaking_clearance_mm,
-        peck_clearance_mm: program.peck_clearance_mm,
-        fanuc_subprograms: program.fanuc_subroutines,
-        cutter_corner: program.cutter_corner,
-        gouge: program.gouge,
-        contour_feed: program.contour_feed,
+        arc_radius_tolerance_mm: program.arc_radius_tolerance.own_mm(config.unit),
+        chip_breaking_clearance_mm: program.pecks.chip_breaking_mm,
+        peck_clearance_mm: program.pecks.deep_hole_mm,
+        fanuc_subprograms: program.dialect.fanuc_subroutines,
+        cutter_corner: program.cutter.corner,
+        gouge: program.cutter.gouge,
+        contour_feed: program.cutter.feed,
         digital_pins: program.digital_pins,
         analog_pins: program.analog_pins,
         orient_offset_degrees: config.spindle.orient_offset_degrees,
@@ -102,19 +102,6 @@ pub fn interpreter_settings(config: &Config, start: Position) -> gcode::Settings
         pin_values: program.pins.clone(),
         startup_code: program.startup_code.clone(),
         ..gcode::Settings::default()
-    }
-}
-
-/// The tolerance of the machine's own unit, where the file says another than LinuxCNC's.
-fn arc_radius_tolerance_mm(config: &Config) -> Option<f64> {
-    let [mm, inch] = config::ARC_RADIUS_TOLERANCE;
-    let program = &config.program;
-    match config.unit {
-        LengthUnit::Millimetre => Some(program.arc_radius_tolerance_mm).filter(|tolerance| *tolerance != mm),
-        LengthUnit::Inch => {
-            let tolerance = Some(program.arc_radius_tolerance_inch).filter(|tolerance| *tolerance != inch);
-            tolerance.map(|tolerance| tolerance * LengthUnit::Inch.mm())
-        }
     }
 }
 
@@ -139,7 +126,7 @@ mod tests {
     use super::*;
     use ::compensation::{Corner, Gouge};
     use config::Remap;
-    use motion::canon::Axis;
+    use motion::canon::{Axis, LengthUnit};
     use std::os::unix::fs::PermissionsExt;
     use std::path::{Path, PathBuf};
 
@@ -196,13 +183,13 @@ mod tests {
         program.digital_pins = 64;
         program.analog_pins = 16;
         program.block_delete = true;
-        program.diameter_mode = true;
-        program.chip_breaking_clearance_mm = Some(1.0);
-        program.peck_clearance_mm = Some(2.0);
-        program.fanuc_subroutines = false;
-        program.cutter_corner = Corner::Intersection { limit_degrees: 60.0 };
-        program.gouge = Gouge::DropLoop;
-        program.arc_radius_tolerance_inch = 0.001;
+        program.dialect.diameter_mode = true;
+        program.pecks.chip_breaking_mm = Some(1.0);
+        program.pecks.deep_hole_mm = Some(2.0);
+        program.dialect.fanuc_subroutines = false;
+        program.cutter.corner = Corner::Intersection { limit_degrees: 60.0 };
+        program.cutter.gouge = Gouge::DropLoop;
+        program.arc_radius_tolerance.inch = 0.001;
         program.pins = [("a.b".to_owned(), 1.0)].into();
         program.startup_code = "G61".into();
         program.values = [(("probe".to_owned(), "height".to_owned()), 5.0)].into();
@@ -239,7 +226,7 @@ mod tests {
 
         config.program.user_codes.allowed = false;
         config.unit = LengthUnit::Millimetre;
-        config.program.arc_radius_tolerance_mm = 0.005;
+        config.program.arc_radius_tolerance.mm = 0.005;
         let found = settings(&config);
         assert_eq!(found.user_codes, Some(Vec::new()));
         assert_eq!(found.arc_radius_tolerance_mm, Some(0.005));

@@ -48,7 +48,7 @@ impl EstopChain {
             machine_is_on: hal.output("halui.machine.is-on")?,
             pulse: 0,
             held_open: false,
-            request: match config.estop_category {
+            request: match config.stops.emergency {
                 StopCategory::Zero => Request::CutPower,
                 StopCategory::One => Request::QuickStop,
             },

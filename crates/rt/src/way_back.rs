@@ -177,7 +177,7 @@ struct Retract {
 impl Retract {
     /// As the machine file says; `None`: it stays where it stops.
     fn new(config: &Config) -> Option<Retract> {
-        let (axis, distance_mm) = (config.mains.retract_axis, config.mains.retract_mm);
+        let (axis, distance_mm) = (config.stops.mains.retract_axis, config.stops.mains.retract_mm);
         let map = config.axes.iter().find(|map| map.axis == axis)?;
         let joint = *map.joints.first()?;
         (distance_mm != 0.0).then_some(Retract {

@@ -15,7 +15,7 @@ use cia402::device::{self, DRIVE_OBJECTS, Delays, Demand, Device, Injected};
 use cia402::profile::{AXES_MAX, object_of};
 use config::{
     Config, DriveMode, FactorGroup, Homing, HomingBy, InputBits, Joint, JointLimits, Node, NodeIndex, Reactions,
-    SimFaultKind, SpindleAxis, Sto, StopLimits,
+    SimFaultKind, SpindleAxis, Sto, StopLimits, Switches,
 };
 use machine::fault_order::{FAULT, FaultOrder};
 use obd::{AbortCode, Dictionary, EntryDef, Handle, Key};
@@ -88,10 +88,12 @@ const BENCH: Joint = Joint {
     compensation: None,
     unhomed_jog_mm_s: 10.0,
     touch_probe: None,
-    limits_by_drive: false,
-    input_bits: InputBits {
-        limits: [0, 1],
-        home: 2,
+    switches: Switches {
+        limits: false,
+        bits: InputBits {
+            limits: [0, 1],
+            home: 2,
+        },
     },
     home_count: 0,
     sto: None,

@@ -59,7 +59,7 @@ pub(super) fn test_config() -> Config {
         amplifier_lag_s: None,
         reactions: Reactions::default(),
         pid: None,
-        input_bits: InputBits::default(),
+        switches: Switches::default(),
         home_count: 0,
         travel_mm,
         limits: JointLimits {
@@ -88,7 +88,6 @@ pub(super) fn test_config() -> Config {
         compensation: None,
         unhomed_jog_mm_s: 10.0,
         touch_probe: None,
-        limits_by_drive: false,
         sto: None,
         squaring_offset_mm: 0.0,
     };
@@ -99,7 +98,7 @@ pub(super) fn test_config() -> Config {
         cycle_us: 1000,
         state_directory: None,
         probe_stops_jog: true,
-        estop_category: StopCategory::One,
+        stops: Stops::default(),
         unit: LengthUnit::Millimetre,
         rt: Rt {
             phase_us: Some(370),
@@ -158,7 +157,6 @@ pub(super) fn test_config() -> Config {
         spindle: Spindle::default(),
         program: Program::default(),
         tools: Tools::default(),
-        mains: Mains::default(),
         nets: Vec::new(),
         components: Vec::new(),
         logics: Vec::new(),

@@ -30,7 +30,7 @@ pub(super) fn read(args: &InterpretArgs) -> anyhow::Result<Option<Tables>> {
         Some(path) => match bus::read(path) {
             Ok(config) => {
                 let settings = program::interpreter_settings(&config, program::home(&config));
-                keeps_g92 = config.program.keep_g92;
+                keeps_g92 = config.program.dialect.keep_g92;
                 (
                     settings,
                     config.tools.changer,

@@ -136,7 +136,7 @@ impl Tables {
             block_delete: config.program.block_delete,
         };
         tables.refresh(config)?;
-        if !config.program.keep_g92 {
+        if !config.program.dialect.keep_g92 {
             forget_g92(&mut tables.parameters);
         }
         Ok(tables)

@@ -87,7 +87,7 @@ fn a_g92_offset_outlives_the_process_where_the_machine_file_says_so() {
     );
     let found = |config: &Config| [5210, 5211, 5219, 5221].map(|number| value(&Tables::read(config).unwrap(), number));
     assert_eq!(found(&machine.config), [1.0, 5.0, 6.0, 7.0].map(Some));
-    machine.config.program.keep_g92 = false;
+    machine.config.program.dialect.keep_g92 = false;
     assert_eq!(found(&machine.config), [0.0, 0.0, 0.0, 7.0].map(Some));
 }
 

@@ -11,7 +11,7 @@ use bus::plan::NodePlan;
 use bus::{InputImage, NodeIndex, NodeState, OutputImage};
 use cia402::axis::{Axis, AxisConfig, Feedback, HomingState, Setpoint, Status, Target};
 use cia402::profile::object_of;
-use config::{Compensation, DriveMode, HomingBy, InputBits, Joint, Sto, targets};
+use config::{Compensation, DriveMode, HomingBy, Joint, Sto, Switches, targets};
 use motion::rt::{JointCompensation, Pid};
 
 /// Objects of one drive in its payloads; those that are not mapped are `None`.
@@ -155,8 +155,7 @@ pub struct Drive {
     feedback: Feedback,
     setpoint: Setpoint,
     online: bool,
-    limits_by_drive: bool,
-    input_bits: InputBits,
+    switches: Switches,
     sto: Option<(Field, Sto)>,
     /// What it sent last says that its safety circuit is open.
     sto_open: bool,
@@ -196,8 +195,7 @@ impl Drive {
             feedback: Feedback::default(),
             setpoint: Setpoint::default(),
             online: false,
-            limits_by_drive: joint.limits_by_drive,
-            input_bits: joint.input_bits,
+            switches: joint.switches,
             sto: joint.sto.and_then(|sto| {
                 let (index, sub) = sto.object;
                 Some((plan.inputs.find(index, sub)?, sto))
@@ -462,14 +460,13 @@ impl Drive {
 
     /// Whether it says that its lower, and its upper limit switch is closed.
     pub fn limit_switches(&self) -> [bool; 2] {
-        let told = self.online && self.limits_by_drive;
-        let inputs = self.feedback.digital_inputs;
-        self.input_bits.limits.map(|bit| told && inputs >> bit & 1 == 1)
+        let closed = self.switches.limits(self.feedback.digital_inputs);
+        closed.map(|closed| self.online && closed)
     }
 
     /// Whether it says that its home switch is closed.
     pub fn home_switch(&self) -> bool {
-        self.feedback.digital_inputs >> self.input_bits.home & 1 == 1
+        self.switches.home(self.feedback.digital_inputs)
     }
 
     /// Greatest following error allowed, mm.

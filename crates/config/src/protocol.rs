@@ -2,15 +2,15 @@
 //!
 //! In:  tables of the machine file. Out: [`BusKeys`] and [`NodeKeys`], which a protocol that lacks a key fills with what it means there.
 
+use super::bus_types::{BusClock, BusKind, BusLink, EthercatNode, Exchange, Mapped, Profile, Stamp};
+use super::cross::PendingCross;
 use super::device::IsOurs;
-use super::document::Section;
+use super::drive::DriveUse;
 use super::drive_profile::DriveProfile;
-use super::ethercat::{self, Esi};
-use super::node::Network;
-use super::powerlink::{self, PendingCross};
-use super::types::{
-    BusClock, BusKind, BusLink, DeviceDescription, EthercatNode, Exchange, Mapped, Profile, Protocol, Stamp,
-};
+use super::esi::Esi;
+use super::section::Section;
+use obd::device::DeviceDescription;
+use std::path::Path;
 
 /// A key that cannot stand in a table, and why.
 pub(super) type Foreign = (&'static str, &'static str);
@@ -29,11 +29,7 @@ pub(super) trait Keys {
     /// How the network starts (1F80); `Some(None)`: as it usually does.
     fn startup(&self, section: &mut Section<'_, '_>) -> Option<Option<u32>>;
 
-    /// What the manufacturer's file says of a node: an XDD or an ESI file.
-    #[expect(
-        clippy::type_complexity,
-        reason = "`None`: cannot be used, `Some(None)`: there is none"
-    )]
+    /// What the manufacturer's file says of a node: an XDD or an ESI file. `None`: cannot be used, `Some(None)`: there is none.
     fn device_file(
         &self,
         section: &mut Section<'_, '_>,
@@ -60,12 +56,19 @@ pub(super) trait Keys {
     fn cross<'d, 'l>(&self, section: &mut Section<'d, 'l>) -> Option<Vec<PendingCross<'d, 'l>>>;
 }
 
-/// The part of a kind of bus. Of a kind that is not known yet, and where there is no bus, it is POWERLINK's.
-pub(super) fn of(kind: Option<BusKind>) -> &'static dyn Keys {
-    match kind.map_or(Protocol::None, BusKind::protocol) {
-        Protocol::Powerlink | Protocol::None => &powerlink::Powerlink,
-        Protocol::Ethercat => &ethercat::Ethercat,
-    }
+/// What a node is read against.
+pub(super) struct Network<'a> {
+    /// Folder of the machine file.
+    pub(super) folder: &'a Path,
+    pub(super) cycle_us: Option<u32>,
+    /// Cycles of a multiplexed round.
+    pub(super) multiplex_cycles: Option<u8>,
+    /// What drives are there for.
+    pub(super) uses: &'a [DriveUse],
+    /// What the protocol of the bus has of its own.
+    pub(super) keys: &'static dyn Keys,
+    /// Whose clock leads, where that is known.
+    pub(super) clock: Option<BusClock>,
 }
 
 /// Keys of `[bus]` that not every protocol has.
