@@ -276,7 +276,7 @@ fn started(translation: &Translation, pins: &[&str]) -> (Vec<hal_pins::AnyValue>
     let view = hal.view();
     (
         pins.iter().map(|pin| view.value(pin).unwrap()).collect(),
-        held.is_held_open(),
+        held.estop.is_held_open(),
     )
 }
 
