@@ -162,10 +162,6 @@ pub(crate) fn block(line: &str, before: &Modes) -> Result<Block, ErrorNumber> {
     }
     follow(&values, before, &mut modes, once, moves);
     let probes = moves && matches!(modes.motion, Motion::Probe(_));
-    let ends = matches!(stop, Some(2 | 30));
-    if ends {
-        modes = modes.at_end();
-    }
     // Another client may have left the control in another motion.
     let mut text = match moves && motion.is_none() {
         true => modes.motion.word(),
@@ -177,6 +173,11 @@ pub(crate) fn block(line: &str, before: &Modes) -> Result<Block, ErrorNumber> {
     }
     if !text.is_empty() {
         text.push('\n');
+    }
+    // The move of the line itself is still one of the modes before the end.
+    let ends = matches!(stop, Some(2 | 30));
+    if ends {
+        modes = modes.at_end();
     }
     Ok(Block {
         text,
@@ -537,6 +538,13 @@ mod tests {
         assert_eq!(told("M30"), (true, false, true));
         assert_eq!(told("G38.2Z-10"), (true, true, false));
         assert_eq!(told("G1X1"), (false, false, false));
+    }
+
+    #[test]
+    fn a_move_beside_an_end_is_one_of_the_motion_in_force() {
+        for (before, text) in [("G0", "G0X1M30\n"), ("G1F100", "G1X1M30\n")] {
+            assert_eq!(block("X1M30", &after(before)).expect("a block").text, text);
+        }
     }
 
     #[test]

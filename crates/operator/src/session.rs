@@ -31,7 +31,7 @@ use host::setup;
 use host::setup::{Finding, Role, STACK_SIZE, by_cure, enter_thread};
 use host::signals::{StopOnDrop, StopSignal};
 use host::steadiness::Steadiness;
-use host::step_port;
+use host::step_port::{self, StepPort};
 use host::terminal::say;
 use host::wait::{Grid, monotonic_ns};
 use machine::journal::{Entry, Journal};
@@ -278,8 +278,7 @@ fn run_on(
     let (control, endpoints) = assemble(config, &bus::plan(config), open.cyclic, &mut hal)?;
     // On the heap: it is larger than the stack of a real-time thread, which is locked in memory as a whole.
     let mut control = Box::new(control);
-    let out_of_this_pc = config.steps.as_ref().map(step_port::open).transpose()?.flatten();
-    if let Some(port) = out_of_this_pc.or_else(|| stepper::port(config)) {
+    if let Some(port) = port_of_steps(config)? {
         control.steps_mut().set_port(port);
     }
     // On paced time the cycle makes its pulses itself.
@@ -326,17 +325,9 @@ fn run_on(
     let stop = AtomicBool::new(false);
     let (figures, probed_time_s) = std::thread::scope(|scope| -> anyhow::Result<_> {
         let limits = Limits::for_machine(&config.bus, &rt, grid);
-        let timeouts = match &paced {
-            None => Some(TimeoutThread::spawn(
-                Arc::clone(process),
-                Arc::clone(&watch),
-                limits,
-                reports,
-                steps,
-            )?),
-            // Nobody can be late.
-            Some(_) => None,
-        };
+        // On paced time nobody can be late.
+        let spawn = || TimeoutThread::spawn(Arc::clone(process), Arc::clone(&watch), limits, reports, steps);
+        let timeouts = paced.is_none().then(spawn).transpose()?;
         let cycle = std::thread::Builder::new()
             .name(CYCLE_THREAD.into())
             .stack_size(STACK_SIZE)
@@ -400,6 +391,12 @@ fn run_on(
             ..calibration
         },
     })
+}
+
+/// The port of the step pulses, of this PC or simulated; `None`: there are no steppers.
+fn port_of_steps(config: &Config) -> anyhow::Result<Option<Box<dyn StepPort + Send>>> {
+    let out_of_this_pc = config.steps.as_ref().map(step_port::open).transpose()?.flatten();
+    Ok(out_of_this_pc.or_else(|| stepper::port(config)))
 }
 
 /// What clients see of the network.

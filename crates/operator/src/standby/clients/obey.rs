@@ -58,18 +58,11 @@ impl Clients<'_, '_> {
             Order::Path(path) => return Some(self.draw(path, operator)),
             Order::Tools => return Some(Ok(remembered::tools(&lock(self.tables), self.config.unit))),
             Order::Offsets => return Some(Ok(self.offsets())),
-            Order::Report(number) => {
-                let found = keeper.memory.reports().find(number);
-                return Some(found.map(|report| json!(report)));
-            }
+            Order::Report(number) => return Some(keeper.memory.reports().find(number).map(|report| json!(report))),
             Order::MdiHistory => return Some(Ok(json!({ "lines": keeper.memory.now().mdi }))),
             Order::Journal(since) => return Some(Ok(remembered::journal(operator, since))),
             Order::Parts { count, target } => {
-                let mut parts = keeper.memory.now().parts;
-                parts.count = count.unwrap_or(parts.count);
-                parts.target = target.map_or(parts.target, |target| Some(target).filter(|target| *target > 0));
-                keeper.memory.set_parts(parts);
-                operator.add_entry(format!("order: parts {parts}"));
+                set_parts(count, target, operator, keeper);
                 self.unsettled.push((ticket, Unsettled::new(keeper, operator, now_ns)));
                 return None;
             }
@@ -259,6 +252,15 @@ impl Clients<'_, '_> {
         keeper.hand_in(left);
         Ok(())
     }
+}
+
+/// Sets the counter of parts, and how many are wanted; 0: nobody says.
+fn set_parts(count: Option<u64>, target: Option<u64>, operator: &mut Operator, keeper: &mut Keeper<'_, '_>) {
+    let mut parts = keeper.memory.now().parts;
+    parts.count = count.unwrap_or(parts.count);
+    parts.target = target.map_or(parts.target, |target| Some(target).filter(|target| *target > 0));
+    keeper.memory.set_parts(parts);
+    operator.add_entry(format!("order: parts {parts}"));
 }
 
 fn given(operator: &mut Operator, command: Command) -> Result<(), String> {
