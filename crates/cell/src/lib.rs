@@ -7,7 +7,7 @@
 //! |---|---|
 //! | certificates of a cell | `ca.rs` |
 //! | what is decided, without network and clock | `core/` |
-//! | what is kept; of journals | `store.rs`; `store/journal.rs` |
+//! | what is kept; of journals | `store/mod.rs`; `store/journal.rs` |
 //! | what others could have changed | `trust.rs` |
 //! | the network: Zenoh to events and back | `net.rs` |
 //! | the loop, and who asks it from this PC | `serve.rs` |
