@@ -4,7 +4,7 @@
 //! are quantiles of single requests, how many notifications came, what the service cost, what a cycle took and the load.
 
 use hdrhistogram::Histogram;
-use isocnc::api::client::Client;
+use isocnc::api::client::{self, Client};
 use serde_json::{Value, json};
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -89,7 +89,7 @@ fn main() {
         .spawn();
     let control = Killed(control.expect("a control"));
     let mut client = loop {
-        match Client::connect(Some(&machine)) {
+        match client::connect(Some(&machine)) {
             Ok(client) => break client,
             Err(_) => std::thread::sleep(Duration::from_millis(50)),
         }
@@ -118,7 +118,7 @@ fn main() {
         let cpu_before = service_ticks(control.0.id());
         std::thread::scope(|scope| {
             for _ in 0..subscribed * SUBSCRIBERS {
-                let mut subscriber = Client::connect(Some(&machine)).expect("a connection");
+                let mut subscriber = client::connect(Some(&machine)).expect("a connection");
                 subscriber.call("subscribe", json!({})).expect("a subscription");
                 let (stop, told) = (&stop, &told);
                 scope.spawn(move || {

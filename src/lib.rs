@@ -23,6 +23,7 @@ pub use ::operator;
 pub use ::plan_report;
 pub use ::plot;
 pub use ::program;
+pub use ::protocol;
 pub use ::remote;
 pub use ::rt;
 pub use ::scope;

@@ -1,7 +1,7 @@
 //! Faults of simulated drives that a client asks for while the machine runs.
 
 use common::Control;
-use isocnc::api::client::Client;
+use isocnc::api::client;
 use serde_json::{Value, json};
 use std::process::Stdio;
 
@@ -156,7 +156,7 @@ fn what_is_no_simulated_drive_and_what_makes_no_sense_is_refused_in_words() {
         control.refused(&[&["fault"], arguments].concat(), why);
     }
     // Not into the work of another client.
-    let mut other = Client::connect(Some(&control.machine)).expect("a client");
+    let mut other = client::connect(Some(&control.machine)).expect("a client");
     other
         .call("control.take", json!({ "name": "the panel" }))
         .expect("control");

@@ -4,7 +4,7 @@
 use crate::common;
 
 use common::Control;
-use isocnc::api::client::{Client, ClientError};
+use isocnc::api::client::{self, Client, ClientError};
 use isocnc::config;
 use isocnc::operator::rehearsal::rehearse;
 use isocnc::rt::cycle_stats::{CycleTimes, recorder};
@@ -325,7 +325,7 @@ fn the_mode_is_that_of_the_program_again_once_it_returns_from_a_jog() {
 }
 
 fn client(control: &Control) -> Client {
-    Client::connect(Some(&control.machine)).unwrap()
+    client::connect(Some(&control.machine)).unwrap()
 }
 
 fn refusal(answer: Result<Value, ClientError>) -> String {

@@ -3,10 +3,11 @@
 use crate::common;
 
 use common::{Control, PATIENCE};
-use isocnc::api::client::{Client, ClientError};
-use isocnc::api::methods::table::{Kind, METHODS, Param};
+use isocnc::api::client::{self, Client, ClientError};
+use isocnc::api::methods::table::METHODS;
 use isocnc::api::openrpc;
 use isocnc::api::rpc::code;
+use isocnc::protocol::schema::Param;
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::os::unix::net::UnixStream;
@@ -23,7 +24,7 @@ fn up(name: &str) -> Control {
 }
 
 fn client(control: &Control) -> Client {
-    Client::connect(Some(&control.machine)).unwrap()
+    client::connect(Some(&control.machine)).unwrap()
 }
 
 fn raw(control: &Control) -> UnixStream {
@@ -36,7 +37,7 @@ fn raw(control: &Control) -> UnixStream {
     stream
 }
 
-fn refusal(answer: Result<Value, ClientError>) -> (i32, String) {
+fn refusal<A: std::fmt::Debug>(answer: Result<A, ClientError>) -> (i32, String) {
     match answer {
         Err(ClientError::Refused(error)) => (error.code, error.message),
         other => panic!("{other:?}"),
@@ -48,9 +49,9 @@ fn listen(client: &mut Client, mine: &mut Value, mut wanted: impl FnMut(&Value) 
     let give_up = Instant::now() + PATIENCE;
     while !wanted(mine) {
         assert!(Instant::now() < give_up, "never: {mine}");
-        let message = client.notification().unwrap();
-        assert_eq!(message["method"], "state");
-        for (name, value) in message["params"]["changed"].as_object().unwrap() {
+        let told = client.notification().unwrap();
+        assert_eq!(told.method, "state");
+        for (name, value) in told.params["changed"].as_object().unwrap() {
             assert_ne!(&mine[name], value, "{name} was told before");
             mine[name] = value.clone();
         }
@@ -194,18 +195,23 @@ fn value_of(param: &Param, is_legal: bool) -> Value {
     if !is_legal {
         return json!("\u{7f}".repeat(1_000));
     }
-    match param.kind {
-        Kind::Whole(_, most) => json!(most.min(u64::from(u32::MAX))),
-        Kind::Wholes(_, most) => json!((0..=most).collect::<Vec<_>>()),
-        Kind::Texts(_) => json!(["motion.feed-hold"]),
-        Kind::Number => json!(1e-6),
-        Kind::Percent(low, _) => json!(low),
-        Kind::Flag => json!(true),
-        Kind::Text => json!(format!("(\"{}\")\n", "x".repeat(100)).repeat(400)),
-        Kind::Octets(most) => json!("00".repeat(most.min(20_000))),
-        Kind::Axis => json!("X"),
-        Kind::WorkSystem => json!("G54"),
-        Kind::SimFault => json!("none"),
+    let schema = &param.schema;
+    let bound = |name: &str| schema[name].as_u64();
+    match schema["type"].as_str().unwrap() {
+        "integer" => json!(bound("maximum").unwrap_or(u64::MAX).min(u64::from(u32::MAX))),
+        "array" => match schema["items"]["maximum"].as_u64() {
+            Some(most) => json!((0..=most).collect::<Vec<_>>()),
+            None => json!(["motion.feed-hold"]),
+        },
+        "number" => schema.get("minimum").cloned().unwrap_or(json!(1e-6)),
+        "boolean" => json!(true),
+        "string" => match (schema["enum"].as_array(), bound("maxLength")) {
+            (Some(words), _) if param.name == "kind" => words[words.len() - 1].clone(),
+            (Some(words), _) => words[0].clone(),
+            (None, Some(most)) => json!("00".repeat((most as usize / 2).min(20_000))),
+            (None, None) => json!(format!("(\"{}\")\n", "x".repeat(100)).repeat(400)),
+        },
+        other => panic!("{}: {other}", param.name),
     }
 }
 

@@ -3,12 +3,12 @@
 use isocnc::api::methods::Methods;
 use isocnc::api::network_view::NetworkView;
 use isocnc::api::orders::order_channel;
-use isocnc::api::roles::Role;
 use isocnc::api::rpc;
 use isocnc::api::server::{Caller, Serve};
 use isocnc::bus::NodeIndex;
 use isocnc::bus::service::{Diagnose, Mailbox, MailboxFull, MailboxReply, MailboxRequest, NetworkLive, NodeLive};
 use isocnc::config::{self, Config};
+use isocnc::protocol::Role;
 use isocnc::rt::shared::RtStatus;
 use std::path::Path;
 use std::sync::{Arc, OnceLock};

@@ -4,12 +4,13 @@
 //! Out: a line for everything that matters, and what to do first. Exit code 0: no must is missing, 1: one is, 2: wrong usage.
 
 use anyhow::Context as _;
-use api::client::Client;
+use api::client::{self, Client};
 use config::{Config, Rt};
 use host::doctor::{Level, Pc, Report, Target, ThisPc, examine, is_interface_name, isolcpus};
 use host::setup;
+use protocol::method;
+use protocol::params::NoParams;
 use remote::control::forced_words;
-use serde_json::json;
 use std::io::{IsTerminal as _, Write as _};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -97,11 +98,12 @@ pub fn doctor(args: &DoctorArgs) -> anyhow::Result<ExitCode> {
 /// what its program says.
 fn forced() -> Vec<String> {
     let of = |(machine, mut client): (String, Client)| {
-        let status = client.call("status", json!({})).unwrap_or_default();
-        let lines = forced_words(&status["forced"]).map(|forced| format!("FORCED:    {forced} (machine {machine})"));
+        let forced = client.ask::<method::Status>(&NoParams {}).map(|status| status.forced);
+        let forced = forced.unwrap_or_default();
+        let lines = forced_words(&forced).map(|forced| format!("FORCED:    {forced} (machine {machine})"));
         lines.collect::<Vec<_>>()
     };
-    Client::all().into_iter().flat_map(of).collect()
+    client::all().into_iter().flat_map(of).collect()
 }
 
 /// What the control would use.

@@ -6,15 +6,14 @@
 //! The supervisor is a client as others are: it takes control for the start of a program only, and is refused where somebody has it.
 
 use anyhow::Context;
-use api::roles::Role;
 use api::server::door::Door;
 use cell_link::carrier::{Identity, common_name, machine_of};
-use cell_link::message::Remote as LinkRemote;
 use cell_link::{Client, Refused, Settings};
-use config::{Cell as Wanted, Config, Panel, Remote};
+use config::{Cell as Wanted, Config, Panel};
 use host::capabilities;
 use host::capabilities::Work;
 use operator::service::{Service, Until};
+use protocol::{Remote, Role};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -52,8 +51,8 @@ impl Service for Cell {
     fn serve(&self, door: Door, until: Until<'_>) {
         capabilities::give_up_or_warn(Work::Ordinary);
         let role = match self.settings.remote {
-            LinkRemote::Off => Role::Watch,
-            LinkRemote::Upload | LinkRemote::Run => Role::Operate,
+            Remote::Off => Role::Watch,
+            Remote::Upload | Remote::Run => Role::Operate,
         };
         let connect = |hears_changes| -> Result<Box<dyn cell_link::Control>, Refused> {
             let stream = door
@@ -83,11 +82,7 @@ fn settings(wanted: &Wanted, state: &Path, panel: Option<&Panel>) -> Settings {
             key: wanted.key.clone(),
             ca: wanted.ca.clone(),
         },
-        remote: match wanted.remote {
-            Remote::Off => LinkRemote::Off,
-            Remote::Upload => LinkRemote::Upload,
-            Remote::Run => LinkRemote::Run,
-        },
+        remote: wanted.remote,
         programs: programs.unwrap_or_else(|| state.join("programs")),
         state: state.to_owned(),
         // An address of any interface is none that a browser elsewhere could open.

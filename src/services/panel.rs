@@ -8,9 +8,8 @@
 //! one of several ways to the machine: the control goes on without, and tries again until the address is free.
 
 use super::Asked;
-use ::panel::{Backup, Counts, Guest, Listener, Role, Settings, Tls, TlsError, TokenFile, Tokens};
+use ::panel::{Backup, Counts, Guest, Listener, Settings, Tls, TlsError, TokenFile, Tokens};
 use anyhow::Context;
-use api::roles;
 use api::server::door::Door;
 use config::{Config, Encryption, Panel as Wanted};
 use host::capabilities;
@@ -19,6 +18,7 @@ use host::terminal::say;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use operator::measurements;
 use operator::service::{Service, Until};
+use protocol::Role;
 use std::io::{self, Write};
 use std::net::SocketAddr;
 use std::os::fd::AsFd;
@@ -253,11 +253,6 @@ struct Way(Door);
 
 impl ::panel::Control for Way {
     fn connect(&self, guest: &Guest) -> io::Result<UnixStream> {
-        let role = match guest.role {
-            Role::Watch => roles::Role::Watch,
-            Role::Operate => roles::Role::Operate,
-            Role::SetUp => roles::Role::SetUp,
-        };
-        self.0.enter(role, &guest.name)
+        self.0.enter(guest.role, &guest.name)
     }
 }

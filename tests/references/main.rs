@@ -25,6 +25,7 @@ mod socket;
 mod source;
 mod states;
 mod stops;
+mod typescript;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -9,7 +9,7 @@
 use super::rpc::{RpcError, code};
 use super::server::ClientId;
 use rt::joint_jog::HOLDS_S;
-use serde_json::{Value, json};
+use serde_json::json;
 
 /// Control that is not used is lost after this, s.
 pub const LEASE_S: u64 = 30;
@@ -134,16 +134,14 @@ impl Control {
     }
 
     /// Who has control, for all to see.
-    pub fn shown(&mut self, now_ns: u64) -> Value {
+    pub fn shown(&mut self, now_ns: u64) -> Option<protocol::Control> {
         self.expire(now_ns);
-        let Some(holder) = &self.holder else {
-            return Value::Null;
-        };
-        json!({
-            "client": holder.who.client,
-            "process": holder.who.process,
-            "name": holder.who.name,
-            "taken": holder.taken,
+        let holder = self.holder.as_ref()?;
+        Some(protocol::Control {
+            client: holder.who.client,
+            process: holder.who.process.unsigned_abs(),
+            name: holder.who.name.clone(),
+            taken: holder.taken,
         })
     }
 
@@ -196,16 +194,16 @@ mod tests {
     #[test]
     fn who_orders_has_control_until_the_next_one_does() {
         let mut control = Control::default();
-        assert_eq!(control.shown(0), Value::Null);
+        assert_eq!(control.shown(0), None);
         for client in [1, 2, 1] {
             order(&mut control, client, 0).unwrap();
-            let shown = control.shown(0);
-            assert_eq!((&shown["client"], &shown["taken"]), (&json!(client), &json!(false)));
+            let shown = control.shown(0).unwrap();
+            assert_eq!((shown.client, shown.taken), (client, false));
         }
         control.release(2, 0);
-        assert_eq!(control.shown(0)["client"], 1);
+        assert_eq!(control.shown(0).unwrap().client, 1);
         control.release(1, 0);
-        assert_eq!(control.shown(0), Value::Null);
+        assert_eq!(control.shown(0), None);
     }
 
     #[test]
@@ -252,7 +250,7 @@ mod tests {
         assert!(order(&mut control, 1, 78 * S).is_err());
         // Silent for too long.
         assert!(order(&mut control, 1, 107 * S).is_err());
-        assert_eq!(control.shown(108 * S), Value::Null);
+        assert_eq!(control.shown(108 * S), None);
         order(&mut control, 1, 108 * S).unwrap();
         // Nobody is robbed of what nobody has taken.
         assert_eq!(control.take(who(2), true, 108 * S).unwrap(), None);

@@ -4,14 +4,14 @@
 //! Out: answers, one a line. What real time knows comes from what it publishes; orders to it go through rings. The
 //! service thread may wait, allocate and fail: nothing in real time waits for it.
 //!
-//! [`methods::table`] is the table of what can be asked; [`openrpc`] the same for programs; [`control`] who may give orders, [`roles`]
-//! who may give which; [`server`] keeps clients apart and tells subscribers of changes; [`client`] is the asking end.
+//! [`methods::table`] is the table of what can be asked; [`openrpc`] the same for programs; [`control`] who may give orders; [`server`]
+//! keeps clients apart and tells subscribers of changes; [`client`] finds controls for whoever asks. What travels is of [`protocol`].
 //!
 //! | to learn | file |
 //! |---|---|
 //! | what can be asked, and in which thread each method runs (`Runs`) | `methods/table.rs` |
-//! | the same for programs, with all answers | `openrpc.rs` |
-//! | which client may give orders; which role may give which | `control.rs`; `roles.rs` |
+//! | the same for programs, with all answers | `openrpc.rs`; the types: `crates/protocol` |
+//! | which client may give orders; which role may give which | `control.rs`; `crates/protocol/src/role.rs` |
 //! | connections; a stop or hold goes from here to the next cycle | `server/intake.rs` |
 //! | clients and their answers; clients of this process | `server/mod.rs`; `server/door.rs` |
 //! | what subscribers are sent, and when: the service thread looks every 10 ms, and is woken if an answer is ready or something has changed; an order wakes the operator's loop | `server/subscription.rs` |
@@ -22,8 +22,6 @@
 
 // What is public here is so for the program and its tests, and says more than its name only where there is more to say.
 #![allow(missing_docs)]
-// The state of a control is one large JSON object.
-#![recursion_limit = "256"]
 
 pub mod client;
 pub mod control;
@@ -35,7 +33,6 @@ pub mod openrpc;
 pub mod orders;
 pub mod paths;
 pub mod repeats;
-pub mod roles;
 pub mod rpc;
 pub mod scopes;
 pub mod server;

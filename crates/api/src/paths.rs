@@ -7,9 +7,11 @@
 
 use super::rpc::{RpcError, code, to_base64};
 use super::server::{ClientId, Ticket};
+use crate::methods::value;
 use motion::cancel::Cancel;
 use nix::sys::eventfd::EventFd;
-use serde_json::{Value, json};
+use protocol::PathPart;
+use serde_json::Value;
 use std::sync::Arc;
 use std::sync::mpsc::TrySendError;
 use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, sync_channel};
@@ -189,10 +191,12 @@ impl Paths {
         if is_over {
             self.all.remove(at);
         }
-        Some((
-            ticket,
-            Ok(json!({ "base64": to_base64(&records), "end": is_over, "error": error })),
-        ))
+        let part = PathPart {
+            base64: to_base64(&records),
+            end: is_over,
+            error,
+        };
+        Some((ticket, value(&part)))
     }
 
     /// Whoever waits for this answer has gone.
@@ -219,6 +223,7 @@ impl Paths {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use serde_json::json;
 
     fn octets(answer: Option<Result<Value, RpcError>>) -> Value {
         answer.expect("at once").expect("a part")

@@ -7,14 +7,11 @@
 
 use super::rpc::{Params, RpcError, code};
 use super::server::Ticket;
+use protocol::limits::{ID_MAX, REQUEST_ID};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 use std::collections::{HashMap, VecDeque};
 
-/// The parameter.
-pub const REQUEST_ID: &str = "request_id";
-/// Longest id, octets.
-pub const ID_MAX: usize = 64;
 /// An id is remembered for so long, s.
 pub const REMEMBERED_S: u64 = 600;
 /// Ids that are remembered at the most: as many orders as hands can give.

@@ -3,79 +3,11 @@
 //! In:  octets of one line from a client, whatever they are.
 //! Out: a [`Request`], or the error that goes back. Batches and parameters by position are refused by name.
 
+use protocol::params::Hex;
+use serde::Serialize;
 use serde_json::{Map, Value, json};
-use std::fmt;
 
-/// Error codes of JSON-RPC 2.0, and our own above them.
-pub mod code {
-    /// The line is no JSON.
-    pub const PARSE: i32 = -32700;
-    /// The JSON is no request.
-    pub const INVALID_REQUEST: i32 = -32600;
-    /// No such method.
-    pub const METHOD_NOT_FOUND: i32 = -32601;
-    /// Parameters that the method does not take.
-    pub const INVALID_PARAMS: i32 = -32602;
-    /// What was asked for cannot be done now.
-    pub const REFUSED: i32 = -32000;
-    /// A node does not answer, or cannot be asked now.
-    pub const NODE: i32 = -32001;
-    /// A node has refused it, with an abort code.
-    pub const NODE_ABORT: i32 = -32002;
-    /// A node does not have the object.
-    pub const NODE_NO_OBJECT: i32 = -32003;
-    /// Another client has control; who, is in the data.
-    pub const NO_CONTROL: i32 = -32004;
-    /// The control cannot read this file, which its client may be able to.
-    pub const UNREADABLE: i32 = -32005;
-    /// Whoever asks has not the role for it; which one, is in the data.
-    pub const NOT_ALLOWED: i32 = -32006;
-}
-
-/// An error that goes back to the client.
-#[derive(Clone, Debug, PartialEq)]
-pub struct RpcError {
-    /// See [`code`].
-    pub code: i32,
-    /// What is wrong, and what was expected.
-    pub message: String,
-    /// More of it, for programs.
-    pub data: Option<Value>,
-}
-
-impl RpcError {
-    /// An error with its text.
-    pub fn new(code: i32, message: impl Into<String>) -> RpcError {
-        RpcError {
-            code,
-            message: message.into(),
-            data: None,
-        }
-    }
-
-    /// The same with more of it, for programs.
-    pub fn with_data(self, data: Value) -> RpcError {
-        RpcError {
-            data: Some(data),
-            ..self
-        }
-    }
-}
-
-impl From<String> for RpcError {
-    /// It cannot be done now.
-    fn from(why: String) -> RpcError {
-        RpcError::new(code::REFUSED, why)
-    }
-}
-
-impl fmt::Display for RpcError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.message)
-    }
-}
-
-impl std::error::Error for RpcError {}
+pub use protocol::rpc::{RpcError, code};
 
 /// What a client asks for.
 #[derive(Clone, Debug, PartialEq)]
@@ -213,14 +145,7 @@ fn invalid(message: String) -> RpcError {
 
 /// Reads pairs of hexadecimal digits; `None` for anything else.
 pub fn from_hex(text: &str) -> Option<Vec<u8>> {
-    if !text.len().is_multiple_of(2) {
-        return None;
-    }
-    let digit = |octet: u8| char::from(octet).to_digit(16);
-    text.as_bytes()
-        .chunks_exact(2)
-        .map(|pair| Some((digit(pair[0])? << 4 | digit(pair[1])?) as u8))
-        .collect()
+    Hex::parse(text).map(|octets| octets.0)
 }
 
 /// Octets as Base64 (RFC 4648, with padding).
@@ -314,7 +239,7 @@ pub fn answer(id: &Value, result: Result<Value, RpcError>) -> String {
 }
 
 /// The line of a message that nobody asked for, with its end.
-pub fn notification(method: &str, params: &Value) -> String {
+pub fn notification(method: &str, params: &impl Serialize) -> String {
     format!("{}\n", json!({ "jsonrpc": "2.0", "method": method, "params": params }))
 }
 

@@ -8,10 +8,11 @@ use super::rpc::{RpcError, code, to_base64};
 use super::server::ClientId;
 use hal_pins::Attached;
 use hal_pins::scope::{CAPTURES, Channel};
+use protocol::limits::SCOPE_RATE_MAX_HZ;
+use protocol::{ScopeBegun, ScopePart, ScopeState};
 use scope::record::Step;
 use scope::stream::{ScopeError, Stream, Wanted};
 use scope::thin::{Column, Thinner};
-use serde_json::{Value, json};
 use std::collections::VecDeque;
 use std::path::PathBuf;
 
@@ -23,8 +24,6 @@ const BLOCKS_MAX: usize = 64;
 const TURN_MAX: usize = 4096;
 /// Nobody has taken anything for so long, s.
 const IDLE_S: u64 = 60;
-/// Notifications a second at the most, but for rows that wait.
-pub const RATE_MAX_HZ: u64 = 50;
 /// Where nothing is new, a client is told so often that its oscilloscope lives, ns.
 const QUIET_NS: u64 = 1_000_000_000;
 /// Oscilloscopes of a client.
@@ -95,7 +94,7 @@ impl Scopes {
         per_column: u64,
         rate_hz: Option<u64>,
         now_ns: u64,
-    ) -> Result<Value, RpcError> {
+    ) -> Result<ScopeBegun, RpcError> {
         self.forget_idle(now_ns);
         let of_client = self.all.iter().filter(|scope| scope.client == client).count();
         if of_client >= OF_CLIENT_MAX {
@@ -116,12 +115,16 @@ impl Scopes {
             RpcError::new(kind, error.to_string())
         })?;
         self.last += 1;
-        let channel = |channel: &Channel| json!({ "name": channel.name, "type": channel.value_type.name(), "unit": channel.unit });
-        let answer = json!({
-            "scope": self.last,
-            "period_us": stream.capture().period_ns() as f64 / 1e3,
-            "channels": stream.channels().iter().map(channel).collect::<Vec<_>>(),
-        });
+        let channel = |channel: &Channel| protocol::Channel {
+            name: channel.name.clone(),
+            kind: pin_type(channel.value_type),
+            unit: channel.unit.clone(),
+        };
+        let answer = ScopeBegun {
+            scope: self.last,
+            period_us: stream.capture().period_ns() as f64 / 1e3,
+            channels: stream.channels().iter().map(channel).collect(),
+        };
         self.all.push(Scope {
             number: self.last,
             client,
@@ -130,7 +133,7 @@ impl Scopes {
             per_column,
             blocks: VecDeque::new(),
             heard_ns: now_ns,
-            told_every_ns: rate_hz.map(|rate_hz| 1_000_000_000 / rate_hz.clamp(1, RATE_MAX_HZ)),
+            told_every_ns: rate_hz.map(|rate_hz| 1_000_000_000 / rate_hz.clamp(1, SCOPE_RATE_MAX_HZ)),
             error: None,
         });
         Ok(answer)
@@ -140,7 +143,7 @@ impl Scopes {
     ///
     /// # Errors
     /// There is no such oscilloscope.
-    pub fn next(&mut self, client: ClientId, number: u64, now_ns: u64) -> Result<Value, RpcError> {
+    pub fn next(&mut self, client: ClientId, number: u64, now_ns: u64) -> Result<ScopePart, RpcError> {
         let Some(at) = (self.all.iter()).position(|scope| scope.number == number && scope.client == client) else {
             let what = format!(
                 "no scope {number} of this client: it has come to its end, or nothing was taken for {IDLE_S} s"
@@ -151,7 +154,7 @@ impl Scopes {
     }
 
     /// Rows for a client that is to be told of them, if there are some and it is time.
-    pub fn news(&mut self, client: ClientId, now_ns: u64) -> Option<Value> {
+    pub fn news(&mut self, client: ClientId, now_ns: u64) -> Option<ScopePart> {
         let is_due = |scope: &Scope| {
             let every_ns = scope.told_every_ns?;
             let since_ns = now_ns.saturating_sub(scope.heard_ns);
@@ -173,7 +176,7 @@ impl Scopes {
     }
 
     /// The next rows of one; it is gone with its last ones.
-    fn part(&mut self, at: usize, now_ns: u64) -> Value {
+    fn part(&mut self, at: usize, now_ns: u64) -> ScopePart {
         let scope = &mut self.all[at];
         scope.heard_ns = now_ns;
         scope.pump();
@@ -184,22 +187,22 @@ impl Scopes {
         let recorder = scope.stream.recorder();
         let ends = scope.blocks.is_empty() && scope.is_over();
         let state = match () {
-            () if ends => "done",
-            () if recorder.is_recording() || !block.octets.is_empty() => "recording",
-            () => "waiting",
+            () if ends => ScopeState::Done,
+            () if recorder.is_recording() || !block.octets.is_empty() => ScopeState::Recording,
+            () => ScopeState::Waiting,
         };
         let row_octets = 8 * (1 + 2 * scope.stream.channels().len());
-        let answer = json!({
-            "scope": scope.number,
-            "record": block.record,
-            "rows": block.octets.len() / row_octets,
-            "base64": to_base64(&block.octets),
-            "record_ends": block.is_last,
-            "state": state,
-            "lost": scope.stream.capture().lost(),
-            "more": !scope.blocks.is_empty(),
-            "error": scope.error,
-        });
+        let answer = ScopePart {
+            scope: scope.number,
+            record: block.record,
+            rows: block.octets.len() / row_octets,
+            base64: to_base64(&block.octets),
+            record_ends: block.is_last,
+            state,
+            lost: scope.stream.capture().lost(),
+            more: !scope.blocks.is_empty(),
+            error: scope.error.clone(),
+        };
         if ends {
             self.all.remove(at);
         }
@@ -284,6 +287,18 @@ impl Scope {
     }
 }
 
+/// Type of the value of a pin.
+pub(super) fn pin_type(of: hal_pins::Type) -> protocol::PinType {
+    match of {
+        hal_pins::Type::Bit => protocol::PinType::Bit,
+        hal_pins::Type::S32 => protocol::PinType::S32,
+        hal_pins::Type::U32 => protocol::PinType::U32,
+        hal_pins::Type::S64 => protocol::PinType::S64,
+        hal_pins::Type::U64 => protocol::PinType::U64,
+        hal_pins::Type::Float => protocol::PinType::Float,
+    }
+}
+
 /// A row: time in s, then the least and the greatest value of each channel.
 fn push_row(blocks: &mut VecDeque<Block>, record: u64, column: &Column) {
     let length = 8 * (1 + 2 * column.ranges.len());
@@ -354,13 +369,9 @@ mod tests {
         }
     }
 
-    fn rows(answer: &Value) -> Vec<Vec<f64>> {
+    fn rows(answer: &ScopePart) -> Vec<Vec<f64>> {
         const DIGITS: &[u8] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-        let bits = answer["base64"]
-            .as_str()
-            .unwrap()
-            .bytes()
-            .filter(|digit| *digit != b'=');
+        let bits = answer.base64.bytes().filter(|digit| *digit != b'=');
         let bits: Vec<usize> = bits
             .map(|digit| DIGITS.iter().position(|known| *known == digit).unwrap())
             .collect();
@@ -375,7 +386,7 @@ mod tests {
             .chunks(8)
             .map(|eight| f64::from_le_bytes(eight.try_into().unwrap()))
             .collect();
-        match answer["rows"].as_u64().unwrap() as usize {
+        match answer.rows {
             0 => Vec::new(),
             rows => numbers.chunks(numbers.len() / rows).map(<[f64]>::to_vec).collect(),
         }
@@ -388,21 +399,18 @@ mod tests {
             .scopes
             .begin(1, &wanted(&["a.count", "a.on"], None), 4, None, 0)
             .unwrap();
-        assert_eq!(begun["period_us"], 1000.0);
+        assert_eq!(begun.period_us, 1000.0);
         assert_eq!(
-            begun["channels"][0],
-            json!({ "name": "a.count", "type": "u32", "unit": "" })
+            serde_json::to_value(&begun.channels[0]).unwrap(),
+            serde_json::json!({ "name": "a.count", "type": "u32", "unit": "" })
         );
-        let number = begun["scope"].as_u64().unwrap();
+        let number = begun.scope;
         let waiting = rig.scopes.next(1, number, 0).unwrap();
-        assert_eq!((&waiting["state"], &waiting["rows"]), (&json!("waiting"), &json!(0)));
+        assert_eq!((waiting.state, waiting.rows), (ScopeState::Waiting, 0));
         rig.cycles(10);
         let some = rig.scopes.next(1, number, 0).unwrap();
         assert_eq!(rows(&some), [[0.0, 0.0, 3.0, 1.0, 1.0], [0.004, 4.0, 7.0, 1.0, 1.0]]);
-        assert_eq!(
-            (&some["state"], &some["record"], &some["lost"]),
-            (&json!("recording"), &json!(1), &json!(0))
-        );
+        assert_eq!((some.state, some.record, some.lost), (ScopeState::Recording, 1, 0));
         assert!(rig.scopes.next(2, number, 0).is_err(), "another's");
         rig.scopes.end(2, number);
         rig.cycles(2);
@@ -422,16 +430,14 @@ mod tests {
             before_percent: 20.0,
             ..wanted(&["a.on"], Some("a.count>50"))
         };
-        let number = rig.scopes.begin(1, &wanted, 1, None, 0).unwrap()["scope"]
-            .as_u64()
-            .unwrap();
+        let number = rig.scopes.begin(1, &wanted, 1, None, 0).unwrap().scope;
         rig.cycles(50);
-        assert_eq!(rig.scopes.next(1, number, 0).unwrap()["state"], "waiting");
+        assert_eq!(rig.scopes.next(1, number, 0).unwrap().state, ScopeState::Waiting);
         rig.cycles(20);
         let whole = rig.scopes.next(1, number, 0).unwrap();
         let times: Vec<f64> = rows(&whole).iter().map(|row| (row[0] * 1e3).round()).collect();
         assert_eq!(times, [-2.0, -1.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
-        assert_eq!((&whole["state"], &whole["record_ends"]), (&json!("done"), &json!(true)));
+        assert_eq!((whole.state, whole.record_ends), (ScopeState::Done, true));
         assert!(rig.scopes.next(1, number, 0).is_err());
     }
 
@@ -441,9 +447,8 @@ mod tests {
         let number = rig
             .scopes
             .begin(1, &wanted(&["a.count"; 31], None), 1, None, 0)
-            .unwrap()["scope"]
-            .as_u64()
-            .unwrap();
+            .unwrap()
+            .scope;
         for _ in 0..30 {
             rig.cycles(1000);
             rig.scopes.pump(0);
@@ -454,12 +459,12 @@ mod tests {
         let (mut next, mut lost, mut gaps) = (0, 0, 0);
         loop {
             let block = rig.scopes.next(1, number, 0).unwrap();
-            lost = block["lost"].as_u64().unwrap().max(lost);
+            lost = block.lost.max(lost);
             for row in rows(&block) {
                 gaps += row[1] as u64 - next;
                 next = row[1] as u64 + 1;
             }
-            if block["rows"] == 0 {
+            if block.rows == 0 {
                 break;
             }
         }
@@ -539,15 +544,15 @@ mod tests {
         assert_eq!(rig.scopes.news(1, 10 * MS), None, "20 times a second");
         assert_eq!(rig.scopes.news(2, 50 * MS), None, "another's");
         let told = rig.scopes.news(1, 50 * MS).unwrap();
-        assert_eq!((&told["scope"], &told["rows"]), (&begun["scope"], &json!(3)));
+        assert_eq!((told.scope, told.rows), (begun.scope, 3));
         assert_eq!(rig.scopes.news(1, 100 * MS), None, "nothing is new");
         let quiet = rig.scopes.news(1, 1050 * MS).unwrap();
-        assert_eq!((&quiet["rows"], &quiet["state"]), (&json!(0), &json!("recording")));
+        assert_eq!((quiet.rows, quiet.state), (0, ScopeState::Recording));
         // What has gathered comes without a wait.
         rig.cycles(4000);
         rig.scopes.pump(1060 * MS);
-        let rows: u64 = std::iter::from_fn(|| rig.scopes.news(1, 1060 * MS))
-            .map(|told| told["rows"].as_u64().unwrap())
+        let rows: usize = std::iter::from_fn(|| rig.scopes.news(1, 1060 * MS))
+            .map(|told| told.rows)
             .sum();
         assert!((2000..4000).contains(&rows), "{rows}");
         // It reads no more: nothing is taken for a minute.
@@ -566,7 +571,7 @@ mod tests {
         rig.cycles(30);
         rig.scopes.pump(1);
         let told = rig.scopes.news(1, 20_000_000).unwrap();
-        assert_eq!((&told["state"], &told["record_ends"]), (&json!("done"), &json!(true)));
+        assert_eq!((told.state, told.record_ends), (ScopeState::Done, true));
         assert!(!rig.scopes.tells(1));
     }
 }

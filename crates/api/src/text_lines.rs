@@ -6,8 +6,6 @@
 use program::text::{Reader, Text};
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
 
-/// Lines of one answer at the most.
-pub(super) const LINES_MAX: u64 = 500;
 /// Octets of a line that are shown.
 const SHOWN_MAX: u64 = 256;
 /// Octets that are passed over for one answer at the most.

@@ -18,8 +18,6 @@ use std::os::unix::fs::FileExt;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Octets of one part.
-pub const PART_MAX: usize = 24 * 1024;
 /// Octets of a name.
 pub const NAME_MAX: usize = 4096;
 /// Programs that are coming, of all clients.

@@ -1,16 +1,14 @@
 //! The control as the link sees it: one of its clients.
 //!
-//! In:  a connection to it: JSON-RPC 2.0, one message a line. Out: answers, and its state as it is now.
+//! In:  a connection to it. Out: answers, and its state as it is now.
 
-use serde_json::{Map, Value, json};
-use std::io::{self, ErrorKind, Read, Write};
+use protocol::client::{CHECK_WAIT, Followed};
+use protocol::rpc::{Notification, given};
+use protocol::{ClientError, Method, StateChange, Status, method, params};
+use serde_json::Value;
 use std::os::unix::net::UnixStream;
+use std::path::Path;
 use std::time::{Duration, Instant};
-
-/// Longest wait for an answer: that of the check of a long program.
-const ANSWER_WAIT: Duration = Duration::from_secs(700);
-/// Longest line of the control, octets.
-const LINE_MAX: usize = 16 << 20;
 
 /// Why the control did not do something; in its words.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -23,30 +21,46 @@ pub enum Refused {
     Gone(String),
 }
 
+impl From<ClientError> for Refused {
+    fn from(error: ClientError) -> Refused {
+        match error {
+            ClientError::Refused(refused) => Refused::ByControl(refused.message),
+            error => Refused::Gone(error.to_string()),
+        }
+    }
+}
+
 /// A control, as one of its clients.
 pub trait Control: Send {
     /// The result of a method.
     ///
     /// # Errors
     /// It was refused, or the control has ended.
-    fn ask(&mut self, method: &str, params: Value) -> Result<Value, Refused>;
+    fn call(&mut self, method: &str, params: Value) -> Result<Value, Refused>;
 
-    /// Waits until the state has changed, so long at the most; gives the state, as `status` has it.
+    /// Waits until the state has changed, so long at the most; gives the state.
     ///
     /// # Errors
     /// The control has ended.
-    fn wait(&mut self, longest: Duration) -> Result<&Map<String, Value>, Refused>;
+    fn wait(&mut self, longest: Duration) -> Result<&Status, Refused>;
+}
+
+impl dyn Control + '_ {
+    /// The answer of a method, with its type.
+    ///
+    /// # Errors
+    /// It was refused, or the control has ended or answers something else.
+    pub fn ask<M: Method>(&mut self, params: &M::Params) -> Result<M::Answer, Refused> {
+        let answer = self.call(M::NAME, given(params))?;
+        Ok(protocol::client::read(answer)?)
+    }
 }
 
 /// A client over a connection.
 #[derive(Debug)]
 pub struct Client {
-    stream: UnixStream,
-    read: Vec<u8>,
-    /// Octets of `read` that hold no end of a line.
-    looked: usize,
-    last_id: u64,
-    state: Map<String, Value>,
+    control: protocol::Client,
+    state: Followed,
     is_changed: bool,
 }
 
@@ -56,117 +70,60 @@ impl Client {
     /// # Errors
     /// The control has ended.
     pub fn new(stream: UnixStream, subscribe: bool) -> Result<Client, Refused> {
-        let mut client = Client {
-            stream,
-            read: Vec::new(),
-            looked: 0,
-            last_id: 0,
-            state: Map::new(),
-            is_changed: true,
-        };
-        client.stream.set_nonblocking(false).map_err(gone)?;
+        let control = protocol::Client::new(stream, Path::new("the control"));
+        let mut control = control
+            .map_err(|cause| Refused::Gone(cause.to_string()))?
+            // Any method may wait for the check of a long program.
+            .with_patience(CHECK_WAIT);
+        let mut state = Followed::default();
         if subscribe {
-            let mut answer = client.ask("subscribe", json!({ "rate_hz": 1 }))?;
-            if let Value::Object(state) = answer["state"].take() {
-                client.state = state;
-            }
+            let once_a_second = params::Subscribe { rate_hz: Some(1) };
+            state = Followed::new(control.ask::<method::Subscribe>(&once_a_second)?.state);
         }
-        Ok(client)
+        Ok(Client {
+            control,
+            state,
+            is_changed: true,
+        })
     }
 
-    /// The next message, until then.
-    fn message(&mut self, until: Instant) -> Result<Option<Value>, Refused> {
-        loop {
-            if let Some(end) = self.read[self.looked..].iter().position(|octet| *octet == b'\n') {
-                let end = self.looked + end;
-                let line: Vec<u8> = self.read.drain(..=end).collect();
-                self.looked = 0;
-                return serde_json::from_slice(&line).map(Some).map_err(gone);
-            }
-            self.looked = self.read.len();
-            if self.read.len() > LINE_MAX {
-                return Err(gone("it sends a line without an end"));
-            }
-            let left = until.saturating_duration_since(Instant::now());
-            if left.is_zero() {
-                return Ok(None);
-            }
-            self.stream.set_read_timeout(Some(left)).map_err(gone)?;
-            let mut chunk = [0; 16 << 10];
-            match self.stream.read(&mut chunk) {
-                Ok(0) => return Err(gone("the connection is closed")),
-                Ok(count) => self.read.extend_from_slice(&chunk[..count]),
-                Err(error) if is_time_up(&error) => {}
-                Err(error) => return Err(gone(error)),
-            }
-        }
-    }
-
-    fn note(&mut self, mut notification: Value) {
-        if notification["method"] != "state" {
-            return;
-        }
-        if let Value::Object(changed) = notification["params"]["changed"].take() {
-            self.state.extend(changed);
+    fn note(&mut self, notification: Notification) -> Result<(), Refused> {
+        if notification.method == "state" {
+            let change: StateChange = protocol::client::read(notification.params)?;
+            self.state.change(change.changed)?;
             self.is_changed = true;
         }
+        Ok(())
     }
 }
 
 impl Control for Client {
-    fn ask(&mut self, method: &str, params: Value) -> Result<Value, Refused> {
-        self.last_id += 1;
-        let id = self.last_id;
-        let request = json!({ "jsonrpc": "2.0", "id": id, "method": method, "params": params });
-        self.stream.write_all(format!("{request}\n").as_bytes()).map_err(gone)?;
-        let until = Instant::now() + ANSWER_WAIT;
-        loop {
-            let Some(mut message) = self.message(until)? else {
-                return Err(gone(format!("no answer to {method}")));
-            };
-            if message["id"] != id {
-                self.note(message);
-                continue;
-            }
-            let Some(error) = message.get("error") else {
-                return Ok(message["result"].take());
-            };
-            let text = error["message"].as_str().unwrap_or("refused without a word");
-            return Err(Refused::ByControl(text.to_owned()));
-        }
+    fn call(&mut self, method: &str, params: Value) -> Result<Value, Refused> {
+        Ok(self.control.call(method, params)?)
     }
 
-    fn wait(&mut self, longest: Duration) -> Result<&Map<String, Value>, Refused> {
+    fn wait(&mut self, longest: Duration) -> Result<&Status, Refused> {
         let until = Instant::now() + longest;
-        while !self.is_changed {
-            match self.message(until)? {
-                Some(message) => self.note(message),
+        loop {
+            let until = if self.is_changed { Instant::now() } else { until };
+            match self.control.notification_until(until)? {
+                Some(notification) => self.note(notification)?,
                 None => break,
             }
         }
         self.is_changed = false;
-        Ok(&self.state)
+        Ok(self.state.status())
     }
-}
-
-fn gone(cause: impl ToString) -> Refused {
-    Refused::Gone(cause.to_string())
-}
-
-fn is_time_up(error: &io::Error) -> bool {
-    matches!(
-        error.kind(),
-        ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted
-    )
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::io::{BufRead, BufReader};
+    use serde_json::json;
+    use std::io::{BufRead, BufReader, Write};
 
     /// Answers each line with these ones.
-    fn control(answers: Vec<&'static str>) -> UnixStream {
+    fn control(answers: Vec<String>) -> UnixStream {
         let (near, far) = UnixStream::pair().unwrap();
         std::thread::spawn(move || {
             let mut lines = BufReader::new(far.try_clone().unwrap());
@@ -181,17 +138,29 @@ mod tests {
 
     #[test]
     fn notifications_between_answers_change_the_state() {
+        let state = Status {
+            state: "ready".into(),
+            line: 1,
+            ..Status::default()
+        };
+        let change = json!({ "monotonic_s": 1.5, "unix_s": 1e9, "changed": { "line": 7 } });
         let stream = control(vec![
-            "{\"id\":1,\"result\":{\"state\":{\"state\":\"ready\",\"line\":1}}}\n",
-            "{\"method\":\"state\",\"params\":{\"changed\":{\"line\":7}}}\n{\"id\":2,\"result\":3}\n",
-            "{\"id\":3,\"error\":{\"code\":-32000,\"message\":\"not homed\"}}\n",
+            format!(
+                "{}\n",
+                json!({ "id": 1, "result": { "monotonic_s": 1.0, "unix_s": 1e9, "state": state } })
+            ),
+            format!(
+                "{}\n{{\"id\":2,\"result\":3}}\n",
+                json!({ "method": "state", "params": change })
+            ),
+            "{\"id\":3,\"error\":{\"code\":-32000,\"message\":\"not homed\"}}\n".into(),
         ]);
         let mut client = Client::new(stream, true).unwrap();
-        assert_eq!(client.wait(Duration::ZERO).unwrap()["line"], 1);
-        assert_eq!(client.ask("x", json!({})), Ok(json!(3)));
+        assert_eq!(client.wait(Duration::ZERO).unwrap().line, 1);
+        assert_eq!(client.call("x", json!({})), Ok(json!(3)));
         let state = client.wait(Duration::from_secs(60)).unwrap();
-        assert_eq!((&state["line"], &state["state"]), (&json!(7), &json!("ready")));
-        assert_eq!(client.ask("y", json!({})), Err(Refused::ByControl("not homed".into())));
-        assert!(matches!(client.ask("z", json!({})), Err(Refused::Gone(_))));
+        assert_eq!((state.line, state.state.as_str()), (7, "ready"));
+        assert_eq!(client.call("y", json!({})), Err(Refused::ByControl("not homed".into())));
+        assert!(matches!(client.call("z", json!({})), Err(Refused::Gone(_))));
     }
 }

@@ -18,10 +18,13 @@ use crate::message::{
     What, is_id, sum,
 };
 use crate::store;
+use protocol::limits::REQUEST_ID;
+use protocol::params::{self, Hex, NoParams};
+use protocol::{Entry, Method, Status, method};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use serde_json::{Map, Value, json};
-use std::fmt::Write;
+use serde_json::json;
+use sha2::{Digest, Sha256};
 use std::io;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
@@ -254,8 +257,7 @@ struct Teller<'a> {
 impl<'a> Teller<'a> {
     fn new(shared: &'a Shared<'a>) -> Result<Teller<'a>, LinkError> {
         let mut control = (shared.connect)(true)?;
-        let described = control.ask("machine.describe", json!({}))?;
-        let joints = described["joints"].as_array().map_or(0, Vec::len);
+        let joints = control.ask::<method::Describe>(&NoParams {})?.joints.len();
         let last = journal(control.as_mut(), u64::from(u32::MAX))?.last;
         let mut teller = Teller {
             shared,
@@ -278,10 +280,10 @@ impl<'a> Teller<'a> {
             let mut since = line.journal;
             let mut settled = None;
             while settled.is_none() {
-                let Journal { entries, more, .. } = journal(self.control.as_mut(), since)?;
+                let News { entries, more, .. } = journal(self.control.as_mut(), since)?;
                 settled = entries.iter().find_map(|entry| end_of(&line, entry));
-                match entries.last().and_then(seq) {
-                    Some(last) if more => since = last,
+                match entries.last() {
+                    Some(last) if more => since = last.seq,
                     _ => break,
                 }
             }
@@ -334,7 +336,7 @@ impl<'a> Teller<'a> {
             *self.shared.why_not.lock().unwrap_or_else(PoisonError::into_inner) = state.why_not.clone();
             let Some(live) = &live else { continue };
             if !news.entries.is_empty() {
-                self.put(&live.session, Topic::Journal, &news);
+                self.put(&live.session, Topic::Journal, news.message());
             }
             let due = last_told.as_ref().is_none_or(|(told, at)| {
                 let same = State {
@@ -415,35 +417,33 @@ impl<'a> Teller<'a> {
         }
     }
 
-    fn note_hands(&mut self, status: &Map<String, Value>) {
-        let is = |key: &str, word: &str| status.get(key).is_some_and(|value| value == word);
-        if is("mode", "auto") || is("activity", "homing") {
-            self.by_hand = false;
-        } else if is("activity", "jogging") || is("mode", "mdi") {
-            self.by_hand = true;
+    fn note_hands(&mut self, status: &Status) {
+        match (status.mode.as_str(), status.activity.as_str()) {
+            ("auto", _) | (_, "homing") => self.by_hand = false,
+            (_, "jogging") | ("mdi", _) => self.by_hand = true,
+            _ => {}
         }
     }
 
     /// Entries that are new.
-    fn news(&mut self, status: &Map<String, Value>) -> Result<Journal, Refused> {
-        let messages = status.get("messages").and_then(Value::as_array);
-        let newest = messages.and_then(|messages| seq(messages.last()?)).unwrap_or(0);
+    fn news(&mut self, status: &Status) -> Result<News, Refused> {
+        let newest = status.messages.last().map_or(0, |entry| entry.seq);
         let news = match newest > self.told {
             true => journal(self.control.as_mut(), self.told)?,
-            false => Journal {
+            false => News {
                 since: self.told,
                 entries: Vec::new(),
                 more: false,
                 last: self.told,
             },
         };
-        self.told = news.entries.last().and_then(seq).unwrap_or(self.told);
+        self.told = news.entries.last().map_or(self.told, |entry| entry.seq);
         self.is_behind = newest > self.told;
         Ok(news)
     }
 
     /// Puts ends of orders into the ledger, again and again where the disk is full.
-    fn note_ends(&mut self, news: &[Value]) {
+    fn note_ends(&mut self, news: &[Entry]) {
         let unfinished = self.shared.ledger().unfinished();
         for line in unfinished {
             if self.running.iter().all(|known| known.state.id != line.state.id) {
@@ -475,54 +475,44 @@ impl<'a> Teller<'a> {
         });
     }
 
-    fn state(&self, status: &Map<String, Value>) -> State {
-        let text = |key: &str| status.get(key).and_then(Value::as_str).unwrap_or_default().to_owned();
+    fn state(&self, status: &Status) -> State {
         let why_not = self.why_not(status);
         State {
             boot: self.shared.boot,
-            state: text("state"),
-            power: text("power"),
-            activity: text("activity"),
-            mode: text("mode"),
+            state: status.state.clone(),
+            power: status.power.clone(),
+            activity: status.activity.clone(),
+            mode: status.mode.clone(),
             is_ready: why_not.is_none(),
             why_not,
             remote: self.shared.settings.remote,
-            program: status
-                .get("program")
-                .and_then(|program| Some(program.get("name")?.as_str()?.to_owned())),
-            done_percent: status.get("done_percent").and_then(Value::as_f64),
-            remaining_s: status.get("remaining_s").and_then(Value::as_f64),
-            alarm: status.get("alarm").and_then(|alarm| Some(alarm.as_str()?.to_owned())),
-            parts: status
-                .get("parts")
-                .and_then(|parts| parts["count"].as_u64())
-                .unwrap_or(0),
+            program: status.program.as_ref().map(|program| program.name.clone()),
+            done_percent: status.done_percent,
+            remaining_s: status.remaining_s,
+            alarm: status.alarm.clone(),
+            parts: status.parts.count,
             journal: self.told,
             order: self.shared.ledger().last().map(|line| line.state.clone()),
         }
     }
 
     /// Why a run would be refused now. The control has the last word.
-    fn why_not(&self, status: &Map<String, Value>) -> Option<String> {
-        let text = |key: &str| status.get(key).and_then(Value::as_str);
+    fn why_not(&self, status: &Status) -> Option<String> {
         if self.shared.settings.remote < Remote::Run {
             return Some(
                 "the machine file does not let the supervisor run programs: remote = \"run\" of [cell]".into(),
             );
         }
-        if let Some(alarm) = text("alarm") {
+        if let Some(alarm) = &status.alarm {
             return Some(format!("alarm: {alarm}"));
         }
-        if text("power") != Some("on") {
-            return Some(format!(
-                "drives are not on: {}",
-                text("power").unwrap_or("nobody knows")
-            ));
+        if status.power != "on" {
+            return Some(format!("drives are not on: {}", status.power));
         }
-        if text("activity") != Some("idle") {
-            return Some(format!("the machine is {}", text("activity").unwrap_or("starting")));
+        if status.activity != "idle" {
+            return Some(format!("the machine is {}", status.activity));
         }
-        let homed = status.get("homed").and_then(Value::as_array).map_or(0, Vec::len);
+        let homed = status.homed.len();
         if homed < self.joints {
             return Some(format!("{homed} of {} joints are homed", self.joints));
         }
@@ -531,55 +521,69 @@ impl<'a> Teller<'a> {
                 "the machine was moved by hand: run a program at the machine, or home it, to hand it over".into(),
             );
         }
-        let holder = status.get("control").filter(|control| control["taken"] == true)?;
-        Some(format!("{} has control", holder["name"].as_str().unwrap_or("somebody")))
+        let holder = status.control.as_ref().filter(|control| control.taken)?;
+        Some(format!("{} has control", holder.name))
     }
 }
 
-fn seq(entry: &Value) -> Option<u64> {
-    entry["seq"].as_u64()
+/// Entries of the journal of the control.
+struct News {
+    /// The number that was asked for; of new entries: that of the one before them.
+    since: u64,
+    entries: Vec<Entry>,
+    more: bool,
+    last: u64,
+}
+
+impl News {
+    /// As the supervisor is told of them.
+    fn message(&self) -> Journal {
+        Journal {
+            since: self.since,
+            entries: self.entries.iter().map(|entry| json!(entry)).collect(),
+            more: self.more,
+            last: self.last,
+        }
+    }
 }
 
 /// The entries behind a number that are on the disk of the control: what it may forget is told to nobody, for its number would be that
 /// of something else.
-fn journal(control: &mut dyn Control, since: u64) -> Result<Journal, Refused> {
-    let mut answer = control.ask("journal.since", json!({ "seq": since }))?;
-    let on_disk = answer["on_disk"].as_u64().unwrap_or(u64::MAX);
-    let last = answer["last"].as_u64().unwrap_or(0).min(on_disk);
-    let mut entries = match answer["entries"].take() {
-        Value::Array(entries) => entries,
-        _ => Vec::new(),
-    };
-    entries.retain(|entry| seq(entry).is_some_and(|seq| seq <= on_disk));
+fn journal(control: &mut dyn Control, since: u64) -> Result<News, Refused> {
+    let answer = control.ask::<method::JournalSince>(&params::JournalSince { seq: Some(since) })?;
+    let on_disk = answer.on_disk;
+    let last = answer.last.min(on_disk);
+    let mut entries = answer.entries;
+    entries.retain(|entry| entry.seq <= on_disk);
     let mut octets = 0;
-    let fits = |entry: &&Value| {
-        octets += entry.to_string().len();
+    let fits = |entry: &&Entry| {
+        octets += json!(entry).to_string().len();
         octets <= ENTRIES_OCTETS
     };
     let fitting = entries.iter().take_while(fits).count();
     entries.truncate(fitting.clamp(1, ENTRIES_MAX));
-    Ok(Journal {
+    Ok(News {
         since,
-        more: entries.last().and_then(seq).is_some_and(|told| told < last),
+        more: entries.last().is_some_and(|told| told.seq < last),
         entries,
         last,
     })
 }
 
 /// An order as this entry of the journal ends it; `None`: the entry is of something else.
-fn end_of(line: &Line, entry: &Value) -> Option<Line> {
-    let program = entry.get("program")?;
-    let result = program["result"].as_str()?;
-    if line.state.phase != Phase::Running || entry["seq"].as_u64()? <= line.journal {
+fn end_of(line: &Line, entry: &Entry) -> Option<Line> {
+    let program = entry.program.as_ref()?;
+    let result = program.result.as_ref()?;
+    if line.state.phase != Phase::Running || entry.seq <= line.journal {
         return None;
     }
     let mut line = line.clone();
-    line.state.phase = match result {
+    line.state.phase = match result.as_str() {
         "completed" => Phase::Completed,
         _ => Phase::Failed,
     };
-    line.state.note = result.to_owned();
-    line.state.took_s = program["took_s"].as_f64();
+    line.state.note.clone_from(result);
+    line.state.took_s = program.took_s;
     Some(line)
 }
 
@@ -661,8 +665,8 @@ fn answer_orders(shared: &Shared<'_>, queries: &Receiver<Query>) -> Result<(), R
     each(shared, queries, |query| {
         match topic(query) {
             Some(Topic::Describe) => {
-                let described = control.ask("machine.describe", json!({}))?;
-                let tools = control.ask("tool.list", json!({})).unwrap_or_default();
+                let described = control.ask::<method::Describe>(&NoParams {})?;
+                let tools = control.ask::<method::ToolList>(&NoParams {}).ok();
                 let panel = &shared.settings.panel;
                 reply(
                     shared,
@@ -673,7 +677,7 @@ fn answer_orders(shared: &Shared<'_>, queries: &Receiver<Query>) -> Result<(), R
             Some(Topic::Journal) => match body::<Since>(query.payload()) {
                 Ok(Since { since }) => {
                     let journal = journal(control.as_mut(), since)?;
-                    reply(shared, query, journal);
+                    reply(shared, query, journal.message());
                 }
                 Err(why) => refuse(query, &why),
             },
@@ -701,16 +705,16 @@ fn of(id: &str, phase: Phase, note: impl Into<String>) -> OrderState {
 }
 
 fn carry_out(shared: &Shared<'_>, control: &mut dyn Control, order: &Order) -> Result<OrderState, Refused> {
-    let method = match order.what {
-        What::Hold => "hold",
-        What::Stop => "stop",
+    let (done, method) = match order.what {
+        What::Hold => (control.ask::<method::Hold>(&NoParams {}), "hold"),
+        What::Stop => (control.ask::<method::Stop>(&NoParams {}), "stop"),
         What::Status => {
             let known = shared.ledger().get(&order.id).map(|line| line.state.clone());
             return Ok(known.unwrap_or_else(|| of(&order.id, Phase::Unknown, "")));
         }
         What::Run { .. } => return Ok(of(&order.id, Phase::Refused, "runs are ordered under another key")),
     };
-    match control.ask(method, json!({})) {
+    match done {
         Ok(_) => Ok(of(&order.id, Phase::Completed, method)),
         Err(Refused::ByControl(why)) => Ok(of(&order.id, Phase::Refused, why)),
         Err(gone) => Err(gone),
@@ -758,25 +762,28 @@ fn answer_programs(shared: &Shared<'_>, queries: &Receiver<Query>) -> Result<(),
 
 /// Sends a program to the control, which then has it under a number.
 fn send(control: &mut dyn Control, name: &str, content: &[u8]) -> Result<u64, Refused> {
-    let begun = control.ask("program.upload.begin", json!({ "name": name, "octets": content.len() }))?;
-    let upload = begun["upload"].as_u64().unwrap_or_default();
-    let part = begun["part_octets"].as_u64().filter(|part| *part > 0).unwrap_or(1024) as usize;
-    for (at, octets) in content.chunks(part).enumerate() {
-        let mut value = String::with_capacity(2 * octets.len());
-        for octet in octets {
-            // Writing to a string does not fail.
-            let _ = write!(value, "{octet:02x}");
-        }
-        control.ask(
-            "program.upload.append",
-            json!({ "upload": upload, "at": at * part, "value": value }),
-        )?;
+    let begun = control.ask::<method::UploadBegin>(&params::UploadBegin {
+        name: name.to_owned(),
+        octets: content.len() as u64,
+    })?;
+    let upload = begun.upload;
+    let mut at = 0;
+    for part in content.chunks(begun.part_octets.max(1)) {
+        let value = Hex(part.to_vec());
+        control.ask::<method::UploadAppend>(&params::UploadAppend { upload, at, value })?;
+        at += part.len() as u64;
     }
-    control.ask(
-        "program.upload.commit",
-        json!({ "upload": upload, "sha256": sum(content) }),
-    )?;
+    let sha256 = Hex(Sha256::digest(content).to_vec());
+    control.ask::<method::UploadCommit>(&params::UploadCommit { upload, sha256 })?;
     Ok(upload)
+}
+
+/// A program that was sent.
+fn uploaded(upload: u64) -> params::Program {
+    params::Program {
+        upload: Some(upload),
+        ..Default::default()
+    }
 }
 
 /// Checks a program and puts it into the folder, if it is right.
@@ -794,10 +801,10 @@ fn take_program(
         let why = "the machine file does not let the supervisor send programs: remote = \"upload\" of [cell]";
         return Ok(stored(Err(why.into())));
     }
-    let checked = send(control, &upload.name, content)
-        .and_then(|number| control.ask("program.check", json!({ "upload": number })));
+    let checked =
+        send(control, &upload.name, content).and_then(|number| control.ask::<method::ProgramCheck>(&uploaded(number)));
     let outlook = match checked {
-        Ok(outlook) => outlook,
+        Ok(outlook) => json!(outlook),
         Err(Refused::ByControl(why)) => {
             let why = why.strip_prefix("error: ").unwrap_or(&why);
             return Ok(stored(Err(why.to_owned())));
@@ -829,10 +836,14 @@ fn run_program(shared: &Shared<'_>, control: &mut dyn Control, order: &Order) ->
         Err(cause) => return refused(format!("{program}: {cause}")),
     };
     // Nobody else may load another program between these steps.
+    let supervisor = params::TakeControl {
+        name: Some("supervisor".into()),
+        force: None,
+    };
     let begun = control
-        .ask("control.take", json!({ "name": "supervisor" }))
+        .ask::<method::TakeControl>(&supervisor)
         .and_then(|_| begin(shared, control, order, program, &content));
-    let released = control.ask("control.release", json!({}));
+    let released = control.ask::<method::ReleaseControl>(&NoParams {});
     let state = match begun {
         Ok(state) => state,
         Err(Refused::ByControl(why)) => of(&order.id, Phase::Refused, why),
@@ -850,7 +861,7 @@ fn begin(
     content: &[u8],
 ) -> Result<OrderState, Refused> {
     let number = send(control, program, content)?;
-    control.ask("program.load", json!({ "upload": number }))?;
+    control.ask::<method::ProgramLoad>(&uploaded(number))?;
     let journal = journal(control, u64::from(u32::MAX))?.last;
     let mut line = Line {
         state: of(&order.id, Phase::Running, ""),
@@ -862,7 +873,9 @@ fn begin(
         shared.ledger().put(line.clone()).map_err(not)
     };
     on_disk(&line)?;
-    match control.ask("program.start", json!({ "request_id": order.id })) {
+    // An order with an id: the control carries it out once.
+    let start = json!({ REQUEST_ID: order.id });
+    match control.call(<method::ProgramStart as Method>::NAME, start) {
         Ok(_) => Ok(line.state),
         Err(Refused::ByControl(why)) => {
             line.state.phase = Phase::Refused;

@@ -10,6 +10,8 @@ use serde_json::Value;
 use sha2::{Digest, Sha256};
 use std::fmt;
 
+pub use protocol::Remote;
+
 /// Version of the messages.
 pub const VERSION: u32 = 1;
 /// Longest message, octets; that of a program comes beside it.
@@ -256,19 +258,6 @@ impl Use {
             Use::Unknown => "unknown",
         }
     }
-}
-
-/// What a supervisor may do at a machine, each more than the one before; holding and stopping is always allowed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Remote {
-    /// Look.
-    #[default]
-    Off,
-    /// Send programs.
-    Upload,
-    /// Run them.
-    Run,
 }
 
 /// New entries of a journal, or those behind a number.

@@ -6,7 +6,12 @@
 //! `(faults)` ends it with an alarm. Journal and runs lie in the folder, so a control that was killed knows them again.
 
 use crate::control::{Control, Refused};
-use serde_json::{Map, Value, json};
+use protocol::params::Hex;
+use protocol::{
+    Acknowledged, AlarmRecord, Control as Holder, Described, DescribedAxis, DescribedJoint, Entry, EntryKind, Journal,
+    Outlook, Parts, ProgramRecord, Status, StatusProgram, Tool, Tools, UploadBegun, UploadGrown,
+};
+use serde_json::{Value, json};
 use std::collections::HashMap;
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufRead, BufReader, Write};
@@ -23,7 +28,7 @@ pub struct Simulated(Arc<(Mutex<Machine>, Condvar)>);
 
 struct Machine {
     name: String,
-    journal: Vec<Value>,
+    journal: Vec<Entry>,
     journal_file: File,
     runs_file: File,
     is_homed: bool,
@@ -61,14 +66,15 @@ fn refused(why: impl Into<String>) -> Refused {
 }
 
 impl Machine {
-    fn tell(&mut self, kind: &str, text: &str, more: Value) {
-        let seq = self.journal.len() as u64 + 1;
-        let mut entry = json!({ "seq": seq, "unix_s": now(), "time_s": 0.0, "kind": kind, "text": text });
-        if let (Some(entry), Value::Object(more)) = (entry.as_object_mut(), more) {
-            entry.extend(more);
-        }
+    fn tell(&mut self, text: &str, more: Entry) {
+        let entry = Entry {
+            seq: self.journal.len() as u64 + 1,
+            unix_s: now(),
+            text: text.to_owned(),
+            ..more
+        };
         // A simulation without its file is none.
-        writeln!(self.journal_file, "{entry}").expect("the journal can be written");
+        writeln!(self.journal_file, "{}", json!(entry)).expect("the journal can be written");
         self.journal.push(entry);
         self.revision += 1;
     }
@@ -76,13 +82,19 @@ impl Machine {
     fn end(&mut self, result: &str) {
         let Some(running) = self.running.take() else { return };
         let took_s = running.begun.elapsed().as_secs_f64();
-        let record =
-            json!({ "name": running.name, "begun_unix_s": now() - took_s, "result": result, "took_s": took_s });
-        self.tell(
-            "note",
-            &format!("program {} {result}", running.name),
-            json!({ "program": record }),
-        );
+        let text = format!("program {} {result}", running.name);
+        let program = Some(ProgramRecord {
+            name: running.name,
+            begun_unix_s: now() - took_s,
+            result: Some(result.to_owned()),
+            took_s: Some(took_s),
+            ..ProgramRecord::default()
+        });
+        let more = Entry {
+            program,
+            ..Entry::default()
+        };
+        self.tell(&text, more);
         self.parts += u64::from(result == "completed");
         self.is_held = false;
     }
@@ -104,35 +116,49 @@ impl Machine {
 
     fn raise(&mut self, text: &str) {
         self.alarm = Some(text.to_owned());
-        let alarm = json!({ "alarm": { "code": "T-1", "acknowledged": null } });
-        self.tell("alarm", text, alarm);
+        let alarm = Some(AlarmRecord {
+            code: "T-1".into(),
+            ..AlarmRecord::default()
+        });
+        let more = Entry {
+            kind: EntryKind::Alarm,
+            alarm,
+            ..Entry::default()
+        };
+        self.tell(text, more);
     }
 
-    fn status(&self) -> Map<String, Value> {
+    fn status(&self) -> Status {
         let activity = match (&self.running, self.is_held) {
             (Some(_), true) => "held",
             (Some(_), false) => "running",
             (None, _) => "idle",
         };
         let state = if activity == "idle" { "ready" } else { activity };
-        let value = json!({
-            "machine": self.name,
-            "state": state,
-            "power": "on",
-            "activity": activity,
-            "mode": self.mode,
-            "homed": if self.is_homed { vec![0] } else { Vec::new() },
-            "alarm": self.alarm,
-            "parts": { "count": self.parts, "target": null },
-            "program": self.loaded.as_ref().map(|(name, _)| json!({ "name": name })),
-            "done_percent": null,
-            "remaining_s": null,
-            "messages": self.journal.last().map(|entry| vec![entry.clone()]).unwrap_or_default(),
-            "control": self.holder.map(|client| json!({ "client": client, "name": "somebody", "taken": true })),
-        });
-        match value {
-            Value::Object(status) => status,
-            _ => Map::new(),
+        Status {
+            machine: self.name.clone(),
+            state: state.to_owned(),
+            power: "on".into(),
+            activity: activity.to_owned(),
+            mode: self.mode.to_owned(),
+            homed: if self.is_homed { vec![0] } else { Vec::new() },
+            alarm: self.alarm.clone(),
+            parts: Parts {
+                count: self.parts,
+                target: None,
+            },
+            program: self.loaded.as_ref().map(|(name, _)| StatusProgram {
+                name: name.clone(),
+                ..StatusProgram::default()
+            }),
+            messages: self.journal.last().cloned().into_iter().collect(),
+            control: self.holder.map(|client| Holder {
+                client,
+                name: "somebody".into(),
+                taken: true,
+                ..Holder::default()
+            }),
+            ..Status::default()
         }
     }
 
@@ -140,23 +166,44 @@ impl Machine {
         self.look();
         let text = |key: &str| params[key].as_str().unwrap_or_default().to_owned();
         match method {
-            "machine.describe" => Ok(json!({
-                "machine": self.name,
-                "axes": [{ "axis": "X", "travel": [0.0, 300.0] }, { "axis": "Y", "travel": [0.0, 200.0] }],
-                "joints": [{ "joint": 0 }],
-            })),
-            "tool.list" => Ok(json!({ "tools": [{ "tool": 1 }, { "tool": 4 }] })),
+            "machine.describe" => {
+                let axis = |axis: &str, end| DescribedAxis {
+                    axis: axis.into(),
+                    travel: Some([0.0, end]),
+                    ..DescribedAxis::default()
+                };
+                Ok(json!(Described {
+                    machine: self.name.clone(),
+                    axes: vec![axis("X", 300.0), axis("Y", 200.0)],
+                    joints: vec![DescribedJoint::default()],
+                    ..Described::default()
+                }))
+            }
+            "tool.list" => {
+                let tool = |tool| Tool {
+                    tool,
+                    ..Tool::default()
+                };
+                Ok(json!(Tools {
+                    tools: vec![tool(1), tool(4)],
+                    ..Tools::default()
+                }))
+            }
             "journal.since" => {
                 let since = params["seq"].as_u64().unwrap_or(0) as usize;
                 let behind = self.journal.get(since..).unwrap_or_default();
-                let entries: Vec<&Value> = behind.iter().take(500).collect();
-                Ok(json!({ "entries": entries, "more": behind.len() > 500, "last": self.journal.len() }))
+                Ok(json!(Journal {
+                    entries: behind.iter().take(500).cloned().collect(),
+                    more: behind.len() > 500,
+                    last: self.journal.len() as u64,
+                    on_disk: u64::MAX,
+                }))
             }
             "control.take" => match self.holder {
                 Some(holder) if holder != client => Err(refused("somebody has had control for 1 s")),
                 _ => {
                     self.holder = Some(client);
-                    Ok(json!({}))
+                    Ok(Value::Null)
                 }
             },
             "control.release" => {
@@ -166,17 +213,19 @@ impl Machine {
             "program.upload.begin" => {
                 self.last += 1;
                 self.uploads.insert(self.last, (text("name"), Vec::new()));
-                Ok(json!({ "upload": self.last, "part_octets": PART }))
+                Ok(json!(UploadBegun {
+                    upload: self.last,
+                    part_octets: PART,
+                }))
             }
             "program.upload.append" => {
-                let value = text("value");
+                let value = Hex::parse(&text("value")).ok_or_else(|| refused("no digits"))?;
                 let (_, content) = (self.uploads.get_mut(&params["upload"].as_u64().unwrap_or(0)))
                     .ok_or_else(|| refused("no upload"))?;
-                let digits = |at: usize| u8::from_str_radix(value.get(at..at + 2).unwrap_or("x"), 16);
-                for at in (0..value.len()).step_by(2) {
-                    content.push(digits(at).map_err(|_| refused("no digits"))?);
-                }
-                Ok(json!({ "received": content.len() }))
+                content.extend(value.0);
+                Ok(json!(UploadGrown {
+                    received: content.len() as u64,
+                }))
             }
             "program.upload.commit" => {
                 let (_, content) =
@@ -199,7 +248,12 @@ impl Machine {
                     self.loaded = Some((name.clone(), content));
                     self.revision += 1;
                 }
-                Ok(json!({ "program": name, "lines": 1, "planned_time_s": 1.0, "warning": null }))
+                Ok(json!(Outlook {
+                    program: name,
+                    lines: 1,
+                    planned_time_s: 1.0,
+                    ..Outlook::default()
+                }))
             }
             "program.start" => {
                 if self.running.is_some() || self.alarm.is_some() || !self.is_homed {
@@ -221,12 +275,20 @@ impl Machine {
                     end: begun + takes,
                 });
                 self.mode = "auto";
-                self.tell(
-                    "note",
-                    &format!("program {name} begins"),
-                    json!({ "program": { "name": name, "begun_unix_s": now(), "result": null } }),
-                );
-                Ok(json!({ "program": name }))
+                let program = Some(ProgramRecord {
+                    name: name.clone(),
+                    begun_unix_s: now(),
+                    ..ProgramRecord::default()
+                });
+                let more = Entry {
+                    program,
+                    ..Entry::default()
+                };
+                self.tell(&format!("program {name} begins"), more);
+                Ok(json!(Outlook {
+                    program: name,
+                    ..Outlook::default()
+                }))
             }
             "hold" if self.running.is_some() => {
                 self.is_held = true;
@@ -278,7 +340,7 @@ impl Simulated {
             waited: None,
             gap: Duration::ZERO,
         };
-        machine.tell("note", "the control begins", json!({}));
+        machine.tell("the control begins", Entry::default());
         Ok(Simulated(Arc::new((Mutex::new(machine), Condvar::new()))))
     }
 
@@ -293,7 +355,7 @@ impl Simulated {
         Box::new(Guest {
             of: self.clone(),
             client: machine.last,
-            status: Map::new(),
+            status: Status::default(),
             seen: None,
         })
     }
@@ -315,11 +377,17 @@ impl Simulated {
         let alarms = machine
             .journal
             .iter()
-            .filter(|entry| entry["kind"] == "alarm")
-            .map(|entry| entry["seq"].clone());
-        let alarms: Vec<Value> = alarms.collect();
-        let by = json!({ "acknowledges": [alarms, { "unix_s": now(), "by": "somebody" }] });
-        machine.tell("note", "acknowledged", by);
+            .filter(|entry| entry.kind == EntryKind::Alarm)
+            .map(|entry| entry.seq);
+        let how = Acknowledged {
+            unix_s: now(),
+            by: "somebody".into(),
+        };
+        let more = Entry {
+            acknowledges: Some((alarms.collect(), how)),
+            ..Entry::default()
+        };
+        machine.tell("acknowledged", more);
         drop(machine);
         self.0.1.notify_all();
     }
@@ -333,7 +401,7 @@ impl Simulated {
     pub fn notes(&self, count: usize) {
         let mut machine = self.machine();
         for number in 0..count {
-            machine.tell("note", &format!("note {number}"), json!({}));
+            machine.tell(&format!("note {number}"), Entry::default());
         }
         drop(machine);
         self.0.1.notify_all();
@@ -360,18 +428,18 @@ pub fn runs(folder: &Path) -> io::Result<Vec<String>> {
 struct Guest {
     of: Simulated,
     client: u64,
-    status: Map<String, Value>,
+    status: Status,
     seen: Option<u64>,
 }
 
 impl Control for Guest {
-    fn ask(&mut self, method: &str, params: Value) -> Result<Value, Refused> {
+    fn call(&mut self, method: &str, params: Value) -> Result<Value, Refused> {
         let answer = self.of.machine().ask(self.client, method, &params);
         self.of.0.1.notify_all();
         answer
     }
 
-    fn wait(&mut self, longest: Duration) -> Result<&Map<String, Value>, Refused> {
+    fn wait(&mut self, longest: Duration) -> Result<&Status, Refused> {
         let until = Instant::now() + longest;
         let mut machine = self.of.machine();
         let gap = machine.waited.map_or(Duration::ZERO, |waited| waited.elapsed());

@@ -16,7 +16,8 @@ use nix::sched::{CloneFlags, unshare};
 use nix::sys::resource::{Resource, setrlimit};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
-use serde_json::{Map, Value, json};
+use protocol::{Described, Entry, Journal, Status};
+use serde_json::{Value, json};
 use std::fs::File;
 use std::io::Write;
 use std::net::{SocketAddr, TcpStream};
@@ -99,7 +100,7 @@ struct Talker {
     /// The last entry that there is, and that the link has got.
     last: u64,
     last_given: u64,
-    status: Map<String, Value>,
+    status: Status,
 }
 
 impl Talker {
@@ -109,7 +110,7 @@ impl Talker {
             given: folder.join("given"),
             last: 0,
             last_given: 0,
-            status: Map::new(),
+            status: Status::default(),
         }
     }
 
@@ -119,30 +120,40 @@ impl Talker {
         self.last
     }
 
-    fn entry(seq: u64) -> Value {
-        json!({ "seq": seq, "unix_s": 1.0, "kind": "note", "text": format!("{seq:0ENTRY$}") })
+    fn entry(seq: u64) -> Entry {
+        Entry {
+            seq,
+            unix_s: 1.0,
+            text: format!("{seq:0ENTRY$}"),
+            ..Entry::default()
+        }
     }
 }
 
 impl Control for Talker {
-    fn ask(&mut self, method: &str, params: Value) -> Result<Value, Refused> {
+    fn call(&mut self, method: &str, params: Value) -> Result<Value, Refused> {
         match method {
             "journal.since" => {
                 let (since, last) = (params["seq"].as_u64().unwrap(), self.last());
-                let entries: Vec<Value> = (since + 1..=last.min(since + 500)).map(Talker::entry).collect();
+                let entries: Vec<Entry> = (since + 1..=last.min(since + 500)).map(Talker::entry).collect();
                 self.last_given = self.last_given.max(since + entries.len() as u64).min(last);
-                Ok(json!({ "entries": entries, "last": last }))
+                Ok(json!(Journal {
+                    entries,
+                    last,
+                    on_disk: u64::MAX,
+                    ..Journal::default()
+                }))
             }
-            _ => Ok(json!({ "joints": [] })),
+            _ => Ok(json!(Described::default())),
         }
     }
 
-    fn wait(&mut self, longest: Duration) -> Result<&Map<String, Value>, Refused> {
+    fn wait(&mut self, longest: Duration) -> Result<&Status, Refused> {
         std::thread::sleep(longest.min(Duration::from_millis(20)));
         // At the end of the test, the folder goes first.
         let _ = std::fs::write(&self.given, self.last_given.to_string());
         let last = self.last();
-        self.status = Map::from_iter([("messages".to_owned(), json!([{ "seq": last }]))]);
+        self.status.messages = vec![Talker::entry(last)];
         Ok(&self.status)
     }
 }
@@ -487,7 +498,7 @@ fn a_control_whose_supervisor_sleeps_keeps_little_and_loses_nothing() {
             since: Some(next - 1),
         });
         for entry in told["entries"].as_array().unwrap() {
-            assert_eq!(*entry, Talker::entry(next));
+            assert_eq!(*entry, json!(Talker::entry(next)));
             next += 1;
         }
     }

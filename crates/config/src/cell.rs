@@ -29,17 +29,7 @@ keys! {
     }
 }
 
-/// What the supervisor may do, each more than the one before; holding and stopping is always allowed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Remote {
-    /// Look.
-    #[default]
-    Off,
-    /// Send programs.
-    Upload,
-    /// Run them.
-    Run,
-}
+pub use protocol::Remote;
 
 /// Whether this is an address or a name, and a port.
 fn is_place(text: &str) -> bool {

@@ -5,7 +5,6 @@
 
 use crate::guard::{Visitor, refuse};
 use crate::serve::Panel;
-use crate::tokens::Role;
 use axum::Extension;
 use axum::body::{Body, Bytes};
 use axum::extract::State;
@@ -13,6 +12,7 @@ use axum::http::header::{CACHE_CONTROL, CONTENT_DISPOSITION, CONTENT_TYPE};
 use axum::http::{HeaderValue, Method, StatusCode};
 use axum::response::{IntoResponse, Response};
 use futures_util::stream;
+use protocol::Role;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};

@@ -1,15 +1,15 @@
 //! `/metrics`: figures of the control, and those of the panel behind them.
 
-use crate::ask::Asker;
+use crate::ask::{ask, connect};
 use crate::guard::{Visitor, refuse};
 use crate::serve::Panel;
-use crate::tokens::Role;
 use axum::Extension;
 use axum::extract::State;
 use axum::http::header::CONTENT_TYPE;
 use axum::http::{HeaderValue, StatusCode};
 use axum::response::{IntoResponse, Response};
-use serde_json::json;
+use protocol::params::NoParams;
+use protocol::{Role, method};
 use std::fmt::Write;
 use std::sync::Arc;
 
@@ -18,12 +18,12 @@ pub(crate) async fn metrics(State(panel): State<Arc<Panel>>, Extension(visitor):
     if let Err(refusal) = visitor.permit(Role::Watch) {
         return *refusal;
     }
-    let told = match Asker::new(&panel, Role::Watch, "metrics") {
-        Ok(mut asker) => asker.ask("metrics", json!({})).await,
+    let told = match connect(&panel, Role::Watch, "metrics") {
+        Ok(mut client) => ask::<method::Metrics>(&mut client, &NoParams {}).await,
         Err(why) => Err(why),
     };
     let mut text = match told {
-        Ok(told) => told["text"].as_str().unwrap_or_default().to_owned(),
+        Ok(told) => told.text,
         Err(why) => return refuse(StatusCode::SERVICE_UNAVAILABLE, why),
     };
     let counts = &panel.counts;

@@ -5,19 +5,19 @@
 //! What takes several requests (homing to its end, an unlock) goes on as the status, which is asked for ten times a second, shows that the
 //! one before is done.
 
-use crate::Guest;
+use crate::ask::{ask, connect};
 use crate::listen::Listener;
 use crate::serve::Panel;
-use crate::tokens::Role;
 use grbl::{Activity, Answer, Axis, Machine, Offsets, Order, Overrides, Session, Spindle, Status, TAKE_MAX};
-use serde_json::{Value, json};
-use std::collections::HashMap;
+use protocol::params::{self, NoParams};
+use protocol::with_tokio::Client;
+use protocol::{ClientError, Described, Entry, Message, Method, Role, method};
+use std::collections::{BTreeMap, HashMap};
 use std::io;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader, Lines};
-use tokio::net::unix::{OwnedReadHalf, OwnedWriteHalf};
-use tokio::net::{TcpListener, TcpStream, UnixStream};
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::{TcpListener, TcpStream};
 use tokio::time::{MissedTickBehavior, interval, timeout};
 
 /// What others are told of it.
@@ -91,7 +91,7 @@ async fn serve_one(mut stream: TcpStream, panel: &Panel) -> Result<(), String> {
     // What the sender has not taken yet, and when it took something last.
     let (mut unread, mut took) = (Vec::new(), Instant::now());
     loop {
-        port.give_orders().await.map_err(words)?;
+        port.give_orders().await?;
         if unread.is_empty() {
             took = Instant::now();
         }
@@ -107,7 +107,7 @@ async fn serve_one(mut stream: TcpStream, panel: &Panel) -> Result<(), String> {
                 unread.drain(..written.map_err(words)?);
                 took = Instant::now();
             }
-            line = port.line() => port.heard(&line?),
+            message = port.client.message() => port.heard(message.map_err(ended)?)?,
             _ = ticks.tick() => {
                 if took.elapsed() > UNREAD {
                     return Err("it does not read".into());
@@ -150,9 +150,7 @@ enum Long {
 /// A sender, and its way to the control.
 struct Port {
     session: Session,
-    answers: Lines<BufReader<OwnedReadHalf>>,
-    requests: OwnedWriteHalf,
-    id: u64,
+    client: Client,
     asked: HashMap<u64, Asked>,
     /// The order of it, and whether its first request is answered.
     long: Option<(u32, Long, bool)>,
@@ -160,101 +158,78 @@ struct Port {
     joints: usize,
     unit_mm: f64,
     /// Joints of X, Y and Z.
-    joints_of: [Vec<u64>; 3],
-    /// Requests that are to be written.
-    to_send: String,
+    joints_of: [Vec<usize>; 3],
+}
+
+/// The control is there no more, or cannot be understood.
+fn ended(error: ClientError) -> String {
+    format!("the control has ended: {error}")
 }
 
 impl Port {
     async fn open(panel: &Panel) -> Result<Port, String> {
-        let guest = Guest {
-            role: Role::SetUp,
-            name: NAME.to_owned(),
-        };
-        let connected = panel.control.connect(&guest).and_then(|stream| {
-            stream.set_nonblocking(true)?;
-            UnixStream::from_std(stream)
-        });
-        let (answers, requests) = connected.map_err(|cause| cause.to_string())?.into_split();
+        let mut client = connect(panel, Role::SetUp, NAME)?;
+        let described = ask::<method::Describe>(&mut client, &NoParams {}).await?;
         let mut port = Port {
             session: Session::new(Machine::default()),
-            answers: BufReader::new(answers).lines(),
-            requests,
-            id: 0,
+            client,
             asked: HashMap::new(),
             long: None,
             has_control: false,
             joints: 0,
             unit_mm: 1.0,
             joints_of: Default::default(),
-            to_send: String::new(),
         };
-        port.ask("machine.describe", &json!({}), Asked::Nothing);
-        port.send().await.map_err(|cause| cause.to_string())?;
-        let answer: Value = serde_json::from_str(&port.line().await?).unwrap_or_default();
-        port.describe(&answer["result"]);
+        port.describe(&described);
         // Its first order, the status: a sender that is greeted before finds a machine locked that is not.
-        port.give_orders().await.map_err(|cause| cause.to_string())?;
-        let line = port.line().await?;
-        port.heard(&line);
+        port.give_orders().await?;
+        let message = port.client.message().await.map_err(ended)?;
+        port.heard(message)?;
         Ok(port)
     }
 
-    /// The next answer of the control.
-    async fn line(&mut self) -> Result<String, String> {
-        let line = self.answers.next_line().await.map_err(|cause| cause.to_string())?;
-        line.ok_or_else(|| "the control has ended".to_owned())
-    }
-
-    fn describe(&mut self, machine: &Value) {
-        self.joints = machine["joints"].as_array().map_or(0, Vec::len);
-        self.unit_mm = unit_mm(machine);
+    fn describe(&mut self, machine: &Described) {
+        self.joints = machine.joints.len();
+        self.unit_mm = if machine.unit == "inch" { 25.4 } else { 1.0 };
         let mut axes = [None; 3];
         for (place, letter) in ["X", "Y", "Z"].into_iter().enumerate() {
-            let found = list(&machine["axes"]).iter().find(|axis| axis["axis"] == letter);
+            let found = machine.axes.iter().find(|axis| axis.axis == letter);
             let Some(axis) = found else { continue };
-            let numbers = numbers(&axis["travel"]);
             axes[place] = Some(Axis {
-                travel_mm: [numbers.first(), numbers.get(1)].map(|end| end.copied().unwrap_or_default()),
-                velocity_mm_min: number(&axis["velocity_per_s"]) * 60.0,
-                acceleration_mm_s2: number(&axis["acceleration_per_s2"]),
+                travel_mm: axis.travel.unwrap_or_default(),
+                velocity_mm_min: axis.velocity_per_s.unwrap_or_default() * 60.0,
+                acceleration_mm_s2: axis.acceleration_per_s2.unwrap_or_default(),
             });
-            self.joints_of[place] = list(&axis["joints"]).iter().filter_map(Value::as_u64).collect();
+            self.joints_of[place].clone_from(&axis.joints);
         }
         self.session = Session::new(Machine {
             axes,
-            rpm_max: number(&machine["spindle_rpm_max"]),
+            rpm_max: machine.spindle_rpm_max,
             feed_percent: FEED_PERCENT,
             spindle_percent: SPINDLE_PERCENT,
         });
     }
 
-    fn ask(&mut self, method: &str, params: &Value, asked: Asked) {
-        self.id += 1;
-        self.asked.insert(self.id, asked);
-        let request = json!({ "jsonrpc": "2.0", "id": self.id, "method": method, "params": params });
-        self.to_send.push_str(&format!("{request}\n"));
+    fn ask<M: Method>(&mut self, params: &M::Params, asked: Asked) {
+        let id = self.client.put::<M>(params);
+        self.asked.insert(id, asked);
     }
 
-    async fn send(&mut self) -> io::Result<()> {
-        let text = std::mem::take(&mut self.to_send);
-        self.requests.write_all(text.as_bytes()).await
-    }
-
-    async fn give_orders(&mut self) -> io::Result<()> {
+    async fn give_orders(&mut self) -> Result<(), String> {
         while let Some((number, order)) = self.session.order() {
             self.order(number, order);
         }
-        match self.to_send.is_empty() {
-            true => Ok(()),
-            false => self.send().await,
-        }
+        self.client.send().await.map_err(ended)
     }
 
     /// Control is kept from the first order that needs it until the sender goes.
     fn take_control(&mut self) {
         if !self.has_control {
-            self.ask("control.take", &json!({ "name": NAME }), Asked::Control);
+            let taken = params::TakeControl {
+                name: Some(NAME.to_owned()),
+                force: None,
+            };
+            self.ask::<method::TakeControl>(&taken, Asked::Control);
         }
     }
 
@@ -265,39 +240,46 @@ impl Port {
         ) {
             self.take_control();
         }
-        let none = json!({});
+        let none = NoParams {};
+        let turned = params::Override::default;
         match order {
-            Order::Status => self.ask("status", &none, Asked::Status(number)),
-            Order::Offsets => self.ask("offset.list", &none, Asked::Offsets(number)),
+            Order::Status => self.ask::<method::Status>(&none, Asked::Status(number)),
+            Order::Offsets => self.ask::<method::OffsetList>(&none, Asked::Offsets(number)),
             Order::Lines { text, wait } => {
-                let params = json!({ "text": text, "wait": wait });
-                self.ask("mdi.stream", &params, Asked::Order(number));
+                let wait = Some(wait);
+                self.ask::<method::MdiStream>(&params::MdiStream { text, wait }, Asked::Order(number));
             }
             Order::Probe { text } => {
                 // Where the contact was, in the unit of the program.
                 let text = format!("{text}(DEBUG,PRB #5061 #5062 #5063 #5070 #<_metric>)\n");
                 self.long = Some((number, Long::Probe, false));
-                self.ask(
-                    "mdi.stream",
-                    &json!({ "text": text, "wait": true }),
-                    Asked::Probe(number),
-                );
+                let wait = Some(true);
+                self.ask::<method::MdiStream>(&params::MdiStream { text, wait }, Asked::Probe(number));
             }
             Order::Jog {
                 distance_mm,
                 velocity_mm_s,
             } => self.jog(number, distance_mm, velocity_mm_s),
-            Order::StopJog => self.ask("jog.stop", &none, Asked::Order(number)),
-            Order::Hold => self.ask("hold", &none, Asked::Order(number)),
-            Order::Resume => self.ask("resume", &none, Asked::Order(number)),
-            Order::Stop => self.ask("stop", &none, Asked::Order(number)),
-            Order::Off => self.ask("off", &none, Asked::Order(number)),
-            Order::Feed(percent) => self.ask("override", &json!({ "feed": percent }), Asked::Order(number)),
-            Order::Rapid(percent) => self.ask("override", &json!({ "rapid": percent }), Asked::Order(number)),
-            Order::Spindle(percent) => self.ask("override", &json!({ "spindle": percent }), Asked::Order(number)),
+            Order::StopJog => self.ask::<method::JogStop>(&params::Jogging::default(), Asked::Order(number)),
+            Order::Hold => self.ask::<method::Hold>(&none, Asked::Order(number)),
+            Order::Resume => self.ask::<method::Resume>(&none, Asked::Order(number)),
+            Order::Stop => self.ask::<method::Stop>(&none, Asked::Order(number)),
+            Order::Off => self.ask::<method::Off>(&none, Asked::Order(number)),
+            Order::Feed(percent) => {
+                let feed = Some(f64::from(percent));
+                self.ask::<method::Override>(&params::Override { feed, ..turned() }, Asked::Order(number));
+            }
+            Order::Rapid(percent) => {
+                let rapid = Some(f64::from(percent));
+                self.ask::<method::Override>(&params::Override { rapid, ..turned() }, Asked::Order(number));
+            }
+            Order::Spindle(percent) => {
+                let spindle = Some(f64::from(percent));
+                self.ask::<method::Override>(&params::Override { spindle, ..turned() }, Asked::Order(number));
+            }
             Order::Home => {
                 self.long = Some((number, Long::Home, false));
-                self.ask("home", &none, Asked::Begun(number));
+                self.ask::<method::Home>(&params::Home::default(), Asked::Begun(number));
             }
             Order::Unlock => {
                 let ticks = 0;
@@ -316,13 +298,18 @@ impl Port {
             .filter(|((_, way), _)| *way != 0.0)
             .peekable();
         while let Some(((axis, distance_mm), velocity_mm_s)) = axes.next() {
-            let params = json!({ "axis": axis, "distance_mm": distance_mm, "velocity_mm_s": velocity_mm_s.abs() });
+            let jog = params::Jog {
+                axis: Some(axis.to_owned()),
+                joint: None,
+                velocity_mm_s: velocity_mm_s.abs(),
+                distance_mm: Some(distance_mm),
+            };
             let asked = if axes.peek().is_none() {
                 Asked::Order(number)
             } else {
                 Asked::Nothing
             };
-            self.ask("jog", &params, asked);
+            self.ask::<method::Jog>(&jog, asked);
         }
     }
 
@@ -330,30 +317,30 @@ impl Port {
     fn tick(&mut self, reads: bool) {
         self.session.tick();
         if self.session.is_jogging() && reads {
-            self.ask("jog.keep", &json!({}), Asked::Nothing);
+            self.ask::<method::JogKeep>(&params::Jogging::default(), Asked::Nothing);
         }
     }
 
     /// The control has answered.
-    fn heard(&mut self, line: &str) {
-        let answer: Value = serde_json::from_str(line).unwrap_or_default();
-        let Some(asked) = answer["id"].as_u64().and_then(|id| self.asked.remove(&id)) else {
-            return;
+    fn heard(&mut self, message: Message) -> Result<(), String> {
+        let Message::Answer { id: Some(id), result } = message else {
+            return Ok(());
         };
-        let result = match answer.get("error") {
-            Some(error) => Err(error["message"].as_str().unwrap_or("refused").to_owned()),
-            None => Ok(&answer["result"]),
+        let Some(asked) = self.asked.remove(&id) else {
+            return Ok(());
         };
-        match (asked, result) {
+        match (asked, result.map_err(|error| error.message)) {
             (Asked::Nothing, _) => {}
             (Asked::Control, result) => self.has_control = result.is_ok(),
             (Asked::Status(number), Ok(result)) => {
-                let status = Box::new(self.status(result));
-                self.go_on(result);
+                let told: protocol::Status = protocol::client::read(result).map_err(ended)?;
+                let status = Box::new(self.status(&told));
+                self.go_on(&told);
                 self.session.answered(number, Ok(Answer::Status(status)));
             }
             (Asked::Offsets(number), Ok(result)) => {
-                let offsets = Box::new(self.offsets(result));
+                let told: protocol::Offsets = protocol::client::read(result).map_err(ended)?;
+                let offsets = Box::new(self.offsets(&told));
                 self.session.answered(number, Ok(Answer::Offsets(offsets)));
             }
             (Asked::Probe(number) | Asked::Begun(number), Ok(_)) => {
@@ -376,13 +363,14 @@ impl Port {
                 self.session.answered(number, Err(why));
             }
         }
+        Ok(())
     }
 
     /// What is under way for longer goes on, as the machine is now.
-    fn go_on(&mut self, status: &Value) {
+    fn go_on(&mut self, status: &protocol::Status) {
         let Some((number, long, true)) = self.long else { return };
-        let job = status["job"].as_str();
-        let alarm = || status["alarm"].as_str().unwrap_or("it was stopped").to_owned();
+        let job = status.job.as_deref();
+        let alarm = || status.alarm.clone().unwrap_or_else(|| "it was stopped".into());
         let answer = match long {
             Long::Home => match job {
                 None => return,
@@ -390,44 +378,26 @@ impl Port {
                 Some(_) => Err(alarm()),
             },
             Long::Probe => {
-                let texts = list(&status["messages"])
-                    .iter()
-                    .rev()
-                    .filter_map(|entry| entry["text"].as_str());
-                let told = texts.filter_map(|text| text.strip_prefix(PROBED)).next();
-                match told.and_then(|told| self.probed(told, status)) {
+                let probed = |entry: &Entry| entry.text.strip_prefix(PROBED).map(str::to_owned);
+                let told = status.messages.iter().rev().find_map(probed);
+                match told.and_then(|told| self.probed(&told, status)) {
                     Some(answer) => Ok(answer),
                     None => Err("where the probe touched is not known".into()),
                 }
             }
             Long::Unlock { ticks, is_on_ordered } => {
-                let power = status["power"].as_str().unwrap_or_default();
+                let power = status.power.as_str();
+                let has_alarm = status.alarm.is_some();
                 let next = match power {
                     _ if ticks >= UNLOCK_TICKS => Some(Err(alarm())),
-                    "on" if status["alarm"].is_null() => Some(Ok(Answer::Done)),
+                    "on" if !has_alarm => Some(Ok(Answer::Done)),
                     // Someone has to close it first.
                     "estop, chain open" => Some(Err("the chain of the emergency stop is open".into())),
                     _ => None,
                 };
-                let method = match power {
-                    "estop" => Some("estop.reset"),
-                    "alarm" => Some("alarm.acknowledge"),
-                    "on" | "off" if !status["alarm"].is_null() => Some("alarm.acknowledge"),
-                    "off" if !is_on_ordered => Some("on"),
-                    _ => None,
-                };
-                match (next, method) {
-                    (Some(answer), _) => answer,
-                    (None, method) => {
-                        let is_on_ordered = is_on_ordered || method == Some("on");
-                        let ticks = ticks + 1;
-                        let long = Long::Unlock { ticks, is_on_ordered };
-                        self.long = Some((number, long, method.is_none()));
-                        if let Some(method) = method {
-                            self.ask(method, &json!({}), Asked::Begun(number));
-                        }
-                        return;
-                    }
+                match next {
+                    Some(answer) => answer,
+                    None => return self.unlock(number, ticks, is_on_ordered, power, has_alarm),
                 }
             }
         };
@@ -435,31 +405,58 @@ impl Port {
         self.session.answered(number, answer);
     }
 
+    /// The next step of an unlock.
+    fn unlock(&mut self, number: u32, ticks: u32, is_on_ordered: bool, power: &str, has_alarm: bool) {
+        let (none, asked) = (NoParams {}, Asked::Begun(number));
+        let mut is_on = is_on_ordered;
+        let waits = match power {
+            "estop" => {
+                self.ask::<method::EstopReset>(&none, asked);
+                true
+            }
+            "alarm" | "on" | "off" if power == "alarm" || has_alarm => {
+                self.ask::<method::Acknowledge>(&none, asked);
+                true
+            }
+            "off" if !is_on_ordered => {
+                self.ask::<method::On>(&none, asked);
+                is_on = true;
+                true
+            }
+            _ => false,
+        };
+        let long = Long::Unlock {
+            ticks: ticks + 1,
+            is_on_ordered: is_on,
+        };
+        self.long = Some((number, long, !waits));
+    }
+
     /// What the message behind a probing move says: work coordinates in the unit of the program, whether it touched, whether that is mm.
-    fn probed(&self, told: &str, status: &Value) -> Option<Answer> {
+    fn probed(&self, told: &str, status: &protocol::Status) -> Option<Answer> {
         let values: Vec<f64> = told
             .split_whitespace()
             .map(|word| word.parse().ok())
             .collect::<Option<_>>()?;
         let [x, y, z, touched, metric] = values.try_into().ok()?;
         let unit_mm = if metric == 1.0 { 1.0 } else { 25.4 };
-        let offset = numbers(&status["work_offset_mm"]);
-        let machine = |axis: usize, value: f64| value * unit_mm + offset.get(axis).copied().unwrap_or_default();
+        let machine =
+            |axis: usize, value: f64| value * unit_mm + status.work_offset_mm.get(axis).copied().unwrap_or_default();
         Some(Answer::Probed {
             place_mm: [machine(0, x), machine(1, y), machine(2, z)],
             touched: touched == 1.0,
         })
     }
 
-    fn status(&self, status: &Value) -> Status {
-        let power = status["power"].as_str().unwrap_or_default();
-        let alarm = status["alarm"].as_str().map(str::to_owned);
+    fn status(&self, status: &protocol::Status) -> Status {
+        let power = status.power.as_str();
+        let alarm = status.alarm.clone();
         let alarm = alarm.or_else(|| power.starts_with("estop").then(|| "emergency stop".to_owned()));
-        let waiting = &status["waiting"];
         // What goes on by itself is no wait of somebody.
-        let is_asked = matches!(waiting["for"].as_str(), Some("operator" | "tool-change"));
-        let activity = match status["activity"].as_str().unwrap_or_default() {
-            "running" if is_asked => Activity::Held,
+        let waiting = status.waiting.as_ref();
+        let waiting = waiting.filter(|waiting| matches!(waiting.what.as_str(), "operator" | "tool-change"));
+        let activity = match status.activity.as_str() {
+            "running" if waiting.is_some() => Activity::Held,
             "running" | "checking" => Activity::Running,
             "held" | "away" | "returning" => Activity::Held,
             "homing" => Activity::Homing,
@@ -467,66 +464,45 @@ impl Port {
             "stopping" => Activity::Stopping,
             _ => Activity::Idle,
         };
-        let three = |name: &str| {
-            let values = numbers(&status[name]);
-            [0, 1, 2].map(|axis| values.get(axis).copied().unwrap_or_default())
-        };
-        let percent = |name: &str| number(&status["override"][name]).round().clamp(0.0, 999.0) as u16;
-        let closed: Vec<u64> = ["lower", "upper"]
-            .iter()
-            .flat_map(|end| list(&status["limit_switches"][end]).iter().filter_map(Value::as_u64))
-            .collect();
-        let homed = list(&status["homed"]).len();
+        let three = |values: &[f64]| [0, 1, 2].map(|axis| values.get(axis).copied().unwrap_or_default());
+        let percent = |percent: f64| percent.round().clamp(0.0, 999.0) as u16;
+        let switches = &status.limit_switches;
+        let is_closed = |joint: &usize| switches.lower.contains(joint) || switches.upper.contains(joint);
+        let spindle = status.spindle.as_ref();
         Status {
-            is_ready: power == "on" && homed >= self.joints && alarm.is_none(),
+            is_ready: power == "on" && status.homed.len() >= self.joints && alarm.is_none(),
             alarm,
             activity,
-            position_mm: three("position_mm"),
-            work_offset_mm: three("work_offset_mm"),
-            feed_mm_min: number(&status["velocity_mm_s"]) * 60.0,
+            position_mm: three(&status.position_mm),
+            work_offset_mm: three(&status.work_offset_mm),
+            feed_mm_min: status.velocity_mm_s * 60.0,
             spindle: Spindle {
-                on: status["spindle"]["on"] == true,
-                speed_rpm: number(&status["spindle"]["speed_rpm"]),
+                on: spindle.is_some_and(|spindle| spindle.on),
+                speed_rpm: spindle.map_or(0.0, |spindle| spindle.speed_rpm),
             },
-            flood: status["coolant"]["flood"] == true,
-            mist: status["coolant"]["mist"] == true,
+            flood: status.coolant.flood,
+            mist: status.coolant.mist,
             overrides: Overrides {
-                feed: percent("feed_percent"),
-                rapid: percent("rapid_percent"),
-                spindle: percent("spindle_percent"),
+                feed: percent(status.overrides.feed_percent),
+                rapid: percent(status.overrides.rapid_percent),
+                spindle: percent(status.overrides.spindle_percent),
             },
-            limits: [0, 1, 2].map(|axis| self.joints_of[axis].iter().any(|joint| closed.contains(joint))),
+            limits: [0, 1, 2].map(|axis| self.joints_of[axis].iter().any(is_closed)),
             probe: false,
-            waiting: is_asked.then(|| waiting["text"].as_str().unwrap_or_default().to_owned()),
+            waiting: waiting.map(|waiting| waiting.text.clone()),
         }
     }
 
-    fn offsets(&self, told: &Value) -> Offsets {
-        let three = |place: &Value| ["X", "Y", "Z"].map(|axis| number(&place[axis]) * self.unit_mm);
+    fn offsets(&self, told: &protocol::Offsets) -> Offsets {
+        let value = |place: &BTreeMap<String, f64>, axis| place.get(axis).copied().unwrap_or_default();
+        let three = |place: &BTreeMap<String, f64>| ["X", "Y", "Z"].map(|axis| value(place, axis) * self.unit_mm);
         let mut offsets = Offsets::default();
-        for (place, system) in offsets.systems.iter_mut().zip(list(&told["systems"])) {
-            *place = three(&system["origin"]);
+        for (place, system) in offsets.systems.iter_mut().zip(&told.systems) {
+            *place = three(&system.origin);
         }
-        if told["g92_active"] == true {
-            offsets.g92 = three(&told["g92"]);
+        if told.g92_active {
+            offsets.g92 = three(&told.g92);
         }
         offsets
     }
-}
-
-/// Length of the unit of the machine, mm.
-fn unit_mm(told: &Value) -> f64 {
-    if told["unit"] == "inch" { 25.4 } else { 1.0 }
-}
-
-fn number(value: &Value) -> f64 {
-    value.as_f64().unwrap_or_default()
-}
-
-fn list(value: &Value) -> &[Value] {
-    value.as_array().map_or(&[], Vec::as_slice)
-}
-
-fn numbers(value: &Value) -> Vec<f64> {
-    list(value).iter().map(number).collect()
 }

@@ -11,12 +11,13 @@
 //! | a script in the name of a program | no script but our own files (Content-Security-Policy) |
 
 use crate::serve::{Connection, Panel};
-use crate::tokens::{Denied, Role, Token};
+use crate::tokens::{Denied, Token};
 use axum::extract::{Request, State};
 use axum::http::header::{AUTHORIZATION, CONTENT_TYPE, HOST, HeaderName, ORIGIN, WWW_AUTHENTICATE};
 use axum::http::{HeaderMap, HeaderValue, StatusCode};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
+use protocol::Role;
 use serde_json::{Value, json};
 use std::net::IpAddr;
 use std::sync::Arc;

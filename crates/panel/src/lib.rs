@@ -40,9 +40,10 @@ mod tokens;
 pub use backup::Backup;
 pub use counts::Counts;
 pub use listen::{BindError, DEFAULT_ADDRESS, Listener};
+pub use protocol::Role;
 pub use serve::{Settings, serve};
 pub use tls::{Tls, TlsError};
-pub use tokens::{FileError, Role, Token, TokenFile, Tokens};
+pub use tokens::{FileError, Token, TokenFile, Tokens};
 
 use std::io;
 use std::os::unix::net::UnixStream;

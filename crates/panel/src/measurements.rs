@@ -4,13 +4,13 @@
 
 use crate::guard::{Visitor, answer, refuse};
 use crate::serve::Panel;
-use crate::tokens::Role;
 use axum::Extension;
 use axum::extract::{Path, State};
 use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE};
 use axum::http::{HeaderValue, StatusCode};
 use axum::response::{IntoResponse, Response};
 use files::is_name;
+use protocol::Role;
 use serde_json::{Value, json};
 use std::sync::Arc;
 use std::time::UNIX_EPOCH;

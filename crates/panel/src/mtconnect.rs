@@ -4,11 +4,9 @@
 //!
 //! Nothing is observed before somebody asks for the first time; from then on, as long as the panel is served.
 
-use crate::Guest;
-use crate::ask::Asker;
+use crate::ask::{ask, connect};
 use crate::guard::{Visitor, refuse};
 use crate::serve::Panel;
-use crate::tokens::Role;
 use ::mtconnect::{
     Agent, Alarm, Axis, AxisFacts, Errors, Execution, Facts, Machine, Mode, Motion, Reply, Settings, Spindle, Stream,
     Subject, Tool, WaitFor,
@@ -20,20 +18,23 @@ use axum::http::header::{CACHE_CONTROL, CONNECTION, CONTENT_TYPE};
 use axum::http::{HeaderValue, StatusCode, Uri};
 use axum::response::{IntoResponse, Response};
 use futures_util::stream;
-use serde_json::{Map, Value, json};
+use protocol::limits::{LETTERS, WORK_SYSTEMS};
+use protocol::params::{self, NoParams};
+use protocol::with_tokio::Client;
+use protocol::{
+    ClientError, Described, Entry, Followed, Message, Role, StateChange, Status, StatusAxis, Subscribed, Tools, method,
+};
 use sha2::{Digest, Sha256};
 use std::collections::HashMap;
 use std::convert::Infallible;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
-use tokio::io::{AsyncBufReadExt, AsyncWriteExt, BufReader};
-use tokio::net::UnixStream;
 use tokio::time::{MissedTickBehavior, interval, sleep};
 
 /// Observations that are kept: minutes of a machine that moves.
 const BUFFER: usize = 1 << 15;
 /// States a second that the control is asked for.
-const RATE_HZ: u32 = 10;
+const RATE_HZ: u64 = 10;
 /// Between two looks at the tool table.
 const TOOLS_EVERY: Duration = Duration::from_secs(5);
 /// Shortest time between two parts of a stream.
@@ -112,15 +113,15 @@ pub(crate) async fn begin(panel: &Arc<Panel>) -> Result<(), String> {
     if panel.mtconnect.with(|_| ()).is_some() {
         return Ok(());
     }
-    let mut asker = Asker::new(panel, Role::Watch, "MTConnect")?;
-    let machine = asker.ask("machine.describe", json!({})).await?;
-    let tools = asker.ask("tool.list", json!({})).await?;
-    let pins = Pins::of(&machine, &mut asker).await?;
+    let mut client = connect(panel, Role::Watch, "MTConnect")?;
+    let machine = ask::<method::Describe>(&mut client, &NoParams {}).await?;
+    let tools = ask::<method::ToolList>(&mut client, &NoParams {}).await?;
+    let pins = Pins::of(&machine, &mut client).await?;
     let measured = match pins.names.is_empty() {
-        true => Value::Null,
-        false => asker.ask("hal.values", json!({ "pins": pins.names })).await?,
+        true => Measured::new(),
+        false => read(&ask::<method::PinValues>(&mut client, &pins.values()).await?),
     };
-    let state = asker.ask("status", json!({})).await?;
+    let status = ask::<method::Status>(&mut client, &NoParams {}).await?;
     let errors = match panel.settings.mtconnect_old_errors {
         true => Errors::Coded,
         false => Errors::Typed,
@@ -131,7 +132,7 @@ pub(crate) async fn begin(panel: &Arc<Panel>) -> Result<(), String> {
         agent.get_or_insert_with(|| {
             let mut agent = new_agent(&machine, &pins, errors);
             agent.tools(tool_table(&tools), now());
-            agent.observe(&facts(&state, &Map::new(), &pins.read(&measured)), now());
+            agent.observe(&facts(&status, &[], &measured), now());
             agent
         });
         is_new
@@ -152,7 +153,7 @@ struct Pins {
 type Measured = HashMap<String, f64>;
 
 /// Of a joint that is an axis: where it is, how far it is behind, torque in 1/1000 of the rated one.
-fn pins_of(joint: u64) -> [String; 3] {
+fn pins_of(joint: usize) -> [String; 3] {
     [
         format!("joint.{joint}.motor-pos-fb"),
         format!("joint.{joint}.f-error"),
@@ -164,16 +165,18 @@ fn pins_of(joint: u64) -> [String; 3] {
 const SPINDLE: &str = "spindle.0.speed-in";
 
 impl Pins {
-    async fn of(described: &Value, asker: &mut Asker) -> Result<Pins, String> {
-        let joints = list(&described["axes"])
-            .iter()
-            .filter_map(|axis| axis["joint"].as_u64());
+    async fn of(described: &Described, client: &mut Client) -> Result<Pins, String> {
+        let joints = described.axes.iter().filter_map(|axis| axis.joint);
         let mut wanted: Vec<String> = joints.flat_map(pins_of).collect();
         wanted.push(SPINDLE.to_owned());
         let mut names = Vec::new();
         for name in wanted {
-            let found = asker.ask("hal.list", json!({ "pattern": name })).await?;
-            if !list(&found["pins"]).is_empty() {
+            let wanted = params::PinList {
+                pattern: Some(name.clone()),
+                from: None,
+            };
+            let found = ask::<method::PinList>(client, &wanted).await?;
+            if !found.pins.is_empty() {
                 names.push(name);
             }
         }
@@ -184,20 +187,28 @@ impl Pins {
         self.names.iter().any(|known| known == name)
     }
 
-    fn read(&self, told: &Value) -> Measured {
-        let one = |pin: &Value| Some((pin["name"].as_str()?.to_owned(), pin["value"].as_f64()?));
-        list(&told["pins"]).iter().filter_map(one).collect()
+    fn values(&self) -> params::PinValues {
+        params::PinValues {
+            pins: self.names.clone(),
+        }
     }
 }
 
-fn new_agent(described: &Value, pins: &Pins, errors: Errors) -> Agent {
-    let name = described["machine"].as_str().unwrap_or("machine").to_owned();
-    let axes = list(&described["axes"]).iter().filter_map(|axis| {
-        let joint = axis["joint"].as_u64().map(pins_of);
+/// Values of pins that are numbers.
+fn read(told: &protocol::Pins) -> Measured {
+    let pins = told.pins.iter();
+    pins.filter_map(|pin| Some((pin.name.clone(), pin.value.as_f64()?)))
+        .collect()
+}
+
+fn new_agent(described: &Described, pins: &Pins, errors: Errors) -> Agent {
+    let name = described.machine.clone();
+    let axes = described.axes.iter().filter_map(|axis| {
+        let joint = axis.joint.map(pins_of);
         let has = |place: usize| joint.as_ref().is_some_and(|names| pins.has(&names[place]));
         Some(Axis {
-            letter: axis["axis"].as_str()?.chars().next()?,
-            is_rotary: axis["unit"] == "degrees",
+            letter: axis.axis.chars().next()?,
+            is_rotary: axis.unit == "degrees",
             is_measured: has(0),
             has_load: has(2),
         })
@@ -207,7 +218,7 @@ fn new_agent(described: &Value, pins: &Pins, errors: Errors) -> Agent {
         description: format!("{name}, controlled by isocnc"),
         name,
         axes: axes.collect(),
-        has_spindle: described["spindles"].as_u64() > Some(0),
+        has_spindle: described.spindles > 0,
         measures_spindle: pins.has(SPINDLE),
     };
     let sender = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
@@ -250,109 +261,103 @@ async fn observe(panel: Arc<Panel>, pins: Pins) {
 
 /// Follows the control as long as it tells anything.
 async fn follow(panel: &Arc<Panel>, pins: &Pins) {
-    let guest = Guest {
-        role: Role::Watch,
-        name: "MTConnect".into(),
-    };
-    let connected = panel.control.connect(&guest).and_then(|stream| {
-        stream.set_nonblocking(true)?;
-        UnixStream::from_std(stream)
-    });
-    let Ok(stream) = connected else { return };
-    let (lines, mut requests) = stream.into_split();
-    let mut lines = BufReader::new(lines).lines();
-    let subscribe = json!({ "jsonrpc": "2.0", "id": 1, "method": "subscribe", "params": { "rate_hz": RATE_HZ } });
-    if requests.write_all(format!("{subscribe}\n").as_bytes()).await.is_err() {
+    // It has ended, or something of it cannot be understood: it is asked anew.
+    let Ok(client) = connect(panel, Role::Watch, "MTConnect") else {
         return;
+    };
+    if let Err(cause) = observed(panel, pins, client).await {
+        tracing::debug!(%cause, "MTConnect");
     }
+}
+
+async fn observed(panel: &Arc<Panel>, pins: &Pins, mut client: Client) -> Result<(), ClientError> {
+    let rate_hz = Some(RATE_HZ);
+    let subscribed = client.put::<method::Subscribe>(&params::Subscribe { rate_hz });
+    client.send().await?;
     let mut tools = interval(TOOLS_EVERY);
     // What is measured changes where the state does not.
-    let mut looks = interval(Duration::from_millis(1000 / u64::from(RATE_HZ)));
+    let mut looks = interval(Duration::from_millis(1000 / RATE_HZ));
     looks.set_missed_tick_behavior(MissedTickBehavior::Delay);
-    let (mut state, mut before) = (Map::new(), Map::new());
+    let (mut asked_tools, mut asked_pins) = (None, None);
+    let (mut state, mut before) = (None::<Followed>, Vec::new());
     let mut measured = Measured::new();
     loop {
-        tokio::select! {
-            line = lines.next_line() => {
-                let Ok(Some(line)) = line else { return };
-                let Ok(message) = serde_json::from_str::<Value>(&line) else { return };
-                if message["id"] == 2 {
-                    panel.mtconnect.with(|agent| agent.tools(tool_table(&message["result"]), now()));
+        let at = tokio::select! {
+            message = client.message() => match message? {
+                Message::Answer { id, result: Err(refused) } if id == Some(subscribed) => {
+                    return Err(ClientError::Refused(refused));
+                }
+                Message::Answer { id, result: Ok(tools) } if id == asked_tools => {
+                    let tools = protocol::client::read(tools)?;
+                    panel.mtconnect.with(|agent| agent.tools(tool_table(&tools), now()));
                     continue;
                 }
-                if message["id"] == 3 {
-                    measured = pins.read(&message["result"]);
-                    if !state.is_empty() {
-                        let facts = facts(&Value::Object(state.clone()), &before, &measured);
-                        panel.mtconnect.with(|agent| agent.observe(&facts, now()));
-                    }
-                    continue;
+                Message::Answer { id, result: Ok(values) } if id == asked_pins => {
+                    measured = read(&protocol::client::read(values)?);
+                    now()
                 }
-                let (told, fields) = match message.get("method") {
-                    Some(_) => (&message["params"], &message["params"]["changed"]),
-                    None => (&message["result"], &message["result"]["state"]),
-                };
-                let Value::Object(fields) = fields else { continue };
-                before.clone_from(&state);
-                state.extend(fields.clone());
-                if measured.is_empty() && !pins.names.is_empty() {
-                    // It comes in a moment: nothing that was known is unavailable meanwhile.
-                    continue;
+                Message::Answer { id, result: Ok(whole) } if id == Some(subscribed) => {
+                    let whole: Subscribed = protocol::client::read(whole)?;
+                    state = Some(Followed::new(whole.state));
+                    moment(whole.unix_s)
                 }
-                let at = told["unix_s"].as_f64().and_then(|unix_s| Duration::try_from_secs_f64(unix_s).ok()).unwrap_or_else(now);
-                let facts = facts(&Value::Object(state.clone()), &before, &measured);
-                panel.mtconnect.with(|agent| agent.observe(&facts, at));
-            }
+                Message::Answer { .. } => continue,
+                Message::Notification(news) => {
+                    let StateChange { unix_s, changed, .. } = protocol::client::read(news.params)?;
+                    let Some(state) = &mut state else { continue };
+                    before.clone_from(&state.status().position_mm);
+                    state.change(changed)?;
+                    moment(unix_s)
+                }
+            },
             _ = looks.tick(), if !pins.names.is_empty() => {
-                let ask = json!({ "jsonrpc": "2.0", "id": 3, "method": "hal.values", "params": { "pins": pins.names } });
-                if requests.write_all(format!("{ask}\n").as_bytes()).await.is_err() {
-                    return;
-                }
+                asked_pins = Some(client.put::<method::PinValues>(&pins.values()));
+                client.send().await?;
+                continue;
             }
             _ = tools.tick() => {
-                let ask = json!({ "jsonrpc": "2.0", "id": 2, "method": "tool.list", "params": {} });
-                if requests.write_all(format!("{ask}\n").as_bytes()).await.is_err() {
-                    return;
-                }
+                asked_tools = Some(client.put::<method::ToolList>(&NoParams {}));
+                client.send().await?;
+                continue;
             }
+        };
+        // Measured values come in a moment: nothing that was known is unavailable meanwhile.
+        if measured.is_empty() && !pins.names.is_empty() {
+            continue;
+        }
+        if let Some(state) = &state {
+            let facts = facts(state.status(), &before, &measured);
+            panel.mtconnect.with(|agent| agent.observe(&facts, at));
         }
     }
 }
 
-fn tool_table(told: &Value) -> Vec<Tool> {
-    let unit_mm = if told["unit"] == "inch" { 25.4 } else { 1.0 };
-    let tools = list(&told["tools"]).iter().map(|tool| {
-        let whole = |name: &str| {
-            tool[name]
-                .as_u64()
-                .and_then(|value| u32::try_from(value).ok())
-                .unwrap_or_default()
-        };
-        Tool {
-            number: whole("tool"),
-            pocket: whole("pocket"),
-            length_mm: number(&tool["length"]) * unit_mm,
-            diameter_mm: number(&tool["diameter"]) * unit_mm,
-            remark: tool["remark"].as_str().unwrap_or_default().to_owned(),
-        }
+/// A time of day, s since 1970.
+fn moment(unix_s: f64) -> Duration {
+    Duration::try_from_secs_f64(unix_s).unwrap_or_else(|_| now())
+}
+
+fn tool_table(told: &Tools) -> Vec<Tool> {
+    let unit_mm = if told.unit == "inch" { 25.4 } else { 1.0 };
+    let tools = told.tools.iter().map(|tool| Tool {
+        number: tool.tool,
+        pocket: tool.pocket,
+        length_mm: tool.length * unit_mm,
+        diameter_mm: tool.diameter * unit_mm,
+        remark: tool.remark.clone(),
     });
     tools.collect()
 }
 
-/// The state of the control in the words of MTConnect; `before`: as it was a moment ago.
-fn facts(state: &Value, before: &Map<String, Value>, measured: &Measured) -> Facts {
-    let text = |name: &str| state[name].as_str().unwrap_or_default();
-    let power = text("power");
-    let axes = list(&state["axes"]);
-    let positions = numbers(&state["position_mm"]);
-    let were = before.get("position_mm").map(numbers).unwrap_or_default();
-    let homing = text("activity") == "homing";
-    let axes_now = axes.iter().map(|axis| {
-        let place = axis["axis"]
-            .as_str()
-            .and_then(|letter| "XYZABCUVW".find(letter))
+/// The state of the control in the words of MTConnect; `were`: positions of a moment ago, none where they are not known.
+fn facts(status: &Status, were: &[f64], measured: &Measured) -> Facts {
+    let homing = status.activity == "homing";
+    let axes_now = status.axes.iter().map(|axis| {
+        let place = LETTERS
+            .iter()
+            .position(|letter| *letter == axis.axis)
             .unwrap_or_default();
-        let position = positions.get(place).copied().unwrap_or_default();
+        let position = status.position_mm.get(place).copied().unwrap_or_default();
         let moves = were.get(place).is_some_and(|was| *was != position);
         let motion = match (homing, moves) {
             (true, _) => Motion::Home,
@@ -360,8 +365,8 @@ fn facts(state: &Value, before: &Map<String, Value>, measured: &Measured) -> Fac
             (false, false) => Motion::Stopped,
         };
         // An axis that is one joint alone has its pins: those of another one say nothing of it.
-        let pins = match list(&axis["joints"]) {
-            [joint] => joint.as_u64().map(pins_of),
+        let pins = match axis.joints[..] {
+            [joint] => Some(pins_of(joint)),
             _ => None,
         };
         let of = |place: usize| pins.as_ref().and_then(|names| measured.get(&names[place]).copied());
@@ -373,61 +378,50 @@ fn facts(state: &Value, before: &Map<String, Value>, measured: &Measured) -> Fac
             motion,
         }
     });
-    let mode = match text("mode") {
-        "auto" if state["single_block"] == true => Mode::SemiAutomatic,
+    let mode = match status.mode.as_str() {
+        "auto" if status.single_block => Mode::SemiAutomatic,
         "auto" => Mode::Automatic,
         "mdi" => Mode::Mdi,
         _ => Mode::Manual,
     };
-    let program = &state["program"];
-    let spindle = &state["spindle"];
-    let percent = |name: &str| number(&state["override"][name]);
+    let program = status.program.as_ref();
     Facts {
-        is_emergency_stop: power.starts_with("estop"),
-        is_powered: power == "on",
+        is_emergency_stop: status.power.starts_with("estop"),
+        is_powered: status.power == "on",
         mode,
-        execution: execution(state),
-        single_block: state["single_block"] == true,
-        optional_stop: state["optional_stop"] == true,
-        dry_run: program["dry_run"] == true,
-        program: program["name"].as_str().map(str::to_owned),
-        line: state["line"].as_u64().and_then(|line| u32::try_from(line).ok()),
-        tool: state["tool"]
-            .as_u64()
-            .and_then(|tool| u32::try_from(tool).ok())
-            .unwrap_or_default(),
-        work_system: work_system(&state["codes"]),
-        parts: state["parts"]["count"].as_u64().unwrap_or_default(),
-        parts_wanted: state["parts"]["target"].as_u64(),
-        feed_override: percent("feed_percent"),
-        rapid_override: percent("rapid_percent"),
-        feed_mm_s: number(&state["velocity_mm_s"]),
-        place_mm: work_place(state),
-        program_s: state["elapsed_s"].as_f64(),
+        execution: execution(status),
+        single_block: status.single_block,
+        optional_stop: status.optional_stop,
+        dry_run: program.is_some_and(|program| program.dry_run),
+        program: program.map(|program| program.name.clone()),
+        line: Some(status.line),
+        tool: status.tool,
+        work_system: work_system(&status.codes),
+        parts: status.parts.count,
+        parts_wanted: status.parts.target,
+        feed_override: status.overrides.feed_percent,
+        rapid_override: status.overrides.rapid_percent,
+        feed_mm_s: status.velocity_mm_s,
+        place_mm: work_place(status),
+        program_s: Some(status.elapsed_s),
         axes: axes_now.collect(),
-        spindle: (!spindle.is_null()).then(|| Spindle {
-            speed_rpm: if spindle["on"] == true {
-                number(&spindle["speed_rpm"])
-            } else {
-                0.0
-            },
+        spindle: status.spindle.as_ref().map(|spindle| Spindle {
+            speed_rpm: if spindle.on { spindle.speed_rpm } else { 0.0 },
             actual_rpm: measured.get(SPINDLE).map(|turns_s| turns_s * 60.0),
-            speed_override: percent("spindle_percent"),
+            speed_override: status.overrides.spindle_percent,
         }),
-        alarms: alarm(state, axes).into_iter().collect(),
-        message: message(&state["messages"]),
+        alarms: alarm(status).into_iter().collect(),
+        message: message(&status.messages),
     }
 }
 
-fn execution(state: &Value) -> Execution {
-    let text = |name: &str| state[name].as_str().unwrap_or_default();
-    let single_block = state["single_block"] == true;
-    match text("activity") {
-        "held" if single_block => Execution::Interrupted,
+fn execution(status: &Status) -> Execution {
+    match status.activity.as_str() {
+        "held" if status.single_block => Execution::Interrupted,
         "held" => Execution::FeedHold,
         "away" | "returning" => Execution::Interrupted,
         "stopping" => Execution::Stopped,
-        "running" => match state["waiting"]["for"].as_str() {
+        "running" => match status.waiting.as_ref().map(|waiting| waiting.what.as_str()) {
             None => Execution::Active,
             // M1 counts where it stops at all; which of both it is the text of the program knows.
             Some("operator") => Execution::ProgramStopped,
@@ -436,31 +430,31 @@ fn execution(state: &Value) -> Execution {
             Some("dwell" | "probe") => Execution::Active,
             Some(_) => Execution::Wait(WaitFor::Other),
         },
-        _ if !state["alarm"].is_null() || text("power").starts_with("estop") => Execution::Stopped,
-        "idle" if text("mode") == "auto" => match state["program"]["result"].as_str() {
-            Some("completed") => Execution::Completed,
-            Some(_) => Execution::Stopped,
-            None => Execution::Ready,
-        },
+        _ if status.alarm.is_some() || status.power.starts_with("estop") => Execution::Stopped,
+        "idle" if status.mode == "auto" => {
+            match status.program.as_ref().and_then(|program| program.result.as_deref()) {
+                Some("completed") => Execution::Completed,
+                Some(_) => Execution::Stopped,
+                None => Execution::Ready,
+            }
+        }
         _ => Execution::Ready,
     }
 }
 
 /// What stands, with its entry in the journal.
-fn alarm(state: &Value, axes: &[Value]) -> Option<Alarm> {
-    let text = state["alarm"].as_str()?.to_owned();
-    let entries = list(&state["messages"]).iter().rev();
-    let record = entries
-        .map(|entry| &entry["alarm"])
-        .find(|record| record["severity"].as_str().is_some_and(|word| word != "warning"));
-    let code = record
-        .and_then(|record| record["code"].as_str())
-        .unwrap_or("alarm")
-        .to_owned();
-    let axis = record.and_then(|record| record["joint"].as_u64()).and_then(|joint| {
-        axes.iter()
-            .position(|axis| list(&axis["joints"]).iter().any(|of| of.as_u64() == Some(joint)))
-    });
+fn alarm(status: &Status) -> Option<Alarm> {
+    let text = status.alarm.clone()?;
+    let records = status.messages.iter().rev().filter_map(|entry| entry.alarm.as_ref());
+    let record = records.into_iter().find(|record| record.severity != "warning");
+    let code = record.map_or_else(|| "alarm".to_owned(), |record| record.code.clone());
+    let of_joint = |joint: usize| {
+        status
+            .axes
+            .iter()
+            .position(|axis: &StatusAxis| axis.joints.contains(&joint))
+    };
+    let axis = record.and_then(|record| record.joint).and_then(of_joint);
     let subject = match (code.split('-').next().unwrap_or_default(), axis) {
         ("J", Some(axis)) if matches!(code.as_str(), "J-201" | "J-202") => Subject::Drive(axis),
         ("J", Some(axis)) => Subject::Travel(axis),
@@ -477,65 +471,66 @@ fn alarm(state: &Value, axes: &[Value]) -> Option<Alarm> {
     })
 }
 
-fn message(entries: &Value) -> Option<String> {
-    let texts = list(entries).iter().rev().filter_map(|entry| entry["text"].as_str());
-    texts
-        .filter_map(|text| text.strip_prefix("message: "))
-        .next()
-        .map(str::to_owned)
+fn message(entries: &[Entry]) -> Option<String> {
+    let mut texts = entries
+        .iter()
+        .rev()
+        .filter_map(|entry| entry.text.strip_prefix("message: "));
+    texts.next().map(str::to_owned)
 }
 
 /// 1 for G54 to 9 for G59.3.
-fn work_system(codes: &Value) -> Option<u8> {
-    let systems = ["G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3"];
-    let found = list(codes)
+fn work_system(codes: &[String]) -> Option<u8> {
+    let found = codes
         .iter()
-        .filter_map(Value::as_str)
-        .find_map(|code| systems.iter().position(|known| *known == code));
+        .find_map(|code| WORK_SYSTEMS.iter().position(|known| known == code));
     found.map(|at| at as u8 + 1)
 }
 
 /// X, Y and Z as the work has them.
-fn work_place(state: &Value) -> [f64; 3] {
-    let (at, offset) = (numbers(&state["position_mm"]), numbers(&state["work_offset_mm"]));
-    let one = |axis: usize| at.get(axis).copied().unwrap_or_default() - offset.get(axis).copied().unwrap_or_default();
-    let (sin, cos) = number(&state["work_rotation_degrees"]).to_radians().sin_cos();
+fn work_place(status: &Status) -> [f64; 3] {
+    let of = |list: &[f64], axis: usize| list.get(axis).copied().unwrap_or_default();
+    let one = |axis: usize| of(&status.position_mm, axis) - of(&status.work_offset_mm, axis);
+    let (sin, cos) = status.work_rotation_degrees.to_radians().sin_cos();
     let (x, y) = (one(0), one(1));
     [x * cos + y * sin, y * cos - x * sin, one(2)]
-}
-
-fn number(value: &Value) -> f64 {
-    value.as_f64().unwrap_or_default()
-}
-
-fn list(value: &Value) -> &[Value] {
-    value.as_array().map_or(&[], Vec::as_slice)
-}
-
-fn numbers(value: &Value) -> Vec<f64> {
-    list(value).iter().map(number).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use protocol::{AlarmRecord, StatusProgram, Waiting};
+    use serde_json::{Value, json};
 
-    fn state(changed: &Value) -> Value {
-        let mut state = json!({
-            "power": "on", "activity": "running", "mode": "auto", "single_block": false, "alarm": null, "waiting": null,
-            "program": { "name": "p.ngc", "result": null, "dry_run": false },
-            "axes": [{ "axis": "X", "joints": [0], "unit": "mm" }, { "axis": "Z", "joints": [2], "unit": "mm" }],
-            "position_mm": [10.0, 0.0, 5.0], "work_offset_mm": [1.0, 0.0, 2.0], "work_rotation_degrees": 0.0,
-            "codes": ["G0", "G55"], "messages": [],
+    /// As it runs a program, but for what has changed.
+    fn state(changed: &Value) -> Status {
+        let axis = |axis: &str, joint| StatusAxis {
+            axis: axis.into(),
+            joints: vec![joint],
+            unit: "mm".into(),
+        };
+        let mut state = json!(Status {
+            power: "on".into(),
+            activity: "running".into(),
+            mode: "auto".into(),
+            program: Some(StatusProgram {
+                name: "p.ngc".into(),
+                ..StatusProgram::default()
+            }),
+            axes: vec![axis("X", 0), axis("Z", 2)],
+            position_mm: vec![10.0, 0.0, 5.0],
+            work_offset_mm: vec![1.0, 0.0, 2.0],
+            codes: vec!["G0".into(), "G55".into()],
+            ..Status::default()
         });
         for (name, value) in changed.as_object().unwrap() {
             state[name] = value.clone();
         }
-        state
+        serde_json::from_value(state).unwrap()
     }
 
     fn told(changed: Value) -> Facts {
-        facts(&state(&changed), &Map::new(), &Measured::new())
+        facts(&state(&changed), &[], &Measured::new())
     }
 
     #[test]
@@ -548,16 +543,28 @@ mod tests {
             Execution::Interrupted
         );
         assert_eq!(execution(json!({ "activity": "returning" })), Execution::Interrupted);
-        let waiting = |what: &str| json!({ "waiting": { "for": what } });
+        let waiting = |what: &str| {
+            let waiting = Waiting {
+                what: what.into(),
+                ..Waiting::default()
+            };
+            json!({ "waiting": waiting })
+        };
         assert_eq!(execution(waiting("operator")), Execution::ProgramStopped);
         assert_eq!(execution(waiting("tool-change")), Execution::Wait(WaitFor::ToolLoad));
         assert_eq!(execution(waiting("input")), Execution::Wait(WaitFor::Other));
         assert_eq!(execution(waiting("feed")), Execution::FeedHold);
         assert_eq!(execution(waiting("dwell")), Execution::Active);
-        let idle = |result: Value| json!({ "activity": "idle", "program": { "result": result } });
-        assert_eq!(execution(idle(json!("completed"))), Execution::Completed);
-        assert_eq!(execution(idle(json!("stopped"))), Execution::Stopped);
-        assert_eq!(execution(idle(Value::Null)), Execution::Ready);
+        let idle = |result: Option<&str>| {
+            let program = StatusProgram {
+                result: result.map(str::to_owned),
+                ..StatusProgram::default()
+            };
+            json!({ "activity": "idle", "program": program })
+        };
+        assert_eq!(execution(idle(Some("completed"))), Execution::Completed);
+        assert_eq!(execution(idle(Some("stopped"))), Execution::Stopped);
+        assert_eq!(execution(idle(None)), Execution::Ready);
         assert_eq!(
             execution(json!({ "activity": "idle", "power": "estop" })),
             Execution::Stopped
@@ -580,7 +587,7 @@ mod tests {
         ];
         let measured = pins.map(|(name, value)| (name.to_owned(), value)).into();
         let spindle = json!({ "spindle": { "on": true, "speed_rpm": -300.0 } });
-        let facts = super::facts(&state(&spindle), &Map::new(), &measured);
+        let facts = super::facts(&state(&spindle), &[], &measured);
         assert_eq!(facts.axes[0].actual, None);
         assert_eq!(
             (facts.axes[1].actual, facts.axes[1].load_percent),
@@ -589,9 +596,7 @@ mod tests {
         assert_eq!(facts.spindle.and_then(|spindle| spindle.actual_rpm), Some(-300.0));
         let turned = told(json!({ "work_rotation_degrees": 90.0 })).place_mm;
         assert!(turned[0].abs() < 1e-9 && (turned[1] + 9.0).abs() < 1e-9, "{turned:?}");
-        let mut before = Map::new();
-        before.insert("position_mm".into(), json!([9.0, 0.0, 5.0]));
-        let moved = super::facts(&state(&json!({})), &before, &Measured::new());
+        let moved = super::facts(&state(&json!({})), &[9.0, 0.0, 5.0], &Measured::new());
         assert_eq!(
             [moved.axes[0].motion, moved.axes[1].motion],
             [Motion::Travel, Motion::Stopped]
@@ -600,17 +605,26 @@ mod tests {
 
     #[test]
     fn alarms_are_of_the_axis_whose_joint_they_name() {
-        let of = |code: &str, joint: Value| {
-            let record = json!({ "code": code, "severity": "stop", "joint": joint });
-            told(
-                json!({ "alarm": "x", "messages": [{ "text": "alarm: x", "alarm": record }, { "text": "message: look" }] }),
-            )
+        let of = |code: &str, joint: Option<usize>| {
+            let record = AlarmRecord {
+                code: code.into(),
+                severity: "stop".into(),
+                joint,
+                ..AlarmRecord::default()
+            };
+            let entry = |text: &str, alarm| Entry {
+                text: text.into(),
+                alarm,
+                ..Entry::default()
+            };
+            let messages = [entry("alarm: x", Some(record)), entry("message: look", None)];
+            told(json!({ "alarm": "x", "messages": messages }))
         };
-        assert_eq!(of("J-201", json!(2)).alarms[0].subject, Subject::Drive(1));
-        assert_eq!(of("J-203", json!(0)).alarms[0].subject, Subject::Travel(0));
-        assert_eq!(of("N-101", Value::Null).alarms[0].subject, Subject::Communications);
-        assert_eq!(of("P-601", Value::Null).alarms[0].code, "P-601");
-        assert_eq!(of("S-301", Value::Null).message.as_deref(), Some("look"));
+        assert_eq!(of("J-201", Some(2)).alarms[0].subject, Subject::Drive(1));
+        assert_eq!(of("J-203", Some(0)).alarms[0].subject, Subject::Travel(0));
+        assert_eq!(of("N-101", None).alarms[0].subject, Subject::Communications);
+        assert_eq!(of("P-601", None).alarms[0].code, "P-601");
+        assert_eq!(of("S-301", None).message.as_deref(), Some("look"));
         assert_eq!(told(json!({})).alarms, []);
     }
 

@@ -3,10 +3,9 @@
 //! In:  a tolerance. Out: a line of JSON (axes, octets of a record, program), then blocks: how many octets follow (u32, little end
 //! first), whole records; 0 is the end, behind which a line of JSON says whether the program was wrong somewhere.
 
-use crate::ask::Asker;
+use crate::ask::{ask, connect};
 use crate::guard::{Visitor, refuse};
 use crate::serve::Panel;
-use crate::tokens::Role;
 use axum::Extension;
 use axum::body::{Body, Bytes};
 use axum::extract::{RawQuery, State};
@@ -16,7 +15,8 @@ use axum::response::{IntoResponse, Response};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use futures_util::stream;
-use serde_json::{Value, json};
+use protocol::{PathPart, Role, method, params};
+use serde_json::json;
 use std::convert::Infallible;
 use std::sync::Arc;
 
@@ -32,25 +32,25 @@ pub(crate) async fn path(
     let Some(params) = params(query.as_deref().unwrap_or_default()) else {
         return refuse(StatusCode::BAD_REQUEST, "expected /path or /path?tolerance_mm=0.1");
     };
-    let mut asker = match Asker::new(&panel, Role::Watch, "picture of the path") {
-        Ok(asker) => asker,
+    let mut client = match connect(&panel, Role::Watch, "picture of the path") {
+        Ok(client) => client,
         Err(why) => return refuse(StatusCode::SERVICE_UNAVAILABLE, why),
     };
-    let begun = match asker.ask("program.path.begin", params).await {
+    let begun = match ask::<method::PathBegin>(&mut client, &params).await {
         Ok(begun) => begun,
         Err(why) => return refuse(StatusCode::CONFLICT, why),
     };
-    let number = begun["path"].clone();
-    let head = Bytes::from(format!("{begun}\n"));
-    let state = Some((asker, number, Some(head)));
+    let next = params::PathNext { path: begun.path };
+    let head = Bytes::from(format!("{}\n", json!(begun)));
+    let state = Some((client, next, Some(head)));
     let blocks = stream::unfold(state, |state| async {
-        let (mut asker, number, head) = state?;
+        let (mut client, next, head) = state?;
         if let Some(head) = head {
-            return Some((Ok::<_, Infallible>(head), Some((asker, number, None))));
+            return Some((Ok::<_, Infallible>(head), Some((client, next, None))));
         }
-        let part = asker.ask("program.path.next", json!({ "path": number })).await;
+        let part = ask::<method::PathNext>(&mut client, &next).await;
         let (octets, is_over) = block(part);
-        Some((Ok(octets), (!is_over).then_some((asker, number, None))))
+        Some((Ok(octets), (!is_over).then_some((client, next, None))))
     });
     let kind = HeaderValue::from_static("application/octet-stream");
     let fresh = HeaderValue::from_static("no-store");
@@ -62,27 +62,28 @@ pub(crate) async fn path(
 }
 
 /// Parameters of the query; `None`: there are others.
-fn params(query: &str) -> Option<Value> {
-    match query.split_once('=') {
-        None if query.is_empty() => Some(json!({})),
-        Some(("tolerance_mm", text)) => Some(json!({ "tolerance_mm": text.parse::<f64>().ok()? })),
-        _ => None,
-    }
+fn params(query: &str) -> Option<params::PathBegin> {
+    let tolerance_mm = match query.split_once('=') {
+        None if query.is_empty() => None,
+        Some(("tolerance_mm", text)) => Some(text.parse().ok()?),
+        _ => return None,
+    };
+    Some(params::PathBegin { tolerance_mm })
 }
 
 /// Octets of a part, and whether it was the last one.
-fn block(part: Result<Value, String>) -> (Bytes, bool) {
+fn block(part: Result<PathPart, String>) -> (Bytes, bool) {
     let (records, end) = match part {
         Ok(part) => {
-            let records = STANDARD
-                .decode(part["base64"].as_str().unwrap_or_default())
-                .unwrap_or_default();
-            let end = (part["end"] == true).then(|| part["error"].clone());
+            let records = STANDARD.decode(part.base64).unwrap_or_default();
+            let end = part.end.then_some(part.error);
             // One that brings nothing would be asked again for ever.
-            let is_nothing = records.is_empty().then(|| json!("the control tells no more of it"));
+            let is_nothing = records
+                .is_empty()
+                .then(|| Some("the control tells no more of it".to_owned()));
             (records, end.or(is_nothing))
         }
-        Err(why) => (Vec::new(), Some(json!(why))),
+        Err(why) => (Vec::new(), Some(Some(why))),
     };
     let mut octets = Vec::with_capacity(records.len() + 64);
     if !records.is_empty() {
@@ -103,21 +104,27 @@ mod tests {
 
     #[test]
     fn a_part_is_a_block_and_the_end_says_what_was_wrong() {
-        let (octets, is_over) = block(Ok(json!({ "base64": "AQID", "end": false, "error": null })));
+        let part = |base64: &str, error: Option<&str>| PathPart {
+            base64: base64.into(),
+            end: error.is_some(),
+            error: error.map(str::to_owned),
+        };
+        let (octets, is_over) = block(Ok(part("AQID", None)));
         assert_eq!((octets.as_ref(), is_over), (&[3, 0, 0, 0, 1, 2, 3][..], false));
-        let (octets, is_over) = block(Ok(json!({ "base64": "", "end": true, "error": "line 7" })));
+        let (octets, is_over) = block(Ok(part("", Some("line 7"))));
         assert_eq!(
             (&octets[..4], &octets[4..], is_over),
             (&[0; 4][..], &b"{\"error\":\"line 7\"}\n"[..], true)
         );
         assert!(block(Err("gone".into())).1);
-        assert!(block(Ok(json!({ "text": "" }))).1);
+        assert!(block(Ok(part("", None))).1);
     }
 
     #[test]
     fn a_query_is_a_tolerance_or_nothing() {
-        assert_eq!(params(""), Some(json!({})));
-        assert_eq!(params("tolerance_mm=0.5"), Some(json!({ "tolerance_mm": 0.5 })));
+        let given = |query| params(query).map(|params| protocol::rpc::given(&params));
+        assert_eq!(given(""), Some(json!({})));
+        assert_eq!(given("tolerance_mm=0.5"), Some(json!({ "tolerance_mm": 0.5 })));
         for query in ["tolerance_mm=x", "x=1", "tolerance_mm"] {
             assert_eq!(params(query), None);
         }

@@ -6,10 +6,10 @@
 //! name only once it is whole, on the disk, and checked. Nothing starts by its arrival. A body that is compressed is refused: nothing
 //! is ever unpacked here.
 
-use crate::ask::Asker;
+use crate::ask::{ask, connect};
 use crate::guard::{Visitor, answer, refuse};
 use crate::serve::Panel;
-use crate::tokens::{Role, hex};
+use crate::tokens::hex;
 use axum::Extension;
 use axum::body::{Body, Bytes};
 use axum::extract::{Path, Request, State};
@@ -27,6 +27,7 @@ use nix::fcntl::{AtFlags, OFlag, openat, renameat};
 use nix::sys::stat::{Mode, SFlag, fstatat};
 use nix::sys::statvfs::fstatvfs;
 use nix::unistd::{UnlinkatFlags, unlinkat};
+use protocol::{Role, method, params};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 use std::collections::HashMap;
@@ -531,8 +532,12 @@ async fn receive(
     let path = std::path::absolute(&path).unwrap_or(path);
     let checked = async {
         // Whoever may send a program may have it checked; by its path as it has no name yet.
-        let mut asker = Asker::new(panel, Role::SetUp, &visitor.name())?;
-        asker.ask("program.check", json!({ "path": path })).await
+        let mut client = connect(panel, Role::SetUp, &visitor.name())?;
+        let program = params::Program {
+            path: Some(path.display().to_string()),
+            ..Default::default()
+        };
+        ask::<method::ProgramCheck>(&mut client, &program).await
     };
     let own = path.display().to_string();
     let outlook = checked
@@ -556,9 +561,9 @@ async fn receive(
         "name": name,
         "octets": octets,
         "sha256": digest,
-        "lines": outlook["lines"],
-        "planned_time_s": outlook["planned_time_s"],
-        "warning": outlook["warning"],
+        "lines": outlook.lines,
+        "planned_time_s": outlook.planned_time_s,
+        "warning": outlook.warning,
     });
     Ok(answer(StatusCode::CREATED, &told))
 }

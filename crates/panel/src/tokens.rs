@@ -4,6 +4,7 @@
 //! Out: the role of whoever shows one. Kept is the digest of each, so that the file gives none of them away; a token itself is shown
 //! once, when it is made.
 
+use protocol::Role;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::collections::HashMap;
@@ -30,39 +31,6 @@ pub(crate) const FAILURES_MAX: u32 = 5;
 pub(crate) const PAUSE: Duration = Duration::from_secs(10);
 /// Addresses of which failures are remembered.
 const ADDRESSES_MAX: usize = 1024;
-
-/// What somebody may do, each more than the one before.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Role {
-    /// Look, and bring the machine to rest.
-    Watch,
-    /// Work with the machine.
-    Operate,
-    /// Change what it is.
-    SetUp,
-}
-
-impl Role {
-    /// As it is written.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Role::Watch => "watch",
-            Role::Operate => "operate",
-            Role::SetUp => "set-up",
-        }
-    }
-}
-
-impl std::str::FromStr for Role {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Role, String> {
-        let all = [Role::Watch, Role::Operate, Role::SetUp];
-        let found = all.into_iter().find(|role| role.name() == text);
-        found.ok_or_else(|| "expected watch, operate or set-up".to_owned())
-    }
-}
 
 /// What is kept of a token.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -10,8 +10,9 @@ use clap::Args;
 use host::signals::{StopSignal, exit_code};
 use host::terminal::{alarm as alarm_text, say};
 use motion::canon::Axis;
+use protocol::{JogOutlook, Status, method, params};
 use rt::joint_jog::HOLDS_S;
-use serde_json::{Value, json};
+use serde_json::json;
 use std::process::ExitCode;
 use std::time::Duration;
 
@@ -44,50 +45,51 @@ pub struct JogArgs {
 /// # Errors
 /// The arguments make no sense; no control answers, or it refuses.
 pub fn jog(args: &JogArgs) -> anyhow::Result<ExitCode> {
-    let (mut params, endless) = params(args)?;
+    let order = order(args)?;
+    let endless = order.distance_mm.is_none();
     let signal = StopSignal::install().context("signals")?;
     let mut client = connect(&args.control)?;
-    let outlook = client.call("jog", params.clone())?;
+    let outlook = client.ask::<method::Jog>(&order)?;
     if let Some(cut) = cut(&outlook, args.speed)
         && !args.control.json
     {
         say(&format!("{cut}\n"));
     }
-    let order = params.as_object_mut().context("an object")?;
-    order.remove("velocity_mm_s");
-    order.remove("distance_mm");
+    let jogging = params::Jogging {
+        axis: order.axis,
+        joint: order.joint,
+    };
     // The control does not jog any more where something has stopped it.
     loop {
         std::thread::sleep(RENEWAL);
-        let status = client.call("status", json!({}))?;
-        let rests = status["velocity_mm_s"].as_f64() == Some(0.0);
+        let status = client.ask::<method::Status>(&params::NoParams {})?;
+        let rests = status.velocity_mm_s == 0.0;
         // A machine that is away from its path is so also when nobody jogs.
-        match status["state"].as_str() {
-            Some("jogging") => {}
-            Some("away") if !rests || endless && signal.caught().is_none() => {}
+        match status.state.as_str() {
+            "jogging" => {}
+            "away" if !rests || endless && signal.caught().is_none() => {}
             _ => break,
         }
         // A key that is let go; at the end of the way, too, so that what is ordered next need not wait.
-        let method = if signal.caught().is_some() || rests && !endless {
-            "jog.stop"
-        } else {
-            "jog.keep"
+        let renewed = match signal.caught().is_some() || rests && !endless {
+            true => client.ask::<method::JogStop>(&jogging),
+            false => client.ask::<method::JogKeep>(&jogging),
         };
-        if client.call(method, params.clone()).is_err() {
+        if renewed.is_err() {
             break;
         }
     }
     let status = end_of(&mut client)?;
     let end = json!({
-        "position_mm": status["position_mm"],
-        "obstruction": status["obstruction"],
-        "alarm": status["alarm"],
-        "velocity_mm_s": outlook["velocity_mm_s"],
-        "soft_limit_mm": outlook["soft_limit_mm"],
+        "position_mm": status.position_mm,
+        "obstruction": status.obstruction,
+        "alarm": status.alarm,
+        "velocity_mm_s": outlook.velocity_mm_s,
+        "soft_limit_mm": outlook.soft_limit_mm,
     });
     print(&args.control, &end, &words(&outlook, &status));
     Ok(match signal.caught() {
-        _ if status["alarm"].is_string() => ExitCode::FAILURE,
+        _ if status.alarm.is_some() => ExitCode::FAILURE,
         Some(signal) => ExitCode::from(exit_code(signal)),
         None => ExitCode::SUCCESS,
     })
@@ -95,53 +97,50 @@ pub fn jog(args: &JogArgs) -> anyhow::Result<ExitCode> {
 
 /// How a control is once the jog is over: what stopped the machine is told a little after that it stands, and a renewal is
 /// refused before.
-fn end_of(client: &mut Client) -> anyhow::Result<Value> {
-    let mut status = client.call("status", json!({}))?;
+fn end_of(client: &mut Client) -> anyhow::Result<Status> {
+    let mut status = client.ask::<method::Status>(&params::NoParams {})?;
     for _ in 0..SETTLES {
         if is_settled(&status) {
             break;
         }
         std::thread::sleep(RENEWAL);
-        status = client.call("status", json!({}))?;
+        status = client.ask::<method::Status>(&params::NoParams {})?;
     }
     Ok(status)
 }
 
 /// Whether nothing is to come of a jog: at rest, and where something has stopped the machine, its cause is there.
-fn is_settled(status: &Value) -> bool {
-    let rests = status["velocity_mm_s"].as_f64() == Some(0.0);
-    rests
-        && match status["state"].as_str() {
-            Some("jogging" | "stopping") => false,
-            Some("faulted" | "estop") => status["alarm"].is_string(),
+fn is_settled(status: &Status) -> bool {
+    status.velocity_mm_s == 0.0
+        && match status.state.as_str() {
+            "jogging" | "stopping" => false,
+            "faulted" | "estop" => status.alarm.is_some(),
             _ => true,
         }
 }
 
 /// That a speed was cut, and to what.
-fn cut(outlook: &Value, wanted: f64) -> Option<String> {
-    let most = outlook["velocity_mm_s"].as_f64().filter(|most| *most < wanted)?;
-    let (axis, unit) = (outlook["axis"].as_str()?, outlook["unit"].as_str()?);
+fn cut(outlook: &JogOutlook, wanted: f64) -> Option<String> {
+    let most = outlook.velocity_mm_s.filter(|most| *most < wanted)?;
+    let (axis, unit) = (outlook.axis.as_ref()?, outlook.unit.as_ref()?);
     Some(format!(
         "speed cut from {wanted} to {most} {unit}/s, the limit of {axis}"
     ))
 }
 
 /// Where the motion has ended, and why there.
-fn words(outlook: &Value, status: &Value) -> String {
+fn words(outlook: &JogOutlook, status: &Status) -> String {
     let mut lines = Vec::new();
-    if let Some(alarm) = status["alarm"].as_str() {
+    if let Some(alarm) = &status.alarm {
         lines.push(alarm_text(format!("alarm: {alarm}")).to_string());
     }
-    if let Some(obstruction) = status["obstruction"].as_str() {
-        lines.push(obstruction.to_owned());
-    }
-    let letter = outlook["axis"].as_str().unwrap_or_default();
+    lines.extend(status.obstruction.clone());
+    let letter = outlook.axis.as_deref().unwrap_or_default();
     let axis = letter.chars().next().and_then(Axis::from_letter);
-    let at = axis.and_then(|axis| status["position_mm"][axis as usize].as_f64());
-    lines.push(match (at, outlook["unit"].as_str()) {
+    let at = axis.and_then(|axis| status.position_mm.get(axis as usize));
+    lines.push(match (at, &outlook.unit) {
         (Some(at), Some(unit)) => {
-            let limit = outlook["soft_limit_mm"].as_f64();
+            let limit = outlook.soft_limit_mm.flatten();
             let ended = limit.is_some_and(|limit| (at - limit).abs() < SAME_MM);
             let why = if ended { ", its soft limit" } else { "" };
             match is_settled(status) {
@@ -154,33 +153,33 @@ fn words(outlook: &Value, status: &Value) -> String {
     lines.join("\n")
 }
 
-/// Parameters of the method; whether the jog has no end of its own.
-fn params(args: &JogArgs) -> anyhow::Result<(Value, bool)> {
-    let what = match args.what.parse::<u16>() {
-        Ok(joint) => ("joint", json!(joint)),
-        Err(_) => ("axis", json!(args.what)),
+/// Parameters of the method; without a distance the jog has no end of its own.
+fn order(args: &JogArgs) -> anyhow::Result<params::Jog> {
+    let (axis, joint) = match args.what.parse::<u16>() {
+        Ok(joint) => (None, Some(u64::from(joint))),
+        Err(_) => (Some(args.what.clone()), None),
     };
     if !(args.speed > 0.0 && args.speed.is_finite()) {
         bail!("--speed {}: must be above 0", args.speed);
     }
-    let mut params = json!({ what.0: what.1, "velocity_mm_s": args.speed });
-    let endless = match args.how_far.as_str() {
-        "+" => true,
-        "-" => {
-            params["velocity_mm_s"] = json!(-args.speed);
-            true
-        }
+    let (velocity_mm_s, distance_mm) = match args.how_far.as_str() {
+        "+" => (args.speed, None),
+        "-" => (-args.speed, None),
         distance => {
             let wrong = || format!("{distance}: must be a distance, + or -");
             let distance_mm: f64 = distance.parse().with_context(wrong)?;
             if !distance_mm.is_finite() {
                 bail!(wrong());
             }
-            params["distance_mm"] = json!(distance_mm);
-            false
+            (args.speed, Some(distance_mm))
         }
     };
-    Ok((params, endless))
+    Ok(params::Jog {
+        axis,
+        joint,
+        velocity_mm_s,
+        distance_mm,
+    })
 }
 
 #[cfg(test)]
@@ -194,17 +193,18 @@ mod tests {
         jog: JogArgs,
     }
 
-    fn read(words: &[&str]) -> Result<(Value, bool), String> {
+    fn read(words: &[&str]) -> Result<params::Jog, String> {
         let line = Line::try_parse_from([&["jog"], words].concat()).map_err(|error| error.to_string())?;
-        params(&line.jog).map_err(|error| format!("{error:#}"))
+        order(&line.jog).map_err(|error| format!("{error:#}"))
     }
 
     #[test]
     fn distances_and_directions_become_parameters() {
+        let given = |words: &[&str]| read(words).map(|order| protocol::rpc::given(&order));
         let expected = json!({ "axis": "X", "velocity_mm_s": 10.0, "distance_mm": -2.5 });
-        assert_eq!(read(&["X", "-2.5"]), Ok((expected, false)));
+        assert_eq!(given(&["X", "-2.5"]), Ok(expected));
         let expected = json!({ "joint": 1, "velocity_mm_s": -30.0 });
-        assert_eq!(read(&["1", "-", "--speed", "30"]), Ok((expected, true)));
+        assert_eq!(given(&["1", "-", "--speed", "30"]), Ok(expected));
     }
 
     #[test]
@@ -219,7 +219,12 @@ mod tests {
 
     #[test]
     fn a_jog_is_over_at_rest_and_where_the_cause_of_a_stop_is_told() {
-        let status = |state: &str, velocity_mm_s: f64, alarm: Option<&str>| json!({ "state": state, "velocity_mm_s": velocity_mm_s, "alarm": alarm });
+        let status = |state: &str, velocity_mm_s: f64, alarm: Option<&str>| Status {
+            state: state.into(),
+            velocity_mm_s,
+            alarm: alarm.map(str::to_owned),
+            ..Status::default()
+        };
         for state in ["ready", "away", "disabled", "held"] {
             assert!(is_settled(&status(state, 0.0, None)), "{state}");
             assert!(!is_settled(&status(state, 0.1, None)), "{state}");
@@ -234,26 +239,33 @@ mod tests {
 
     #[test]
     fn a_speed_that_was_cut_and_a_soft_limit_are_told() {
-        let outlook = json!({ "axis": "Y", "unit": "mm", "velocity_mm_s": 150.0, "soft_limit_mm": 205.0 });
+        let outlook = JogOutlook {
+            axis: Some("Y".into()),
+            unit: Some("mm".into()),
+            velocity_mm_s: Some(150.0),
+            soft_limit_mm: Some(Some(205.0)),
+        };
         assert_eq!(
             cut(&outlook, 400.0),
             Some("speed cut from 400 to 150 mm/s, the limit of Y".into())
         );
         assert_eq!(cut(&outlook, 150.0), None);
-        assert_eq!(cut(&json!({}), 400.0), None);
-        let mut status = json!({
-            "position_mm": [1.0, 205.0, 0.0], "obstruction": null, "alarm": null, "state": "ready", "velocity_mm_s": 0.0,
-        });
+        assert_eq!(cut(&JogOutlook::default(), 400.0), None);
+        let mut status = Status {
+            position_mm: vec![1.0, 205.0, 0.0],
+            state: "ready".into(),
+            ..Status::default()
+        };
         assert_eq!(words(&outlook, &status), "Y at rest at 205.000 mm, its soft limit");
-        status["position_mm"][1] = json!(12.5);
+        status.position_mm[1] = 12.5;
         assert_eq!(words(&outlook, &status), "Y at rest at 12.500 mm");
-        status["velocity_mm_s"] = json!(3.0);
+        status.velocity_mm_s = 3.0;
         assert_eq!(words(&outlook, &status), "Y still moves, at 12.500 mm");
-        status["velocity_mm_s"] = json!(0.0);
-        status["obstruction"] = json!("jog ended: axis Y (joint 1): is at the end of its travel");
+        status.velocity_mm_s = 0.0;
+        status.obstruction = Some("jog ended: axis Y (joint 1): is at the end of its travel".into());
         assert!(
             words(&outlook, &status).starts_with("jog ended: axis Y (joint 1): is at the end of its travel\nY at rest")
         );
-        assert_eq!(words(&json!({}), &json!({})), "at rest");
+        assert_eq!(words(&JogOutlook::default(), &Status::default()), "at rest");
     }
 }

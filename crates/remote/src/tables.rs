@@ -2,10 +2,11 @@
 //!
 //! In:  the control socket. Out: a table or one line, or one JSON value.
 
-use super::control::{ControlArgs, call, parts_words, print, warn};
+use super::control::{ControlArgs, ask, parts_words, print, warn};
 use clap::{Args, Subcommand};
 use host::terminal::{self, table};
-use serde_json::{Value, json};
+use protocol::{Entry, EntryKind, Offsets, Tools, method, params};
+use std::collections::BTreeMap;
 use std::process::ExitCode;
 use std::time::{Duration, UNIX_EPOCH};
 
@@ -113,18 +114,17 @@ enum PartsCommand {
 /// # Errors
 /// No control answers.
 pub fn parts(args: &PartsArgs) -> anyhow::Result<ExitCode> {
-    let params = match &args.command {
-        None => None,
-        Some(PartsCommand::Reset { count }) => Some(json!({ "count": count })),
-        Some(PartsCommand::Target { parts }) => Some(json!({ "target": parts })),
-    };
-    if let Some(params) = params {
-        let answer = call(&args.control, "parts.set", params)?;
-        warn(&args.control, &answer);
+    let wanted = args.command.as_ref().map(|command| match command {
+        PartsCommand::Reset { count } => (Some(*count), None),
+        PartsCommand::Target { parts } => (None, Some(*parts)),
+    });
+    if let Some((count, target)) = wanted {
+        let kept = ask::<method::PartsSet>(&args.control, &params::PartsSet { count, target })?;
+        warn(&args.control, kept.warning.as_deref());
     }
-    let parts = &call(&args.control, "status", json!({}))?["parts"];
-    let words = parts_words(parts).unwrap_or_else(|| "0".into());
-    print(&args.control, parts, &format!("parts {words}"));
+    let parts = ask::<method::Status>(&args.control, &params::NoParams {})?.parts;
+    let words = parts_words(&parts).unwrap_or_else(|| "0".into());
+    print(&args.control, &parts, &format!("parts {words}"));
     Ok(ExitCode::SUCCESS)
 }
 
@@ -145,62 +145,58 @@ pub struct JournalArgs {
 pub fn journal(args: &JournalArgs) -> anyhow::Result<ExitCode> {
     let mut since = args.since;
     loop {
-        let answer = call(&args.control, "journal.since", json!({ "seq": since }))?;
-        let nothing = Vec::new();
-        let entries = answer["entries"].as_array().unwrap_or(&nothing);
-        for entry in entries {
-            since = entry["seq"].as_u64().unwrap_or(since);
+        let journal = ask::<method::JournalSince>(&args.control, &params::JournalSince { seq: Some(since) })?;
+        for entry in &journal.entries {
+            since = entry.seq;
             print(&args.control, entry, &journal_line(entry));
         }
-        if answer["more"] != true || entries.is_empty() {
+        if !journal.more || journal.entries.is_empty() {
             return Ok(ExitCode::SUCCESS);
         }
     }
 }
 
 /// Number, time of day in UTC, text.
-fn journal_line(entry: &Value) -> String {
-    let seconds = entry["unix_s"].as_f64().unwrap_or(0.0) as u64;
-    let time = UNIX_EPOCH + Duration::from_secs(seconds);
-    let text = entry["text"].as_str().unwrap_or_default();
+fn journal_line(entry: &Entry) -> String {
+    let time = UNIX_EPOCH + Duration::from_secs(entry.unix_s as u64);
     let line = format!(
-        "{:>6}  {}  {text}{}",
-        entry["seq"],
+        "{:>6}  {}  {}{}",
+        entry.seq,
         humantime::format_rfc3339_seconds(time),
+        entry.text,
         record_words(entry)
     );
-    match entry["kind"].as_str() {
-        Some("alarm") => terminal::alarm(line).to_string(),
-        _ => line,
+    match entry.kind {
+        EntryKind::Alarm => terminal::alarm(line).to_string(),
+        EntryKind::Warning | EntryKind::Note => line,
     }
 }
 
 /// What an alarm or a program is about beside its text, in brackets.
-fn record_words(entry: &Value) -> String {
+fn record_words(entry: &Entry) -> String {
     let mut words = Vec::new();
-    if let Some(alarm) = entry["alarm"].as_object() {
-        let text = |name: &str| alarm[name].as_str().unwrap_or_default().to_owned();
-        words.push(format!("{} {}", text("code"), text("severity")));
-        if alarm["first_cause"] != entry["seq"] {
-            words.push(format!("follows from {}", alarm["first_cause"]));
+    if let Some(alarm) = &entry.alarm {
+        words.push(format!("{} {}", alarm.code, alarm.severity));
+        if alarm.first_cause != entry.seq {
+            words.push(format!("follows from {}", alarm.first_cause));
         }
-        if let (Some(program), Some(line)) = (alarm["program"].as_str(), alarm["line"].as_u64()) {
+        if let (Some(program), Some(line)) = (&alarm.program, alarm.line) {
             words.push(format!("{program}:{line}"));
         }
-        words.push(format!("was {}", text("state")));
-        if let Some(how) = alarm["acknowledged"].as_object() {
-            words.push(format!("acknowledged by {}", how["by"].as_str().unwrap_or_default()));
+        words.push(format!("was {}", alarm.state));
+        if let Some(how) = &alarm.acknowledged {
+            words.push(format!("acknowledged by {}", how.by));
         }
     }
-    if let Some(program) = entry["program"]
-        .as_object()
-        .filter(|program| program["result"].is_string())
-    {
-        words.push(format!("line {}", program["line"]));
-        if let Some(deviation_mm) = program["deviation_max_mm"].as_f64() {
+    if let Some(program) = entry.program.as_ref().filter(|program| program.result.is_some()) {
+        words.push(match program.line {
+            Some(line) => format!("line {line}"),
+            None => "line null".into(),
+        });
+        if let Some(deviation_mm) = program.deviation_max_mm {
             words.push(format!("{deviation_mm:.4} mm off its path at most"));
         }
-        if let Some(report) = program["report"].as_u64() {
+        if let Some(report) = program.report {
             words.push(format!("report {report}"));
         }
     }
@@ -216,21 +212,21 @@ fn record_words(entry: &Value) -> String {
 /// No control answers, or it refuses.
 pub fn touch_off(args: &TouchOffArgs) -> anyhow::Result<ExitCode> {
     let axis = args.axis.to_uppercase();
-    let mut params = json!({ "axis": axis, "value": args.value });
-    let (what, value) = match (&args.tool, &args.system) {
-        (Some(tool), _) => {
-            params["tool"] = json!(tool);
-            (format!("tool {tool}, once its length is in force (G43)"), args.value)
-        }
-        (None, Some(system)) => {
-            params["system"] = json!(system);
-            (system.to_uppercase(), args.value)
-        }
-        (None, None) => ("the work system in force".to_owned(), args.value),
+    let value = args.value;
+    let what = match (&args.tool, &args.system) {
+        (Some(tool), _) => format!("tool {tool}, once its length is in force (G43)"),
+        (None, Some(system)) => system.to_uppercase(),
+        (None, None) => "the work system in force".to_owned(),
     };
-    let answer = call(&args.control, "touch_off", params)?;
-    warn(&args.control, &answer);
-    print(&args.control, &answer, &format!("{axis} reads {value} in {what}"));
+    let wanted = params::TouchOff {
+        axis: axis.clone(),
+        value,
+        system: args.system.clone(),
+        tool: args.tool,
+    };
+    let kept = ask::<method::TouchOff>(&args.control, &wanted)?;
+    warn(&args.control, kept.warning.as_deref());
+    print(&args.control, &kept, &format!("{axis} reads {value} in {what}"));
     Ok(ExitCode::SUCCESS)
 }
 
@@ -241,24 +237,25 @@ pub fn touch_off(args: &TouchOffArgs) -> anyhow::Result<ExitCode> {
 pub fn offset(args: &OffsetArgs) -> anyhow::Result<ExitCode> {
     match &args.command {
         OffsetCommand::List => {
-            let offsets = call(&args.control, "offset.list", json!({}))?;
+            let offsets = ask::<method::OffsetList>(&args.control, &params::NoParams {})?;
             print(&args.control, &offsets, &offset_table(&offsets));
         }
         OffsetCommand::Set { system, axis, value } => {
             let (system, axis) = (system.to_uppercase(), axis.to_uppercase());
-            let (params, words) = match axis.as_str() {
-                "R" => (
-                    json!({ "system": system, "rotation_degrees": value }),
-                    format!("{system} is turned by {value} degrees about Z of its origin"),
-                ),
-                _ => (
-                    json!({ "system": system, "axis": axis, "value": value }),
-                    format!("the origin of {system} is at {axis} {value} in the machine"),
-                ),
+            let mut wanted = params::OffsetSet {
+                system: Some(system.clone()),
+                ..Default::default()
             };
-            let answer = call(&args.control, "offset.set", params)?;
-            warn(&args.control, &answer);
-            print(&args.control, &answer, &words);
+            let words = if axis == "R" {
+                wanted.rotation_degrees = Some(*value);
+                format!("{system} is turned by {value} degrees about Z of its origin")
+            } else {
+                (wanted.axis, wanted.value) = (Some(axis.clone()), Some(*value));
+                format!("the origin of {system} is at {axis} {value} in the machine")
+            };
+            let kept = ask::<method::OffsetSet>(&args.control, &wanted)?;
+            warn(&args.control, kept.warning.as_deref());
+            print(&args.control, &kept, &words);
         }
     }
     Ok(ExitCode::SUCCESS)
@@ -271,81 +268,73 @@ pub fn offset(args: &OffsetArgs) -> anyhow::Result<ExitCode> {
 pub fn tool(args: &ToolArgs) -> anyhow::Result<ExitCode> {
     match &args.command {
         ToolCommand::List => {
-            let tools = call(&args.control, "tool.list", json!({}))?;
+            let tools = ask::<method::ToolList>(&args.control, &params::NoParams {})?;
             print(&args.control, &tools, &tool_table(&tools));
         }
         ToolCommand::Set { tool, length, diameter } => {
-            let mut params = json!({ "tool": tool });
             let mut words = vec![format!("tool {tool}")];
-            for (name, value) in [("length", length), ("diameter", diameter)] {
-                if let Some(value) = value {
-                    params[name] = json!(value);
-                    words.push(format!("{name} {value}"));
-                }
-            }
-            let answer = call(&args.control, "tool.set", params)?;
-            warn(&args.control, &answer);
-            print(&args.control, &answer, &words.join(", "));
+            words.extend(length.map(|length| format!("length {length}")));
+            words.extend(diameter.map(|diameter| format!("diameter {diameter}")));
+            let wanted = params::ToolSet {
+                tool: *tool,
+                length: *length,
+                diameter: *diameter,
+            };
+            let kept = ask::<method::ToolSet>(&args.control, &wanted)?;
+            warn(&args.control, kept.warning.as_deref());
+            print(&args.control, &kept, &words.join(", "));
         }
     }
     Ok(ExitCode::SUCCESS)
 }
 
-fn number(value: &Value) -> String {
-    value.as_f64().map_or_else(String::new, |value| format!("{value:.4}"))
+fn number(value: f64) -> String {
+    format!("{value:.4}")
 }
 
-fn offset_table(offsets: &Value) -> String {
-    let nothing = Vec::new();
-    let systems = offsets["systems"].as_array().unwrap_or(&nothing);
-    let axes: Vec<&String> = systems
+fn offset_table(offsets: &Offsets) -> String {
+    let axes: Vec<&String> = offsets
+        .systems
         .first()
-        .and_then(|system| system["origin"].as_object())
-        .map(|origin| origin.keys().collect())
+        .map(|system| system.origin.keys().collect())
         .unwrap_or_default();
     let letters: Vec<String> = axes.iter().map(|axis| format!(">{axis}")).collect();
     let mut head = vec!["system"];
     head.extend(letters.iter().map(String::as_str));
     head.push(">R degrees");
-    let row = |name: String, origin: &Value, degrees: &Value| {
-        let mut row = vec![name];
-        row.extend(axes.iter().map(|axis| number(&origin[axis.as_str()])));
-        row.push(number(degrees));
+    let row = |name: &str, is_active: bool, origin: &BTreeMap<String, f64>, degrees: Option<f64>| {
+        let mark = if is_active { " *" } else { "" };
+        let mut row = vec![format!("{name}{mark}")];
+        row.extend(
+            axes.iter()
+                .map(|axis| origin.get(*axis).copied().map(number).unwrap_or_default()),
+        );
+        row.push(degrees.map(number).unwrap_or_default());
         row
     };
+    let systems = offsets.systems.iter();
     let mut rows: Vec<Vec<String>> = systems
-        .iter()
-        .map(|system| {
-            let mark = if system["active"] == true { " *" } else { "" };
-            let name = format!("{}{mark}", system["system"].as_str().unwrap_or_default());
-            row(name, &system["origin"], &system["rotation_degrees"])
-        })
+        .map(|of| row(&of.system, of.active, &of.origin, Some(of.rotation_degrees)))
         .collect();
-    let mark = if offsets["g92_active"] == true { " *" } else { "" };
-    rows.push(row(format!("G92{mark}"), &offsets["g92"], &Value::Null));
-    let unit = offsets["unit"].as_str().unwrap_or_default();
-    format!("{}* in force; {unit}, machine coordinates", table(&head, rows))
+    rows.push(row("G92", offsets.g92_active, &offsets.g92, None));
+    format!(
+        "{}* in force; {}, machine coordinates",
+        table(&head, rows),
+        offsets.unit
+    )
 }
 
-fn tool_table(tools: &Value) -> String {
-    let nothing = Vec::new();
+fn tool_table(tools: &Tools) -> String {
     let head = ["tool", ">pocket", ">length", ">diameter", "remark"];
-    let in_spindle = &tools["in_spindle"];
-    let rows: Vec<Vec<String>> = tools["tools"]
-        .as_array()
-        .unwrap_or(&nothing)
-        .iter()
-        .map(|tool| {
-            let mark = if tool["tool"] == *in_spindle { " *" } else { "" };
-            vec![
-                format!("{}{mark}", tool["tool"]),
-                tool["pocket"].to_string(),
-                number(&tool["length"]),
-                number(&tool["diameter"]),
-                tool["remark"].as_str().unwrap_or_default().to_owned(),
-            ]
-        })
-        .collect();
-    let unit = tools["unit"].as_str().unwrap_or_default();
-    format!("{}* in the spindle; {unit}", table(&head, rows))
+    let rows = tools.tools.iter().map(|tool| {
+        let mark = if tool.tool == tools.in_spindle { " *" } else { "" };
+        vec![
+            format!("{}{mark}", tool.tool),
+            tool.pocket.to_string(),
+            number(tool.length),
+            number(tool.diameter),
+            tool.remark.clone(),
+        ]
+    });
+    format!("{}* in the spindle; {}", table(&head, rows), tools.unit)
 }

@@ -7,8 +7,9 @@ use api::client::{Client, ClientError};
 use clap::Args;
 use host::signals::StopSignal;
 use host::terminal::{self, say};
-use remote::control::{ControlArgs, call, connect, print};
-use serde_json::{Value, json};
+use protocol::{LogicVariable, LogicVariables, method, params};
+use remote::control::{ControlArgs, ask, connect, print};
+use serde_json::json;
 use std::process::ExitCode;
 use std::time::Duration;
 
@@ -71,51 +72,46 @@ fn program(of: &Option<String>) -> Option<String> {
     )
 }
 
-/// Parameters that are there.
-fn params(of: &[(&str, &Option<String>)]) -> Value {
-    let there = of.iter().filter_map(|(name, value)| Some((*name, value.as_ref()?)));
-    there.map(|(name, value)| (name.to_owned(), json!(value))).collect()
-}
-
-/// All variables that are asked for, page by page, and the first page.
-fn look(client: &mut Client, asked: &Value) -> Result<(Value, Vec<Value>), ClientError> {
-    let mut first = client.call("logic.look", asked.clone())?;
-    let mut all: Vec<Value> = Vec::new();
-    let mut page = first.clone();
-    loop {
-        if let Value::Array(variables) = page["variables"].take() {
-            all.extend(variables);
-        }
-        if page["more"] != true {
-            first["variables"] = Value::Null;
-            return Ok((first, all));
-        }
-        let mut next = asked.clone();
-        next["from"] = json!(all.len());
-        page = client.call("logic.look", next)?;
+/// All variables that are asked for, page by page, as if they were one.
+fn look(client: &mut Client, asked: &params::LogicLook) -> Result<LogicVariables, ClientError> {
+    let mut all = client.ask::<method::LogicLook>(asked)?;
+    while all.more {
+        let next = params::LogicLook {
+            from: Some(all.variables.len() as u32),
+            ..asked.clone()
+        };
+        let page = client.ask::<method::LogicLook>(&next)?;
+        all.variables.extend(page.variables);
+        all.more = page.more;
     }
+    Ok(all)
 }
 
 /// Runs `watch`.
 pub(super) fn watch(args: &WatchArgs) -> anyhow::Result<ExitCode> {
     let signal = StopSignal::install().context("signals")?;
     let mut client = connect(&args.control)?;
-    let asked = params(&[("program", &program(&args.program)), ("variable", &args.variable)]);
+    let asked = params::LogicLook {
+        program: program(&args.program),
+        variable: args.variable.clone(),
+        ..Default::default()
+    };
     let mut last = Vec::new();
     loop {
-        let (shown, all) = match look(&mut client, &asked) {
+        let shown = match look(&mut client, &asked) {
             Err(ClientError::Io { .. }) if !last.is_empty() => {
                 bail!("the control has ended");
             }
             looked => looked?,
         };
+        let all = shown.variables;
         let is_new = |at: usize| last.get(at) != all.get(at);
-        let changed: Vec<&Value> = (0..all.len()).filter(|at| is_new(*at)).map(|at| &all[at]).collect();
+        let changed: Vec<&LogicVariable> = (0..all.len()).filter(|at| is_new(*at)).map(|at| &all[at]).collect();
         if !changed.is_empty() {
             match args.control.json {
                 true => say(&format!(
                     "{}\n",
-                    json!({ "program": shown["program"], "time_ms": shown["time_ms"], "variables": changed })
+                    json!({ "program": shown.program, "time_ms": shown.time_ms, "variables": changed })
                 )),
                 false => say(&words(&changed)),
             }
@@ -134,17 +130,16 @@ pub(super) fn watch(args: &WatchArgs) -> anyhow::Result<ExitCode> {
 }
 
 /// Line, name, type and value of each; what is forced says so.
-fn words(variables: &[&Value]) -> String {
-    let text = |variable: &Value, key: &str| variable[key].as_str().unwrap_or_default().to_owned();
+fn words(variables: &[&LogicVariable]) -> String {
     let rows = variables.iter().map(|variable| {
-        let forced = if variable["forced"] == true { "FORCED" } else { "" };
+        let forced = if variable.forced { "FORCED" } else { "" };
         vec![
-            variable["line"].to_string(),
-            text(variable, "name"),
-            text(variable, "type"),
-            text(variable, "value"),
+            variable.line.to_string(),
+            variable.name.clone(),
+            variable.kind.clone(),
+            variable.value.clone(),
             forced.to_owned(),
-            text(variable, "pin"),
+            variable.pin.clone().unwrap_or_default(),
         ]
     });
     terminal::table(&[">line", "name", "type", ">value", "", "pin"], rows)
@@ -152,22 +147,26 @@ fn words(variables: &[&Value]) -> String {
 
 /// Runs `force`.
 pub(super) fn force(args: &ForceArgs) -> anyhow::Result<ExitCode> {
-    let (program, variable) = (("program", &program(&args.program)), ("variable", &args.variable));
+    let program = program(&args.program);
     if args.release {
-        let answer = call(&args.control, "logic.release", params(&[program, variable]))?;
-        let count = answer["released"].as_u64().unwrap_or(0);
-        print(&args.control, &answer, &format!("{count} released"));
+        let wanted = params::LogicRelease {
+            program,
+            variable: args.variable.clone(),
+        };
+        let answer = ask::<method::LogicRelease>(&args.control, &wanted)?;
+        print(&args.control, &answer, &format!("{} released", answer.released));
         return Ok(ExitCode::SUCCESS);
     }
-    if args.value.is_none() {
+    let (Some(variable), Some(value)) = (args.variable.clone(), args.value.clone()) else {
         bail!("a value is missing; --release ends forcing");
-    }
-    let answer = call(
-        &args.control,
-        "logic.force",
-        params(&[program, variable, ("value", &args.value)]),
-    )?;
-    let forced = answer["forced"].as_str().unwrap_or_default();
+    };
+    let wanted = params::LogicForce {
+        program,
+        variable,
+        value,
+    };
+    let answer = ask::<method::LogicForce>(&args.control, &wanted)?;
+    let forced = &answer.forced;
     print(
         &args.control,
         &answer,
@@ -178,12 +177,9 @@ pub(super) fn force(args: &ForceArgs) -> anyhow::Result<ExitCode> {
 
 /// Runs `reload`.
 pub(super) fn reload(args: &ReloadArgs) -> anyhow::Result<ExitCode> {
-    let answer = call(
-        &args.control,
-        "logic.reload",
-        params(&[("program", &program(&args.program))]),
-    )?;
-    let carried = answer["carried"].as_u64().unwrap_or(0);
-    print(&args.control, &answer, &format!("replaced; {carried} values go on"));
+    let program = program(&args.program);
+    let answer = ask::<method::LogicReload>(&args.control, &params::LogicReload { program })?;
+    let words = format!("replaced; {} values go on", answer.carried);
+    print(&args.control, &answer, &words);
     Ok(ExitCode::SUCCESS)
 }

@@ -1,5 +1,6 @@
 //! What the parameters of a request say of an order.
 
+use super::value;
 use crate::orders::{Jog, Jogged, Order, Source};
 use crate::rpc::{Params, RpcError, code};
 use bus::service::MailboxError;
@@ -13,21 +14,30 @@ use motion::canon::Axis;
 use obd::AbortCode;
 use program::Change;
 use program::tool_path::TOLERANCE_MIN_MM;
+use protocol::Nothing;
+use protocol::limits::{self, SIM_FAULTS, WORK_SYSTEMS};
 use rt::joint_jog::JogMotion;
 use scope::record::Mode;
 use scope::stream::Wanted;
 use scope::trigger::Trigger;
-use serde_json::{Value, json};
+use serde_json::Value;
 use std::fmt;
+
+// What clients are told of bounds is what they are.
+const _: () = {
+    assert!(limits::JOINT_MAX == JOINTS_MAX as u64 - 1);
+    assert!(limits::DRIVE_AXIS_MAX == AXES_MAX as u64 - 1);
+    assert!(limits::SDO_VALUE_MAX == bus::SDO_VALUE_MAX);
+    assert!(limits::PROGRAM_MAX == files::read::PROGRAM_MAX);
+    assert!(limits::CHANNELS_MAX == CHANNELS_MAX);
+    assert!(limits::SIM_FAULTS.len() == SimFaultKind::WORDS.len() + 1);
+};
 
 /// Longest line of MDI, octets.
 const LINE_MAX: usize = gcode::LINE_OCTETS_MAX;
 
 /// Lines that come together at the most, octets.
 const LINES_OCTETS_MAX: usize = 65_536;
-
-/// Work systems, from 1 on.
-pub const WORK_SYSTEMS: [&str; 9] = ["G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3"];
 
 /// What "jog" is to do.
 pub(super) fn jog(params: &Params) -> Result<Jog, RpcError> {
@@ -307,12 +317,6 @@ fn tool_number(params: &Params) -> Result<u32, RpcError> {
 /// What mends all.
 const NO_FAULT: &str = "none";
 
-/// Words of "sim.fault".
-pub fn sim_faults() -> Vec<&'static str> {
-    let kinds = SimFaultKind::WORDS.iter().map(|(word, _)| *word);
-    kinds.chain([NO_FAULT]).collect()
-}
-
 /// What "sim.fault" asks of a drive.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Fault {
@@ -336,7 +340,7 @@ pub(super) fn sim_fault(params: &Params) -> Result<(u64, Fault), RpcError> {
     let word = needed(params.text("kind")?, "kind", "a text")?;
     let found = SimFaultKind::WORDS.iter().find(|(known, _)| *known == word);
     if found.is_none() && word != NO_FAULT {
-        let known = sim_faults().join(", ");
+        let known = SIM_FAULTS.join(", ");
         return invalid(format!("parameter \"kind\": expected one of {known}, got \"{word}\""));
     }
     let lasts_100ms = match params.real("for_s")? {
@@ -383,7 +387,7 @@ impl Fault {
     pub(super) fn answer(&self, result: Result<Vec<u8>, MailboxError>) -> Result<Value, RpcError> {
         let (drive, sub) = (&self.drive, self.axis + 1);
         match result {
-            Ok(_) => Ok(json!({})),
+            Ok(_) => value(&Nothing {}),
             Err(MailboxError::Aborted(AbortCode::NO_SUB_INDEX)) => {
                 let what = format!(
                     "{drive} has no axis {}, if it is a simulated drive: it has no 0x{FAULT:04X}:{sub}",

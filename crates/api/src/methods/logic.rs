@@ -1,12 +1,15 @@
 //! Methods about programs in Structured Text.
 
-use super::{Call, Methods, arguments};
+use super::{Call, Methods, arguments, value};
 use crate::errands::Errand;
 use crate::orders::Order;
 use crate::rpc::{RpcError, code};
 use crate::server::Ticket;
+use protocol::{
+    Forced, LogicForced, LogicReleased, LogicReloaded, LogicRole, LogicTasks, LogicVariable, LogicVariables,
+};
 use rt::logic::Replaced;
-use serde_json::{Value, json};
+use serde_json::Value;
 use std::sync::Arc;
 
 /// Variables in an answer.
@@ -14,21 +17,33 @@ const VARIABLES_PER_PAGE: usize = 500;
 
 impl Methods {
     /// What is forced, for everybody to see.
-    pub(super) fn forced(&self) -> Value {
+    pub(super) fn forced(&self) -> Vec<Forced> {
         let all = self.logic.forced().into_iter();
-        all.map(|(program, forced)| json!({ "program": program, "variable": forced.variable, "value": forced.value }))
-            .collect()
+        all.map(|(program, forced)| Forced {
+            program: program.to_string(),
+            variable: forced.variable,
+            value: forced.value,
+        })
+        .collect()
     }
 
-    pub(super) fn logic_tasks(&self) -> Value {
-        let tasks = self.logic.told().into_iter().map(|told| {
-            json!({
-                "name": told.name, "file": told.file, "period_ms": told.period_ms, "steps_max": told.steps_max,
-                "scans": told.scans, "overruns": told.overruns, "overflows": told.overflows, "scan_us": told.scan_us,
-                "scan_max_us": told.scan_max_us, "stands": told.stands, "forced": told.forced,
-            })
+    pub(super) fn logic_tasks(&self) -> LogicTasks {
+        let tasks = self.logic.told().into_iter().map(|told| protocol::LogicTask {
+            name: told.name,
+            file: told.file,
+            period_ms: told.period_ms,
+            steps_max: told.steps_max,
+            scans: told.scans,
+            overruns: told.overruns,
+            overflows: told.overflows,
+            scan_us: told.scan_us,
+            scan_max_us: told.scan_max_us,
+            stands: told.stands,
+            forced: told.forced,
         });
-        json!({ "programs": tasks.collect::<Value>() })
+        LogicTasks {
+            programs: tasks.collect(),
+        }
     }
 
     /// The program that a call means.
@@ -39,7 +54,7 @@ impl Methods {
             .map_err(|what| RpcError::new(code::INVALID_PARAMS, what))
     }
 
-    pub(super) fn logic_look(&self, call: &Call<'_>) -> Result<Value, RpcError> {
+    pub(super) fn logic_look(&self, call: &Call<'_>) -> Result<LogicVariables, RpcError> {
         let task = self.logic_task(call)?;
         let names: Vec<String> = call.params.text("variable")?.map(str::to_owned).into_iter().collect();
         let invalid = |what| RpcError::new(code::INVALID_PARAMS, what);
@@ -50,37 +65,39 @@ impl Methods {
         let search = call.params.text("search")?.unwrap_or_default();
         let looked = self.logic.look_at(task, &names, search, from, VARIABLES_PER_PAGE);
         let (time_ns, shown, more) = looked.map_err(invalid)?;
-        let variables = shown.into_iter().map(|shown| {
-            let role = match shown.role {
-                ::logic::Role::Input => "input",
-                ::logic::Role::Output => "output",
-                ::logic::Role::Internal => "internal",
-            };
-            json!({
-                "name": shown.name, "type": shown.ty, "value": shown.value, "line": shown.line, "role": role,
-                "retain": shown.retain, "pin": shown.pin, "forced": shown.forced,
-            })
+        let variables = shown.into_iter().map(|shown| LogicVariable {
+            name: shown.name,
+            kind: shown.ty,
+            value: shown.value,
+            line: shown.line,
+            role: match shown.role {
+                ::logic::Role::Input => LogicRole::Input,
+                ::logic::Role::Output => LogicRole::Output,
+                ::logic::Role::Internal => LogicRole::Internal,
+            },
+            retain: shown.retain,
+            pin: shown.pin,
+            forced: shown.forced,
         });
-        let name = self.logic.names()[task];
-        Ok(json!({
-            "program": name,
-            "time_ms": time_ns as f64 / 1e6,
-            "variables": variables.collect::<Value>(),
-            "more": more,
-        }))
+        Ok(LogicVariables {
+            program: self.logic.names()[task].to_owned(),
+            time_ms: time_ns as f64 / 1e6,
+            variables: variables.collect(),
+            more,
+        })
     }
 
-    pub(super) fn logic_force(&mut self, call: &Call<'_>) -> Result<Value, RpcError> {
+    pub(super) fn logic_force(&mut self, call: &Call<'_>) -> Result<LogicForced, RpcError> {
         let task = self.logic_task(call)?;
         let variable = arguments::needed(call.params.text("variable")?, "variable", "a text")?;
         let value = arguments::needed(call.params.text("value")?, "value", "a text")?;
         let invalid = |what| RpcError::new(code::INVALID_PARAMS, what);
         let forced = self.logic.force(task, variable, value).map_err(invalid)?;
         self.note_logic(task, &format!("forced: {forced}"));
-        Ok(json!({ "forced": forced }))
+        Ok(LogicForced { forced })
     }
 
-    pub(super) fn logic_release(&mut self, call: &Call<'_>) -> Result<Value, RpcError> {
+    pub(super) fn logic_release(&mut self, call: &Call<'_>) -> Result<LogicReleased, RpcError> {
         let task = self.logic_task(call)?;
         let variable = call.params.text("variable")?;
         let invalid = |what| RpcError::new(code::INVALID_PARAMS, what);
@@ -89,7 +106,7 @@ impl Methods {
             task,
             &format!("released: {}", variable.unwrap_or("all that was forced")),
         );
-        Ok(json!({ "released": released }))
+        Ok(LogicReleased { released })
     }
 
     pub(super) fn logic_reload(&mut self, call: &Call<'_>) -> Result<Errand, RpcError> {
@@ -115,7 +132,7 @@ impl Methods {
         let result = match replaced.carried {
             Ok(carried) => {
                 self.note_logic(replaced.task, "replaced by its changed file");
-                Ok(json!({ "carried": carried }))
+                value(&LogicReloaded { carried })
             }
             Err(what) => Err(RpcError::new(code::REFUSED, what)),
         };

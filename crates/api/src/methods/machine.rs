@@ -3,13 +3,15 @@
 //! In:  texts of whoever may change what the machine is. Out: what is wrong with them, each with its place; a file that takes effect
 //! at the next start, with the one before beside it.
 
-use super::{Call, Methods};
+use super::{Call, Methods, value};
 use crate::errands::Errand;
 use crate::rpc::{RpcError, code, to_hex};
 use files::read::TEXT_MAX;
 use machine::state::State;
+use protocol::{Doctor, Errors, FileError, FileWritten, MachineFile, OrdersTaken, Times};
 use rt::times::Histogram;
-use serde_json::{Value, json};
+use serde::Serialize;
+use serde_json::json;
 use sha2::{Digest, Sha256};
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -36,11 +38,11 @@ fn refused(what: impl Into<String>) -> RpcError {
 }
 
 /// What is wrong with the text of a machine file.
-fn check(text: &str, path: &Path) -> Value {
+fn check(text: &str, path: &Path) -> Vec<FileError> {
     let checked = config::parse(text, path).and_then(|config| bus::check(&config));
     match checked {
-        Ok(()) => json!([]),
-        Err(errors) => errors.to_json()["errors"].take(),
+        Ok(()) => Vec::new(),
+        Err(errors) => serde_json::from_value(errors.to_json()["errors"].take()).unwrap_or_default(),
     }
 }
 
@@ -59,7 +61,7 @@ fn read(path: &Path) -> Result<String, RpcError> {
     }
 }
 
-fn write(path: &Path, text: &str, based_on: &str) -> Result<Value, RpcError> {
+fn write(path: &Path, text: &str, based_on: &str) -> Result<FileWritten, RpcError> {
     let before = read(path)?;
     if sum(&before) != based_on {
         return Err(refused(format!(
@@ -68,13 +70,9 @@ fn write(path: &Path, text: &str, based_on: &str) -> Result<Value, RpcError> {
         )));
     }
     let errors = check(text, path);
-    if let Some(first) = errors.get(0) {
-        let place = format!("{}:{}", path.display(), first["line"]);
-        let what = format!(
-            "{place}: {}: {}",
-            first["key"].as_str().unwrap_or(""),
-            first["rule"].as_str().unwrap_or("")
-        );
+    if let Some(first) = errors.first() {
+        let line = first.line.map_or_else(|| "null".to_owned(), |line| line.to_string());
+        let what = format!("{}:{line}: {}: {}", path.display(), first.key, first.rule);
         return Err(refused(what).with_data(json!({ "errors": errors })));
     }
     let mut kept = path.as_os_str().to_owned();
@@ -85,11 +83,14 @@ fn write(path: &Path, text: &str, based_on: &str) -> Result<Value, RpcError> {
     };
     written(&kept, &before)?;
     written(path, text)?;
-    Ok(json!({ "before": kept.display().to_string(), "sha256": sum(text) }))
+    Ok(FileWritten {
+        before: kept.display().to_string(),
+        sha256: sum(text),
+    })
 }
 
 /// What `isocnc doctor` says without measuring: by a process of its own, as some of it is tried out.
-fn doctor(path: &Path) -> Result<Value, RpcError> {
+fn doctor(path: &Path) -> Result<Doctor, RpcError> {
     let program = std::env::current_exe().map_err(|cause| refused(cause.to_string()))?;
     let failed = |what: String| refused(format!("isocnc doctor: {what}"));
     let mut child = Command::new(program)
@@ -119,9 +120,11 @@ fn doctor(path: &Path) -> Result<Value, RpcError> {
     serde_json::from_slice(&text).map_err(|_| failed("told nothing: run it at the PC".into()))
 }
 
-fn shown(histogram: &Histogram) -> Value {
-    let edges_us: Vec<f64> = histogram.edges_ns().iter().map(|edge| *edge as f64 / 1e3).collect();
-    json!({ "edges_us": edges_us, "counts": histogram.counts().collect::<Vec<_>>() })
+fn shown(histogram: &Histogram) -> protocol::Histogram {
+    protocol::Histogram {
+        edges_us: histogram.edges_ns().iter().map(|edge| *edge as f64 / 1e3).collect(),
+        counts: histogram.counts().collect(),
+    }
 }
 
 impl Methods {
@@ -136,14 +139,23 @@ impl Methods {
     pub(super) fn read_machine_file(&self) -> Result<Errand, RpcError> {
         self.errand(|path| {
             let text = read(&path)?;
-            Ok(json!({ "file": path.display().to_string(), "sha256": sum(&text), "errors": check(&text, &path), "text": text }))
+            Ok(MachineFile {
+                file: path.display().to_string(),
+                sha256: sum(&text),
+                errors: check(&text, &path),
+                text,
+            })
         })
     }
 
     /// What is wrong with a text.
     pub(super) fn check_machine_file(&self, call: &Call<'_>) -> Result<Errand, RpcError> {
         let text = text(call)?;
-        self.errand(move |path| Ok(json!({ "errors": check(&text, &path) })))
+        self.errand(move |path| {
+            Ok(Errors {
+                errors: check(&text, &path),
+            })
+        })
     }
 
     /// Puts a text in its place, for the next start.
@@ -169,26 +181,32 @@ impl Methods {
     }
 
     /// Something that is done with the machine file.
-    fn errand(
+    fn errand<A: Serialize>(
         &self,
-        work: impl FnOnce(PathBuf) -> Result<Value, RpcError> + Send + 'static,
+        work: impl FnOnce(PathBuf) -> Result<A, RpcError> + Send + 'static,
     ) -> Result<Errand, RpcError> {
         let path = self.machine_file()?;
-        Ok(Box::new(move || Some(work(path))))
+        Ok(Box::new(move || Some(work(path).and_then(|answer| value(&answer)))))
     }
 
     /// How long the parts of cycles have taken since the start.
-    pub(super) fn cycle_times(&self) -> Value {
+    pub(super) fn cycle_times(&self) -> Times {
         let last_unix_s = self.live.order_taken_ns().map(|taken_ns| {
             let ago_ns = (self.now_ns)().saturating_sub(taken_ns);
             (self.time_of_day)() - ago_ns as f64 * 1e-9
         });
-        let orders = json!({ "taken": self.live.snapshot().orders_taken, "last_unix_s": last_unix_s });
-        let mut all = json!({ "cycle_us": self.network.cycle_us, "orders": orders });
-        for (name, histogram) in self.live.times.all() {
-            all[name] = shown(histogram);
+        let times = &self.live.times;
+        Times {
+            cycle_us: self.network.cycle_us,
+            orders: OrdersTaken {
+                taken: self.live.snapshot().orders_taken,
+                last_unix_s,
+            },
+            period: shown(&times.period),
+            lateness: shown(&times.lateness),
+            exchange: shown(&times.exchange),
+            compute: shown(&times.compute),
         }
-        all
     }
 }
 
@@ -213,10 +231,10 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("machine.toml");
         std::fs::write(&path, DEMO).unwrap();
-        assert_eq!(check(DEMO, &path), json!([]));
+        assert_eq!(check(DEMO, &path), []);
         let wrong = DEMO.replacen("cycle_us", "cycle_ms", 1);
         let errors = check(&wrong, &path);
-        assert!(errors[0]["line"].as_u64().is_some_and(|line| line > 0), "{errors}");
+        assert!(errors[0].line.is_some_and(|line| line > 0), "{errors:?}");
         let told = write(&path, &wrong, &sum(DEMO)).unwrap_err();
         assert!(
             told.message.contains("machine.toml:") && told.data.is_some(),
@@ -233,9 +251,9 @@ mod tests {
         assert_eq!(std::fs::read_to_string(&path).unwrap(), DEMO);
 
         let told = write(&path, &changed, &sum(DEMO)).unwrap();
-        assert_eq!(told["sha256"], sum(&changed));
+        assert_eq!(told.sha256, sum(&changed));
         assert_eq!(std::fs::read_to_string(&path).unwrap(), changed);
-        let before = std::fs::read_to_string(told["before"].as_str().unwrap()).unwrap();
+        let before = std::fs::read_to_string(told.before).unwrap();
         assert_eq!(before, DEMO);
         std::fs::write(&path, "#".repeat(FILE_MAX + 1)).unwrap();
         assert!(read(&path).unwrap_err().message.contains("at the PC"));

@@ -6,27 +6,27 @@
 //! To add a method: a row of [`table`](mod@table) and its function.
 
 mod arguments;
+mod described;
 mod logic;
 mod machine;
 mod pin_values;
 mod pins;
 pub mod table;
 
-pub use arguments::{WORK_SYSTEMS, sim_faults};
-pub use pins::{pin_json, value_json};
+pub use described::entry;
+pub use pins::{pin, value_json};
 
 use super::control::{Control, NAME_MAX, Needs, Who};
 use super::errands::Errands;
 use super::metrics;
 use super::paths::Paths;
 use super::repeats::{self, Repeats, Seen};
-use super::roles::Role;
-use super::rpc::{self, Params, Request, RpcError, code, from_hex, to_hex};
+use super::rpc::{self, Params, Request, RpcError, code};
 use super::scopes::Scopes;
-use super::server::subscription::{self, RATE_MAX_HZ, Subscription};
+use super::server::subscription::{self, Subscription};
 use super::server::{Caller, ClientId, Serve, Ticket};
-use super::text_lines::{LINES_MAX, Place, lines};
-use super::uploads::{PART_MAX, Uploads};
+use super::text_lines::{Place, lines};
+use super::uploads::Uploads;
 use crate::network_view::NetworkView;
 use crate::orders::{Jog, Order, OrderClient, Shown, Source};
 use ::machine::fault_order::FAULT;
@@ -34,21 +34,27 @@ use ::machine::faults::SILENCED;
 use ::machine::state::State;
 use bus::SDO_VALUE_MAX;
 use bus::service::{BusService, MailboxError, MailboxRequest};
-use config::{AxisMap, Config, JOINTS_MAX, OnLostControl};
+use config::{Config, JOINTS_MAX, OnLostControl};
 use files::read::PROGRAM_MAX;
-use motion::canon::LengthUnit;
-use motion::kinematics::Transform;
 use nix::sys::eventfd::EventFd;
 use obd::AbortCode;
 use program::outline::Left;
+use protocol::limits::{LINES_MAX, PART_MAX, STATE_RATE_MAX_HZ};
+use protocol::params::Hex;
+use protocol::{
+    Coolant, Described, Direction, External, Identified, LimitSwitches, MethodInfo, Nothing, Octets, Overrides, Role,
+    Spindle, Status, StatusAxis, StatusProgram, Subscribed, Text, UploadBegun, UploadGrown,
+};
 use rt::joint_jog::JogMotion;
 use rt::logic::Desk as LogicDesk;
 use rt::overrides::Overridden;
 use rt::shared::{AtOnce, RtStatus};
-use serde_json::{Map, Value, json};
+use serde_json::{Map, Value};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use table::{METHODS, Method, Runs};
+
+pub(crate) use table::value;
 
 /// Values of pins, by name.
 type Pins = dyn Fn(&str) -> Option<f64> + Send;
@@ -74,8 +80,8 @@ struct Progress {
 }
 
 /// Carried out.
-fn done() -> Result<Value, RpcError> {
-    Ok(json!({}))
+fn done() -> Result<Nothing, RpcError> {
+    Ok(Nothing {})
 }
 
 /// Numbers of the joints of a set.
@@ -83,12 +89,13 @@ fn numbers(joints: u64) -> Vec<usize> {
     (0..JOINTS_MAX).filter(|joint| joints >> joint & 1 == 1).collect()
 }
 
-fn table() -> Value {
-    let methods = METHODS.iter().map(|method| {
-        let params: Vec<&str> = method.names().collect();
-        json!({ "name": method.name, "params": params, "does": method.does })
+fn table() -> protocol::Methods {
+    let methods = METHODS.iter().map(|method| MethodInfo {
+        name: method.name.to_owned(),
+        params: method.names().map(str::to_owned).collect(),
+        does: method.does.to_owned(),
     });
-    methods.collect()
+    protocol::Methods(methods.collect())
 }
 
 /// Everything that methods can reach.
@@ -112,9 +119,9 @@ pub struct Methods {
     scopes: Scopes,
     time_of_day: fn() -> f64,
     /// Its axes: what does not change.
-    axes: Value,
+    axes: Vec<StatusAxis>,
     /// The machine as its file has it.
-    described: Value,
+    described: Described,
     /// Letters of its axes, and whether they count degrees.
     letters: Vec<(char, bool)>,
     /// Joint of each axis, where it has one of its own and is the same.
@@ -157,8 +164,8 @@ impl Methods {
             errands,
             repeats: Repeats::default(),
             time_of_day: || 0.0,
-            axes: json!([]),
-            described: json!({}),
+            axes: Vec::new(),
+            described: Described::default(),
             letters: Vec::new(),
             joint_of: Vec::new(),
             joints: 0,
@@ -181,22 +188,22 @@ impl Methods {
         time_of_day: fn() -> f64,
         file: &Path,
     ) -> Methods {
-        let axes = config.axes.iter().map(|map| {
-            let (letter, unit) = (
-                map.axis.letter().to_string(),
-                if map.axis.is_rotary() { "degrees" } else { "mm" },
-            );
-            json!({ "axis": letter, "joints": map.joints, "unit": unit })
+        let axes = config.axes.iter().map(|map| StatusAxis {
+            axis: map.axis.letter().to_string(),
+            joints: map.joints.clone(),
+            unit: described::unit(map).to_owned(),
         });
         Methods {
             axes: axes.collect(),
-            described: describe(config),
+            described: described::machine(config),
             letters: config
                 .axes
                 .iter()
                 .map(|map| (map.axis.letter(), map.axis.is_rotary()))
                 .collect(),
-            joint_of: config.axes.iter().map(|map| joint_of(config, map)).collect(),
+            joint_of: (config.axes.iter())
+                .map(|map| described::joint_of(config, map))
+                .collect(),
             joints: config.joints.len(),
             holds_on_lost_control: (config.panel.as_ref())
                 .is_some_and(|panel| panel.on_lost_control == OnLostControl::Hold),
@@ -213,8 +220,10 @@ impl Methods {
 
     /// Lets clients name programs of this folder.
     pub fn with_programs(self, folder: Option<PathBuf>) -> Methods {
-        let mut described = self.described;
-        described["programs"] = json!(folder.is_some());
+        let described = Described {
+            programs: folder.is_some(),
+            ..self.described
+        };
         Methods {
             programs: folder,
             described,
@@ -222,7 +231,7 @@ impl Methods {
         }
     }
 
-    fn metrics(&mut self) -> Value {
+    fn metrics(&mut self) -> protocol::Metrics {
         let shown = self.operator.shown();
         let now_ns = (self.now_ns)();
         for (place, node) in self.network.nodes.iter_mut().enumerate() {
@@ -239,12 +248,14 @@ impl Methods {
             tool: shown.tool,
             is_alarm: shown.alarm.is_some(),
             forced: self.logic.forced().len(),
-            controlled: !self.control.shown(now_ns).is_null(),
+            controlled: self.control.shown(now_ns).is_some(),
         };
-        json!({ "text": metrics::text(&facts, &self.live, |name| (self.pins)(name)) })
+        protocol::Metrics {
+            text: metrics::text(&facts, &self.live, |name| (self.pins)(name)),
+        }
     }
 
-    fn program_text(&mut self, call: &Call<'_>) -> Result<Value, RpcError> {
+    fn program_text(&mut self, call: &Call<'_>) -> Result<Text, RpcError> {
         let number = |name: &str, most, default| match call.params.has(name) {
             true => call.params.number(name, 1, most),
             false => Ok(default),
@@ -266,13 +277,13 @@ impl Methods {
             let what = format!("line {} lies far on and is being looked for: ask again", range.0);
             return Err(RpcError::new(code::REFUSED, what));
         };
-        Ok(json!({
-            "name": program.name,
-            "revision": text.revision,
-            "first_line": range.0,
-            "lines": lines,
-            "more": more,
-        }))
+        Ok(Text {
+            name: program.name,
+            revision: text.revision,
+            first_line: range.0,
+            lines,
+            more,
+        })
     }
 
     /// Shows its programs in Structured Text.
@@ -281,28 +292,35 @@ impl Methods {
     }
 
     /// What the first spindle is told, if there is one.
-    fn spindle(&self) -> Value {
-        match (self.pins)("spindle.0.speed-out") {
-            None => Value::Null,
-            Some(speed_rpm) => json!({ "on": (self.pins)("spindle.0.on") == Some(1.0), "speed_rpm": speed_rpm }),
+    fn spindle(&self) -> Option<Spindle> {
+        Some(Spindle {
+            speed_rpm: (self.pins)("spindle.0.speed-out")?,
+            on: (self.pins)("spindle.0.on") == Some(1.0),
+        })
+    }
+
+    fn coolant(&self) -> Coolant {
+        let is_on = |name: &str| (self.pins)(name) == Some(1.0);
+        Coolant {
+            flood: is_on("iocontrol.0.coolant-flood"),
+            mist: is_on("iocontrol.0.coolant-mist"),
         }
     }
 
-    fn coolant(&self) -> Value {
-        let is_on = |name: &str| (self.pins)(name) == Some(1.0);
-        json!({ "flood": is_on("iocontrol.0.coolant-flood"), "mist": is_on("iocontrol.0.coolant-mist") })
-    }
-
     /// Whether processes write the outputs of external components.
-    fn external(&self) -> Value {
+    fn external(&self) -> Vec<External> {
         let shown = self.external.iter().map(|name| {
             let pin = |of: &str| (self.pins)(&format!("{name}.{of}")).unwrap_or_default();
-            json!({ "name": name, "alive": pin("alive") == 1.0, "losses": pin("losses") as u64 })
+            External {
+                name: name.clone(),
+                alive: pin("alive") == 1.0,
+                losses: pin("losses") as u64,
+            }
         });
         shown.collect()
     }
 
-    fn status(&mut self) -> Value {
+    fn status(&mut self) -> Status {
         let live = self.live.snapshot();
         let shown = self.operator.shown();
         let Progress {
@@ -310,62 +328,82 @@ impl Methods {
             done_percent,
             note,
         } = self.progress(&shown, live.way);
-        json!({
-            "api": table::API_VERSION,
-            "version": env!("CARGO_PKG_VERSION"),
-            "machine": self.network.machine,
-            "file": self.network.file,
-            "pid": std::process::id(),
-            "state": format!("{:?}", live.state).to_lowercase(),
-            "cycles": live.cycles,
-            "cycles_skipped": live.cycles_skipped,
-            "late_max_us": live.late_max_ns as f64 / 1e3,
-            "homed": numbers(live.homed),
-            "line": live.line,
-            "direction": if live.reversing { "reverse" } else { "forward" },
-            "single_block": live.single_block,
-            "optional_stop": live.optional_stop,
-            "block_delete": shown.block_delete,
-            "velocity_mm_s": live.velocity_mm_s,
-            "axes": self.axes,
-            "position_mm": live.position.0,
-            "to_go_mm": live.piece_end.map(|end| {
+        let text = |word: &'static str| word.to_owned();
+        Status {
+            api: text(table::API_VERSION),
+            version: text(env!("CARGO_PKG_VERSION")),
+            machine: self.network.machine.clone(),
+            file: self.network.file.clone(),
+            pid: std::process::id(),
+            state: format!("{:?}", live.state).to_lowercase(),
+            cycles: live.cycles,
+            cycles_skipped: live.cycles_skipped,
+            late_max_us: live.late_max_ns as f64 / 1e3,
+            homed: numbers(live.homed),
+            line: live.line,
+            direction: match live.reversing {
+                true => Direction::Reverse,
+                false => Direction::Forward,
+            },
+            single_block: live.single_block,
+            optional_stop: live.optional_stop,
+            block_delete: shown.block_delete,
+            velocity_mm_s: live.velocity_mm_s,
+            axes: self.axes.clone(),
+            position_mm: live.position.0.to_vec(),
+            to_go_mm: live.piece_end.map(|end| {
                 let left = end.0.iter().zip(live.position.0).map(|(end, position)| end - position);
-                left.collect::<Vec<f64>>()
+                left.collect()
             }),
-            "spindle": self.spindle(),
-            "coolant": self.coolant(),
-            "external": self.external(),
-            "override": self.overrides(),
-            "step": shown.step,
-            "power": shown.power,
-            "next": shown.next,
-            "mode": shown.mode,
-            "activity": shown.activity,
-            "job": shown.job,
-            "program": shown.program,
-            "mdi": shown.mdi,
-            "waiting": shown.waiting,
-            "codes": shown.codes,
-            "tool": shown.tool,
-            "work_offset_mm": shown.work_offset,
-            "work_rotation_degrees": shown.work_rotation_degrees,
-            "elapsed_s": live.elapsed_s,
-            "remaining_s": remaining_s,
-            "done_percent": done_percent,
-            "remaining_note": note,
-            "estop_chain_open": live.chain_open,
-            "held_at_mm": live.held_at.map(|place| place.0),
-            "limit_switches": { "lower": numbers(live.limits[0]), "upper": numbers(live.limits[1]) },
-            "alarm": shown.alarm,
-            "forced": self.forced(),
-            "obstruction": shown.obstruction,
-            "messages": shown.messages,
-            "control": self.control.shown((self.now_ns)()),
-            "parts": shown.parts,
-            "runs_left": shown.runs_left,
-            "last_program": shown.last_program,
-        })
+            spindle: self.spindle(),
+            coolant: self.coolant(),
+            external: self.external(),
+            overrides: self.overrides(),
+            step: text(shown.step),
+            power: text(shown.power),
+            next: shown.next.map(text),
+            mode: text(shown.mode),
+            activity: text(shown.activity),
+            job: shown.job.map(text),
+            program: shown.program.map(StatusProgram::from),
+            mdi: shown.mdi,
+            waiting: shown.waiting.map(protocol::Waiting::from),
+            codes: shown.codes,
+            tool: shown.tool,
+            work_offset_mm: shown.work_offset,
+            work_rotation_degrees: shown.work_rotation_degrees,
+            elapsed_s: live.elapsed_s,
+            remaining_s,
+            done_percent,
+            remaining_note: note,
+            estop_chain_open: live.chain_open,
+            held_at_mm: live.held_at.map(|place| place.0.to_vec()),
+            limit_switches: LimitSwitches {
+                lower: numbers(live.limits[0]),
+                upper: numbers(live.limits[1]),
+            },
+            alarm: shown.alarm,
+            forced: self.forced(),
+            obstruction: shown.obstruction,
+            messages: shown.messages.into_iter().map(described::entry).collect(),
+            control: self.control.shown((self.now_ns)()),
+            parts: described::parts(shown.parts),
+            runs_left: shown.runs_left,
+            last_program: shown.last_program.map(described::last_program),
+        }
+    }
+
+    /// A status of this moment, field by field.
+    fn stamped(&self, status: &Status) -> subscription::State {
+        let fields = match value(status) {
+            Ok(Value::Object(fields)) => fields,
+            Ok(_) | Err(_) => Map::new(),
+        };
+        subscription::State {
+            monotonic_ns: (self.now_ns)(),
+            unix_s: (self.time_of_day)(),
+            fields,
+        }
     }
 
     /// How far the program is.
@@ -393,44 +431,49 @@ impl Methods {
     }
 
     /// Where the overrides stand, and whether the program lets them act at the moment.
-    fn overrides(&self) -> Value {
+    fn overrides(&self) -> Overrides {
         let percent = |what| self.live.overrides.percent(what);
         let enables = self.live.snapshot().enables;
-        json!({
-            "feed_percent": percent(Overridden::Feed),
-            "rapid_percent": percent(Overridden::Rapid),
-            "spindle_percent": percent(Overridden::Spindle),
-            "feed_acts": enables.feed_override,
-            "spindle_acts": enables.spindle_override,
-            "adaptive_feed_acts": enables.adaptive_feed,
-            "feed_hold_acts": enables.feed_hold,
+        Overrides {
+            feed_percent: percent(Overridden::Feed),
+            rapid_percent: percent(Overridden::Rapid),
+            spindle_percent: percent(Overridden::Spindle),
+            feed_acts: enables.feed_override,
+            spindle_acts: enables.spindle_override,
+            adaptive_feed_acts: enables.adaptive_feed,
+            feed_hold_acts: enables.feed_hold,
+        }
+    }
+
+    fn subscribe(&mut self, call: &mut Call<'_>) -> Result<Subscribed, RpcError> {
+        let rate_hz = match call.params.has("rate_hz") {
+            true => call.params.number("rate_hz", 1, STATE_RATE_MAX_HZ)?,
+            false => STATE_RATE_MAX_HZ,
+        };
+        let status = self.status();
+        let state = self.stamped(&status);
+        call.caller.subscription = Some(Subscription::begin(&state, rate_hz));
+        Ok(Subscribed {
+            monotonic_s: state.monotonic_s(),
+            unix_s: state.unix_s,
+            state: status,
         })
     }
 
-    fn subscribe(&mut self, call: &mut Call<'_>) -> Result<Value, RpcError> {
-        let rate_hz = match call.params.has("rate_hz") {
-            true => call.params.number("rate_hz", 1, RATE_MAX_HZ)?,
-            false => RATE_MAX_HZ,
-        };
-        let (subscription, answer) = Subscription::begin(&self.state(), rate_hz);
-        call.caller.subscription = Some(subscription);
-        Ok(answer)
-    }
-
-    fn identify(&mut self, call: &mut Call<'_>) -> Result<Value, RpcError> {
+    fn identify(&mut self, call: &mut Call<'_>) -> Result<Identified, RpcError> {
         if let Some(name) = client_name(call.params)? {
             call.caller.name = Some(name.to_owned());
         }
-        Ok(json!({
-            "client": call.caller.client,
-            "role": call.caller.role,
-            "machine": self.network.machine,
-            "version": env!("CARGO_PKG_VERSION"),
-            "api": table::API_VERSION,
-        }))
+        Ok(Identified {
+            client: call.caller.client,
+            role: call.caller.role,
+            machine: self.network.machine.clone(),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            api: table::API_VERSION.to_owned(),
+        })
     }
 
-    fn take_control(&mut self, call: &mut Call<'_>) -> Result<Value, RpcError> {
+    fn take_control(&mut self, call: &mut Call<'_>) -> Result<Option<protocol::Control>, RpcError> {
         let force = call.params.has("force") && call.params.flag("force")?;
         let mut who = who(call.caller);
         if let Some(name) = client_name(call.params)? {
@@ -447,25 +490,28 @@ impl Methods {
         Ok(self.control.shown(now_ns))
     }
 
-    fn begin_upload(&mut self, call: &Call<'_>) -> Result<Value, RpcError> {
+    fn begin_upload(&mut self, call: &Call<'_>) -> Result<UploadBegun, RpcError> {
         let octets = call.params.number("octets", 0, u64::MAX)?;
         let name = call.params.text("name")?;
         let name = arguments::needed(name, "name", "a text")?;
         let upload = self.uploads.begin(call.caller.client, name, octets, (self.now_ns)())?;
-        Ok(json!({ "upload": upload, "part_octets": PART_MAX }))
+        Ok(UploadBegun {
+            upload,
+            part_octets: PART_MAX,
+        })
     }
 
-    fn append_upload(&mut self, call: &Call<'_>) -> Result<Value, RpcError> {
+    fn append_upload(&mut self, call: &Call<'_>) -> Result<UploadGrown, RpcError> {
         let (upload, part) = (upload(call.params)?, call.params.octets("value", PART_MAX)?);
         let at = call.params.number("at", 0, PROGRAM_MAX)?;
         let received = (self.uploads).append(call.caller.client, upload, at, &part, (self.now_ns)())?;
-        Ok(json!({ "received": received }))
+        Ok(UploadGrown { received })
     }
 
-    fn commit_upload(&mut self, call: &Call<'_>) -> Result<Value, RpcError> {
+    fn commit_upload(&mut self, call: &Call<'_>) -> Result<Nothing, RpcError> {
         let (upload, sum) = (upload(call.params)?, call.params.octets("sha256", 32)?);
         (self.uploads).commit(call.caller.client, upload, &sum, (self.now_ns)())?;
-        Ok(json!({}))
+        done()
     }
 
     fn begin_path(&mut self, call: &Call<'_>) -> Result<Order, RpcError> {
@@ -532,7 +578,7 @@ impl Methods {
 
     /// Turns overrides: all that are given, or none where one of them cannot be. No way over the operator's inbox: whoever
     /// cuts turns the feed down because he hears something.
-    fn set_overrides(&mut self, call: &mut Call<'_>) -> Result<Value, RpcError> {
+    fn set_overrides(&mut self, call: &mut Call<'_>) -> Result<Overrides, RpcError> {
         let params = call.params;
         let invalid = |what: String| RpcError::new(code::INVALID_PARAMS, what);
         let mut wanted = Vec::new();
@@ -567,7 +613,7 @@ impl Methods {
     /// Runs a method where its kind runs.
     fn run(&mut self, method: &Method, call: &mut Call<'_>) -> Answer {
         let begun = match method.runs {
-            Runs::Quick(quick) => return Some(quick(self, call)),
+            Runs::Quick(ref quick) => return Some(quick(self, call)),
             Runs::Later(later) => return later(self, call),
             Runs::AtOnce(what) => self.order(
                 call,
@@ -601,14 +647,14 @@ impl Methods {
         }
     }
 
-    fn network(&mut self) -> Result<Value, RpcError> {
+    fn network(&mut self) -> Result<protocol::Network, RpcError> {
         let now_ns = (self.now_ns)();
         let mut view = self.network.clone();
         view.live = self.bus.network(now_ns);
         for (place, node) in view.nodes.iter_mut().enumerate() {
             node.live = self.bus.node(place, now_ns);
         }
-        serde_json::to_value(view).map_err(|error| RpcError::new(code::REFUSED, error.to_string()))
+        value(&view).map(protocol::Network)
     }
 
     fn sdo(&mut self, call: &Call<'_>, write: bool) -> Answer {
@@ -712,8 +758,8 @@ impl Methods {
             return Some((reply.ticket, fault.answer(reply.result)));
         }
         let result = match reply.result {
-            Ok(value) if read.is_some() => Ok(json!({ "value": to_hex(&value) })),
-            Ok(_) => Ok(json!({})),
+            Ok(octets) if read.is_some() => value(&Octets { value: Hex(octets) }),
+            Ok(_) => value(&Nothing {}),
             Err(MailboxError::Aborted(abort)) => {
                 let what = format!("{} (0x{:08X})", abort.text(), abort.0);
                 let kind = match abort {
@@ -822,69 +868,13 @@ impl Serve for Methods {
     }
 
     fn state(&mut self) -> subscription::State {
-        let fields = match self.status() {
-            Value::Object(fields) => fields,
-            _ => Map::new(),
-        };
-        subscription::State {
-            monotonic_ns: (self.now_ns)(),
-            unix_s: (self.time_of_day)(),
-            fields,
-        }
+        let status = self.status();
+        self.stamped(&status)
     }
 
     fn wake(&self) -> Option<Arc<EventFd>> {
         self.operator.wake()
     }
-}
-
-/// The joint that is this axis alone.
-fn joint_of(config: &Config, map: &AxisMap) -> Option<usize> {
-    match map.joints[..] {
-        [joint] if config.transform == Transform::Trivial => Some(joint),
-        _ => None,
-    }
-}
-
-/// What of a machine does not change.
-fn describe(config: &Config) -> Value {
-    let axes: Vec<Value> = (config.axes.iter())
-        .map(|map| {
-            let joint = map.joints.first().and_then(|joint| config.joints.get(*joint));
-            json!({
-                "axis": map.axis.letter().to_string(),
-                "unit": if map.axis.is_rotary() { "degrees" } else { "mm" },
-                "joints": map.joints,
-                "joint": joint_of(config, map),
-                "travel": map.travel_mm.or(joint.map(|joint| joint.travel_mm)),
-                "velocity_per_s": joint.map(|joint| joint.limits.velocity_mm_s),
-                "acceleration_per_s2": joint.map(|joint| joint.limits.acceleration_mm_s2),
-            })
-        })
-        .collect();
-    let joints: Vec<Value> = (config.joints.iter().enumerate())
-        .map(|(number, joint)| {
-            json!({
-                "joint": number,
-                "travel": joint.travel_mm,
-                "velocity_per_s": joint.limits.velocity_mm_s,
-                "following_error": joint.following_error_mm,
-            })
-        })
-        .collect();
-    json!({
-        "machine": config.name,
-        "unit": match config.unit {
-            LengthUnit::Millimetre => "mm",
-            LengthUnit::Inch => "inch",
-        },
-        "cycle_us": config.cycle_us,
-        "axes": axes,
-        "joints": joints,
-        "spindles": config.spindle.count,
-        "spindle_rpm_max": config.spindle.rpm_max,
-        "programs": false,
-    })
 }
 
 /// What a client says that it is called.
@@ -914,10 +904,8 @@ fn who(caller: &Caller) -> Who {
     }
 }
 
-/// The value of an answer to "bus.sdo_read".
-pub fn value_of(answer: &Value) -> Option<Vec<u8>> {
-    from_hex(answer.get("value")?.as_str()?)
-}
-
 #[cfg(test)]
 mod tests;
+
+#[cfg(test)]
+mod golden;

@@ -1,13 +1,11 @@
 //! Pins by name: what they are, and values for those that nothing drives.
 
-use super::{Call, Methods, done, pin_json};
+use super::{Call, Methods, done, pin};
 use crate::orders::Order;
 use crate::rpc::{RpcError, code};
 use hal_pins::AnyValue;
-use serde_json::{Value, json};
-
-/// Pins that are told at once.
-pub(super) const VALUES_MAX: usize = 64;
+use protocol::limits::VALUES_MAX;
+use protocol::{Nothing, Pin, Pins};
 
 fn refused(error: impl ToString) -> RpcError {
     RpcError::new(code::REFUSED, error.to_string())
@@ -15,16 +13,19 @@ fn refused(error: impl ToString) -> RpcError {
 
 impl Methods {
     /// The pins of a list.
-    pub(super) fn pin_values(&self, call: &Call<'_>) -> Result<Value, RpcError> {
+    pub(super) fn pin_values(&self, call: &Call<'_>) -> Result<Pins, RpcError> {
         let names = call.params.texts("pins", VALUES_MAX)?;
         let pins = self.scopes.pins()?;
-        let one = |name: &String| pins.get(name).map(|pin| pin_json(&pin));
-        let values: Result<Vec<Value>, _> = names.iter().map(one).collect();
-        Ok(json!({ "pins": values.map_err(refused)?, "more": false }))
+        let one = |name: &String| pins.get(name).map(|found| pin(&found));
+        let values: Result<Vec<Pin>, _> = names.iter().map(one).collect();
+        Ok(Pins {
+            pins: values.map_err(refused)?,
+            more: false,
+        })
     }
 
     /// Sets an input that no net reaches; the journal tells it.
-    pub(super) fn set_pin(&self, call: &Call<'_>) -> Result<Value, RpcError> {
+    pub(super) fn set_pin(&self, call: &Call<'_>) -> Result<Nothing, RpcError> {
         let given = |name: &str| {
             let text = call.params.text(name)?;
             text.ok_or_else(|| {

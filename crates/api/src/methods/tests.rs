@@ -5,6 +5,7 @@ use crate::rpc;
 use bus::service::{Diagnose, Mailbox, MailboxFull, MailboxReply, NetworkLive, NodeLive};
 use bus::{NodeIndex, SDO_VALUE_MAX};
 use motion::canon::Axis;
+use serde_json::json;
 use std::path::Path;
 
 /// A bus that knows of its network and refuses every second request.
@@ -412,7 +413,7 @@ fn orders_of_others_are_refused_and_what_slows_down_or_looks_is_for_everyone() {
         _ => json!({}),
     };
     let for_everyone = ["estop", "hold", "stop", "jog.stop", "bus.sdo_read"];
-    for method in METHODS {
+    for method in METHODS.iter() {
         let mut methods = methods();
         let mut ask = |client, name: &str, params: Value| {
             let line = json!({ "jsonrpc": "2.0", "id": 1, "method": name, "params": params }).to_string();
@@ -486,15 +487,15 @@ fn control_taken_by_force_is_written_down_and_that_of_a_client_that_goes_is_free
         taken,
         json!({ "client": 1, "process": 0, "name": "one", "taken": true })
     );
-    assert_eq!(methods.status()["control"], taken);
+    assert_eq!(json!(methods.status().control), taken);
     assert_eq!(inbox.take(), None);
     take(&mut methods, 2, json!({ "name": "two", "force": true })).unwrap();
     let note = "control: two (process 0) has taken it from one (process 0)";
     assert_eq!(inbox.take(), Some((0, Order::TakenOver(note.into()))));
     methods.left(1);
-    assert_eq!(methods.status()["control"]["name"], "two");
+    assert_eq!(methods.status().control.unwrap().name, "two");
     methods.left(2);
-    assert_eq!(methods.status()["control"], Value::Null);
+    assert_eq!(methods.status().control, None);
     for name in ["", "a\nb", &"n".repeat(65)] {
         let refused = take(&mut methods, 1, json!({ "name": name })).unwrap_err();
         assert_eq!(refused.code, code::INVALID_PARAMS);

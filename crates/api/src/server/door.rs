@@ -2,8 +2,8 @@
 //!
 //! In:  what they may do and what they are called. Out: the far end of a connection, one message a line as over the socket.
 
-use crate::roles::Role;
 use nix::sys::eventfd::EventFd;
+use protocol::Role;
 use std::io::{self, ErrorKind};
 use std::os::unix::net::UnixStream;
 use std::sync::Arc;

@@ -9,7 +9,6 @@
 use super::door::{Door, Guest, Guests, door};
 use super::{CLIENTS_MAX, LINE_MAX};
 use crate::repeats;
-use crate::roles::Role;
 use crate::rpc::{self, Request};
 use crate::server::door::GUESTS_MAX;
 use crate::socket::{Socket, check_peer};
@@ -17,6 +16,7 @@ use host::wait::to_next;
 use nix::poll::{PollFd, PollFlags, ppoll};
 use nix::sys::eventfd::{EfdFlags, EventFd};
 use nix::sys::time::TimeSpec;
+use protocol::Role;
 use std::collections::VecDeque;
 use std::io::{self, ErrorKind, Read};
 use std::net::Shutdown;

@@ -10,7 +10,6 @@ pub mod subscription;
 
 pub use intake::{Arrivals, Intake, entrance};
 
-use super::roles::Role;
 use super::rpc::{self, Request, RpcError, code};
 use super::socket::peer;
 use door::GUESTS_MAX;
@@ -21,6 +20,7 @@ use nix::sys::eventfd::EventFd;
 use nix::sys::socket::setsockopt;
 use nix::sys::socket::sockopt::SndBuf;
 use nix::sys::time::TimeSpec;
+use protocol::Role;
 use serde_json::Value;
 use std::io::{ErrorKind, Write};
 use std::os::fd::AsFd;

@@ -5,10 +5,10 @@
 //! Nothing is kept for a subscriber but the state that it was told last: one that reads slowly is told less often, of the same.
 
 use crate::rpc;
-use serde_json::{Map, Value, json};
+use protocol::StateChange;
+use protocol::limits::STATE_RATE_MAX_HZ;
+use serde_json::{Map, Value};
 
-/// Most states a second, but for events.
-pub const RATE_MAX_HZ: u64 = 20;
 /// Octets of the system that hold what a subscriber has not read: beyond them, it is told less often.
 pub const UNREAD_MAX: usize = 16 * 1024;
 /// What changes all the time while something moves: told at the rate that was asked for.
@@ -41,8 +41,9 @@ pub struct State {
 }
 
 impl State {
-    fn stamped(&self, name: &str, fields: Map<String, Value>) -> Value {
-        json!({ "monotonic_s": self.monotonic_ns as f64 * 1e-9, "unix_s": self.unix_s, name: fields })
+    /// When, CLOCK_MONOTONIC, s.
+    pub fn monotonic_s(&self) -> f64 {
+        self.monotonic_ns as f64 * 1e-9
     }
 }
 
@@ -56,15 +57,14 @@ pub struct Subscription {
 }
 
 impl Subscription {
-    /// With the whole state as the answer of its request.
-    pub fn begin(state: &State, rate_hz: u64) -> (Subscription, Value) {
-        let subscription = Subscription {
-            interval_ns: 1_000_000_000 / rate_hz.clamp(1, RATE_MAX_HZ),
+    /// Of a client that is told the whole state now.
+    pub fn begin(state: &State, rate_hz: u64) -> Subscription {
+        Subscription {
+            interval_ns: 1_000_000_000 / rate_hz.clamp(1, STATE_RATE_MAX_HZ),
             told: state.fields.clone(),
             sampled_ns: state.monotonic_ns,
             counted_ns: state.monotonic_ns,
-        };
-        (subscription, state.stamped("state", state.fields.clone()))
+        }
     }
 
     /// The line that tells what has changed, if it is time for one.
@@ -93,13 +93,19 @@ impl Subscription {
         if is_count {
             self.counted_ns = state.monotonic_ns;
         }
-        Some(rpc::notification("state", &state.stamped("changed", changed)))
+        let change = StateChange {
+            monotonic_s: state.monotonic_s(),
+            unix_s: state.unix_s,
+            changed,
+        };
+        Some(rpc::notification("state", &change))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use serde_json::json;
 
     fn state(ms: u64, fields: Value) -> State {
         State {
@@ -121,8 +127,7 @@ mod tests {
     fn what_is_sampled_comes_at_the_rate_an_event_at_once_and_counters_each_second() {
         let at =
             |ms, line: u32, state_word: &str| state(ms, json!({ "line": line, "state": state_word, "cycles": ms }));
-        let (mut subscription, answer) = Subscription::begin(&at(0, 1, "ready"), 20);
-        assert_eq!(answer["state"], json!({ "line": 1, "state": "ready", "cycles": 0 }));
+        let mut subscription = Subscription::begin(&at(0, 1, "ready"), 20);
         assert_eq!(told(&mut subscription, &at(49, 2, "ready")), None, "not due");
         assert_eq!(told(&mut subscription, &at(50, 2, "ready")), Some(json!({ "line": 2 })));
         // With an event goes what has changed meanwhile; nothing is told twice.
@@ -144,7 +149,7 @@ mod tests {
             (20, 50_000_000),
             (99, 50_000_000),
         ] {
-            let (subscription, _) = Subscription::begin(&state(0, json!({})), rate_hz);
+            let subscription = Subscription::begin(&state(0, json!({})), rate_hz);
             assert_eq!(subscription.interval_ns, interval_ns);
         }
     }
@@ -152,8 +157,8 @@ mod tests {
     /// What is told, applied in turn, is what everything is.
     #[test]
     fn changes_on_changes_give_the_state() {
-        let (mut subscription, answer) = Subscription::begin(&state(0, json!({ "a": 1, "b": null, "line": 1 })), 20);
-        let mut mine = answer["state"].clone();
+        let mut mine = json!({ "a": 1, "b": null, "line": 1 });
+        let mut subscription = Subscription::begin(&state(0, mine.clone()), 20);
         for (ms, fields) in [
             (10, json!({ "a": null, "b": { "x": [1] }, "line": 2 })),
             (20, json!({ "a": null, "b": { "x": [1, 2] }, "line": 2 })),

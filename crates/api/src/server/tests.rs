@@ -30,9 +30,9 @@ impl Serve for Echo {
         match request.method.as_str() {
             "echo" => Some(Ok(params)),
             "subscribe" => {
-                let (subscription, answer) = Subscription::begin(&self.state(), 20);
-                caller.subscription = Some(subscription);
-                Some(Ok(answer))
+                let state = self.state();
+                caller.subscription = Some(Subscription::begin(&state, 20));
+                Some(Ok(json!({ "state": state.fields })))
             }
             "keep" => {
                 self.kept = Some(caller.client);

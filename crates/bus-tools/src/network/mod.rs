@@ -6,7 +6,7 @@
 
 use super::words::counted;
 use anyhow::{Context, bail};
-use api::client::{Client, ClientError};
+use api::client::{self, ClientError};
 use api::network_view::{MappedView, NetworkView, NodeView};
 use bus::service::BudgetView;
 use bus::service::NodeLive;
@@ -14,7 +14,9 @@ use clap::Args;
 use config::{self, Protocol};
 use host::terminal::table;
 use machine::faults::silenced;
-use serde_json::{Value, json};
+use protocol::params::NoParams;
+use protocol::{Status, method};
+use serde_json::json;
 use std::io::{self, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -49,43 +51,43 @@ pub enum Topic {
 /// No control and no machine file; an answer that cannot be understood.
 pub(super) fn show(args: &NetworkArgs, topic: Topic, as_json: bool, out: &mut impl Write) -> anyhow::Result<ExitCode> {
     let (view, status) = fetch(args)?.map_err(Refusal::from)?;
-    let not_known_yet = view.live.is_none() && !status.is_null();
+    let status = status.as_ref();
+    let not_known_yet = view.live.is_none() && status.is_some();
     match (as_json, topic) {
         (true, _) => {
             let mut value = serde_json::to_value(&view)?;
-            value["trouble"] = troubles(&view, &status).into();
-            value["control"].clone_from(&status);
+            value["trouble"] = troubles(&view, status).into();
+            value["control"] = json!(status);
             writeln!(out, "{value:#}")?;
         }
-        (false, Topic::Nodes) => nodes(&view, &status, out)?,
-        (false, Topic::State) => state(&view, &status, out)?,
-        (false, Topic::Pdo) => pdo(&view, &status, out)?,
-        (false, Topic::Report) => report(&view, &status, out)?,
+        (false, Topic::Nodes) => nodes(&view, status, out)?,
+        (false, Topic::State) => state(&view, status, out)?,
+        (false, Topic::Pdo) => pdo(&view, status, out)?,
+        (false, Topic::Report) => report(&view, status, out)?,
     }
     out.flush()?;
     // The mapping is as the machine file says, whatever the nodes do.
-    let trouble =
-        is_silenced(&status) || topic != Topic::Pdo && (not_known_yet || !troubles(&view, &status).is_empty());
+    let trouble = is_silenced(status) || topic != Topic::Pdo && (not_known_yet || !troubles(&view, status).is_empty());
     Ok(if trouble { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }
 
-/// The network, and the status of its control (null where none runs).
-fn fetch(args: &NetworkArgs) -> anyhow::Result<Result<(NetworkView, Value), config::ConfigErrors>> {
+/// The network, and the status of its control (`None`: none runs).
+fn fetch(args: &NetworkArgs) -> anyhow::Result<Result<(NetworkView, Option<Status>), config::ConfigErrors>> {
     let from_file = match args.machine_file.as_deref().map(bus::read) {
         Some(Err(errors)) => return Ok(Err(errors)),
         Some(Ok(config)) => Some(NetworkView::from_config(&config)),
         None => None,
     };
     let in_file = from_file.as_ref().map(|view| view.machine.as_str());
-    match Client::connect(args.machine.as_deref().or(in_file)) {
+    match client::connect(args.machine.as_deref().or(in_file)) {
         Ok(mut client) => {
-            let status = client.call("status", json!({}))?;
-            let network = client.call("bus.network", json!({}))?;
-            let view = serde_json::from_value(network).context("the control's answer cannot be understood")?;
-            Ok(Ok((view, status)))
+            let status = client.ask::<method::Status>(&NoParams {})?;
+            let network = client.ask::<method::Network>(&NoParams {})?;
+            let view = serde_json::from_value(network.0).context("the control's answer cannot be understood")?;
+            Ok(Ok((view, Some(status))))
         }
         Err(error @ ClientError::NotRunning { .. }) if args.machine.is_none() => match from_file {
-            Some(view) => Ok(Ok((view, Value::Null))),
+            Some(view) => Ok(Ok((view, None))),
             None => bail!("{error}; or name a machine file to see what it says"),
         },
         Err(error) => Err(error.into()),
@@ -164,12 +166,12 @@ fn who(node: &NodeView) -> String {
 }
 
 /// Whether the control can do nothing any more.
-fn is_silenced(status: &Value) -> bool {
-    status["state"] == "silenced"
+fn is_silenced(status: Option<&Status>) -> bool {
+    status.is_some_and(|status| status.state == "silenced")
 }
 
 /// What is wrong, in sentences.
-fn troubles(view: &NetworkView, status: &Value) -> Vec<String> {
+fn troubles(view: &NetworkView, status: Option<&Status>) -> Vec<String> {
     if is_silenced(status) {
         // What is known of the nodes is from before.
         return vec![silenced(view.protocol != Protocol::None.name(), false).to_owned()];
@@ -203,9 +205,9 @@ fn troubles(view: &NetworkView, status: &Value) -> Vec<String> {
 }
 
 /// One line above everything: whose network, and where it is told from.
-fn head(view: &NetworkView, status: &Value, out: &mut impl Write) -> io::Result<()> {
+fn head(view: &NetworkView, status: Option<&Status>, out: &mut impl Write) -> io::Result<()> {
     match (&view.live, status) {
-        (_, Value::Null) => writeln!(
+        (_, None) => writeln!(
             out,
             "{}: no control is running; this is what {} says",
             view.machine, view.file
@@ -215,19 +217,15 @@ fn head(view: &NetworkView, status: &Value, out: &mut impl Write) -> io::Result<
             "{}: the control has just started, the network is not known yet",
             view.machine
         ),
-        (Some(live), status) => writeln!(
+        (Some(live), Some(status)) => writeln!(
             out,
             "{}: network {} on {}, machine {}, process {}",
-            view.machine,
-            live.nmt_state,
-            view.interface,
-            status["state"].as_str().unwrap_or("in an unknown state"),
-            status["pid"]
+            view.machine, live.nmt_state, view.interface, status.state, status.pid
         ),
     }
 }
 
-fn tail(view: &NetworkView, status: &Value, out: &mut impl Write) -> io::Result<()> {
+fn tail(view: &NetworkView, status: Option<&Status>, out: &mut impl Write) -> io::Result<()> {
     let troubles = troubles(view, status);
     if troubles.is_empty() {
         return Ok(());
@@ -236,7 +234,7 @@ fn tail(view: &NetworkView, status: &Value, out: &mut impl Write) -> io::Result<
     troubles.iter().try_for_each(|trouble| writeln!(out, "{trouble}"))
 }
 
-fn nodes(view: &NetworkView, status: &Value, out: &mut impl Write) -> io::Result<()> {
+fn nodes(view: &NetworkView, status: Option<&Status>, out: &mut impl Write) -> io::Result<()> {
     head(view, status, out)?;
     node_table(view, out)?;
     tail(view, status, out)
@@ -308,7 +306,7 @@ fn node_table(view: &NetworkView, out: &mut impl Write) -> io::Result<()> {
     write!(out, "\n{}", table(&heading, rows))
 }
 
-fn state(view: &NetworkView, status: &Value, out: &mut impl Write) -> io::Result<()> {
+fn state(view: &NetworkView, status: Option<&Status>, out: &mut impl Write) -> io::Result<()> {
     head(view, status, out)?;
     state_table(view, out)?;
     errors(view, out)?;
@@ -381,7 +379,7 @@ fn errors(view: &NetworkView, out: &mut impl Write) -> io::Result<()> {
     Ok(())
 }
 
-fn pdo(view: &NetworkView, status: &Value, out: &mut impl Write) -> io::Result<()> {
+fn pdo(view: &NetworkView, status: Option<&Status>, out: &mut impl Write) -> io::Result<()> {
     head(view, status, out)?;
     mapping(view, out)?;
     match is_silenced(status) {
@@ -469,16 +467,15 @@ fn budget(view: &NetworkView, out: &mut impl Write) -> io::Result<()> {
     )
 }
 
-fn report(view: &NetworkView, status: &Value, out: &mut impl Write) -> io::Result<()> {
+fn report(view: &NetworkView, status: Option<&Status>, out: &mut impl Write) -> io::Result<()> {
     writeln!(out, "isocnc {} bus report", env!("CARGO_PKG_VERSION"))?;
     head(view, status, out)?;
-    if !status.is_null() {
+    if let Some(status) = status {
         writeln!(out, "machine file {}", view.file)?;
         writeln!(
             out,
             "cycles begin up to {:.1} us late, {} were skipped",
-            status["late_max_us"].as_f64().unwrap_or(0.0),
-            status["cycles_skipped"]
+            status.late_max_us, status.cycles_skipped
         )?;
     }
     if view.live.is_some() || is_silenced(status) {

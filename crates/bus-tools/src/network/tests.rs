@@ -74,14 +74,20 @@ fn view() -> NetworkView {
     view
 }
 
-fn status() -> Value {
-    json!({ "state": "booting", "pid": 77, "late_max_us": 12.5, "cycles_skipped": 2 })
+fn status() -> Status {
+    Status {
+        state: "booting".into(),
+        pid: 77,
+        late_max_us: 12.5,
+        cycles_skipped: 2,
+        ..Status::default()
+    }
 }
 
 fn printed(
-    show: impl Fn(&NetworkView, &Value, &mut Vec<u8>) -> io::Result<()>,
+    show: impl Fn(&NetworkView, Option<&Status>, &mut Vec<u8>) -> io::Result<()>,
     view: &NetworkView,
-    status: &Value,
+    status: Option<&Status>,
 ) -> String {
     let mut out = Vec::new();
     show(view, status, &mut out).unwrap();
@@ -94,7 +100,7 @@ fn printed(
 
 #[test]
 fn nodes_with_their_identity_and_what_is_wrong() {
-    let text = printed(nodes, &view(), &status());
+    let text = printed(nodes, &view(), Some(&status()));
     let lines: Vec<&str> = text.lines().collect();
     assert_eq!(
         lines,
@@ -118,7 +124,7 @@ fn nodes_with_their_identity_and_what_is_wrong() {
 
 #[test]
 fn states_figures_and_history() {
-    let text = printed(state, &view(), &status());
+    let text = printed(state, &view(), Some(&status()));
     for line in [
         "1234 cycles of 1000 us; 2 skipped, 1 cut off; 3 silent in the asynchronous slot, 1 unusable frame",
         " 1  x-drive  OPERATIONAL   1200     4       2     1     41.2 us      1         0",
@@ -133,7 +139,7 @@ fn states_figures_and_history() {
 
 #[test]
 fn the_mapping_is_a_table() {
-    let text = printed(pdo, &view(), &status());
+    let text = printed(pdo, &view(), Some(&status()));
     let lines: Vec<&str> = text.lines().skip(1).take(5).collect();
     assert_eq!(
         lines,
@@ -151,7 +157,7 @@ fn the_mapping_is_a_table() {
 fn what_a_node_sends_stands_in_its_column_beside_the_longest_name() {
     let mut view = view();
     view.nodes[0].outputs[1].index = 0x687A;
-    let text = printed(pdo, &view, &status());
+    let text = printed(pdo, &view, Some(&status()));
     let rows: Vec<&str> = text.lines().skip(3).take(3).collect();
     assert!(rows[2].contains("target position of axis 1"), "{text}");
     let columns = ["PRes, from", "   0..1 | 0x6041", "      2 | 0x6061"];
@@ -164,7 +170,7 @@ fn what_a_node_sends_stands_in_its_column_beside_the_longest_name() {
 
 #[test]
 fn the_budget_takes_the_latency_that_a_node_has_told() {
-    let text = printed(|v, _, o| budget(v, o), &view(), &status());
+    let text = printed(|v, _, o| budget(v, o), &view(), Some(&status()));
     // 64 octets with preamble and gap are 6.72 us at 100 Mbit/s; node 1 tells 50 us, node 3 nothing.
     let row = |name: &str| {
         let line = text.lines().find(|line| line.trim_start().starts_with(name)).unwrap();
@@ -185,16 +191,19 @@ fn without_a_control_it_says_so_and_finds_no_trouble() {
     let mut view = view();
     view.live = None;
     view.nodes.iter_mut().for_each(|node| node.live = None);
-    assert!(troubles(&view, &Value::Null).is_empty());
+    assert!(troubles(&view, None).is_empty());
     // All that is known of a silenced network is from before.
-    let silenced = json!({ "state": "silenced" });
+    let silenced = Status {
+        state: "silenced".into(),
+        ..Status::default()
+    };
     let said = machine::faults::silenced(true, false);
-    assert_eq!(troubles(&view, &silenced), [said]);
+    assert_eq!(troubles(&view, Some(&silenced)), [said]);
     let mut page = Vec::new();
-    report(&view, &silenced, &mut page).unwrap();
+    report(&view, Some(&silenced), &mut page).unwrap();
     let page = String::from_utf8(page).unwrap();
     assert!(page.contains(said) && !page.contains("no trouble"), "{page}");
-    let text = printed(report, &view, &Value::Null);
+    let text = printed(report, &view, None);
     assert!(
         text.contains("mill3-demo: no control is running; this is what demo.toml says\n"),
         "{text}"
@@ -204,7 +213,7 @@ fn without_a_control_it_says_so_and_finds_no_trouble() {
 
 #[test]
 fn a_report_fits_a_page() {
-    let text = printed(report, &view(), &status());
+    let text = printed(report, &view(), Some(&status()));
     assert!(text.lines().count() <= 75, "{} lines", text.lines().count());
     let too_long: Vec<&str> = text.lines().filter(|line| line.len() > 140).collect();
     assert!(too_long.is_empty(), "{too_long:?}");
@@ -245,11 +254,11 @@ fn ethercat_view() -> NetworkView {
 fn ethercat_is_told_in_its_own_words_and_op_is_no_trouble() {
     let view = ethercat_view();
     assert!(
-        troubles(&view, &status()).is_empty(),
+        troubles(&view, Some(&status())).is_empty(),
         "{:?}",
-        troubles(&view, &status())
+        troubles(&view, Some(&status()))
     );
-    let text = printed(report, &view, &status());
+    let text = printed(report, &view, Some(&status()));
     for word in [
         "PReq",
         "PRes",
@@ -287,5 +296,5 @@ fn ethercat_is_told_in_its_own_words_and_op_is_no_trouble() {
     let mut view = ethercat_view();
     view.live.as_mut().unwrap().nmt_state = "INIT".into();
     view.live.as_mut().unwrap().why = Some("reads EEPROMs".into());
-    assert_eq!(troubles(&view, &status()), ["the network is INIT: reads EEPROMs"]);
+    assert_eq!(troubles(&view, Some(&status())), ["the network is INIT: reads EEPROMs"]);
 }

@@ -12,7 +12,7 @@ use super::words;
 use crate::proposal::Node;
 use ::terminal::refusal::Refusal;
 use anyhow::ensure;
-use api::client::Client;
+use api::client;
 use bus::sender::SoleSender;
 use bus::service::IdentityView;
 use clap::Args;
@@ -22,6 +22,8 @@ use obd::device::DeviceDescription;
 use powerlink::link::Link;
 use powerlink::link::raw::{RawConfig, RawLink};
 use powerlink::wire::Mac;
+use protocol::method;
+use protocol::params::NoParams;
 use serde_json::json;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -77,14 +79,16 @@ pub(super) fn scan(args: &ScanArgs, as_json: bool, out: &mut impl Write) -> anyh
 /// # Errors
 /// A control of this PC is at work on it: it would not be heard, because a socket does not hear what its own PC sends.
 pub(super) fn open(interface: &str, bus: Protocol) -> anyhow::Result<RawLink> {
-    for (machine, mut client) in Client::all() {
+    for (machine, mut client) in client::all() {
         // A control that does not answer is not known to be at work here.
-        let (Ok(status), Ok(network)) = (client.call("status", json!({})), client.call("bus.network", json!({})))
-        else {
+        let (Ok(status), Ok(network)) = (
+            client.ask::<method::Status>(&NoParams {}),
+            client.ask::<method::Network>(&NoParams {}),
+        ) else {
             continue;
         };
         ensure!(
-            network["interface"] != interface || !sees_our_interfaces(&status["pid"]),
+            network.0["interface"] != interface || !sees_our_interfaces(status.pid),
             "the control of machine \"{machine}\" is at work on {interface}: ask it, without --interface and with \
              --machine {machine}"
         );
@@ -98,7 +102,7 @@ pub(super) fn open(interface: &str, bus: Protocol) -> anyhow::Result<RawLink> {
 }
 
 /// Whether a process is in our network namespace: in another one, interfaces of the same name are others.
-fn sees_our_interfaces(pid: &serde_json::Value) -> bool {
+fn sees_our_interfaces(pid: u32) -> bool {
     let namespace = |process: &str| std::fs::read_link(format!("/proc/{process}/ns/net")).ok();
     let (own, other) = (namespace("self"), namespace(&pid.to_string()));
     // What cannot be told apart is taken for the same.

@@ -6,16 +6,16 @@ use super::super::{Protocol, ethercat};
 use super::SdoArgs;
 use ::ethercat::main::SetupError;
 use anyhow::{Context, anyhow};
-use api::client::{Client, ClientError};
-use api::methods::value_of;
-use api::rpc::{RpcError, code, to_hex};
+use api::client::{self, Client, ClientError};
+use api::rpc::{RpcError, code};
 use obd::AbortCode;
 use powerlink::link::Link;
 use powerlink::sdo;
 use powerlink::sdo::datagram::UDP_PORT;
 use powerlink::sdo::udp::{UdpClient, UdpError};
 use powerlink::wire::node;
-use serde_json::json;
+use protocol::params::Hex;
+use protocol::{method, params};
 
 /// Longest value that is read.
 const VALUE_MAX: usize = 1024 * 1024;
@@ -83,7 +83,7 @@ impl Access {
             let client = UdpClient::new(&address, id, node::DIAGNOSTIC, timing).with_context(|| address.clone())?;
             return Ok(Access::Udp(Box::new(client)));
         }
-        let client = Client::connect(args.machine.as_deref()).map_err(|error| match error {
+        let client = client::connect(args.machine.as_deref()).map_err(|error| match error {
             ClientError::NotRunning { .. } => anyhow!("{error}; or give --interface IF or --udp ADDRESS"),
             error => error.into(),
         })?;
@@ -121,9 +121,13 @@ impl Access {
                 Ok(sink)
             }
             Access::Control { client, node } => {
-                let params = json!({ "node": *node, "index": index, "sub": sub });
-                let answer = client.call("bus.sdo_read", params).map_err(control_failure)?;
-                value_of(&answer).ok_or_else(|| Failure::Broken(anyhow!("the control's answer has no value")))
+                let object = params::SdoRead {
+                    node: *node,
+                    index,
+                    sub,
+                };
+                let read = client.ask::<method::SdoRead>(&object).map_err(control_failure)?;
+                Ok(read.value.0)
             }
         }
     }
@@ -139,11 +143,14 @@ impl Access {
             Access::Ethercat(wire) => device_result(wire.ask((index, sub), Some(value))).map(|_| ()),
             Access::Udp(client) => client.write(index, sub, value).map_err(udp_failure),
             Access::Control { client, node } => {
-                let params = json!({ "node": *node, "index": index, "sub": sub, "value": to_hex(value) });
-                client
-                    .call("bus.sdo_write", params)
-                    .map_err(control_failure)
-                    .map(|_| ())
+                let object = params::SdoWrite {
+                    node: *node,
+                    index,
+                    sub,
+                    value: Hex(value.to_vec()),
+                };
+                let written = client.ask::<method::SdoWrite>(&object);
+                written.map_err(control_failure).map(drop)
             }
         }
     }

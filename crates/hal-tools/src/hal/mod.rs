@@ -9,7 +9,7 @@ mod show;
 
 use super::hal_import::{self, ImportArgs};
 use anyhow::{Context, anyhow, bail};
-use api::methods::{pin_json as to_json, value_json};
+use api::methods::{pin as shown, value_json};
 use glob::Pattern;
 use graph::Graph;
 use hal_pins::{AnyValue, Attached, Found, HalError, Kind, PinInfo, nearest};
@@ -215,7 +215,7 @@ fn run(command: &HalCommand, as_json: bool, pins: &Attached, out: &mut impl Writ
                     writeln!(out, "{}", pin.name)?;
                 }
             } else if as_json {
-                writeln!(out, "{:#}", Json::from_iter(list.iter().map(to_json)))?;
+                writeln!(out, "{:#}", Json::from_iter(list.iter().map(|of| json!(shown(of)))))?;
             } else {
                 write_table(&list, out)?;
             }
@@ -224,7 +224,7 @@ fn run(command: &HalCommand, as_json: bool, pins: &Attached, out: &mut impl Writ
             let plain = !names.iter().any(|name| is_pattern(name));
             for pin in &chosen(pins, names)? {
                 match as_json {
-                    true => writeln!(out, "{}", to_json(pin))?,
+                    true => writeln!(out, "{}", json!(shown(pin)))?,
                     false if plain => writeln!(out, "{}", pin.value)?,
                     false => writeln!(out, "{}  {}", pin.name, with_unit(pin))?,
                 }
@@ -263,7 +263,7 @@ fn run(command: &HalCommand, as_json: bool, pins: &Attached, out: &mut impl Writ
             for (pin, value) in found.iter().zip(values) {
                 pins.set(&pin.name, value)?;
                 if as_json {
-                    writeln!(out, "{}", to_json(&pins.get(&pin.name)?))?;
+                    writeln!(out, "{}", json!(shown(&pins.get(&pin.name)?)))?;
                 }
             }
         }

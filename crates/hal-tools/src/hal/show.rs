@@ -1,6 +1,6 @@
 //! `isocnc hal show`: everything that is known of pins and nets.
 
-use api::methods::pin_json;
+use api::methods as wire;
 use hal_pins::{Kind, PinInfo};
 use serde_json::{Value, json};
 use std::fmt::Write;
@@ -80,7 +80,7 @@ pub(super) fn text(pin: &PinInfo, all: &[PinInfo]) -> String {
 /// The same as JSON.
 pub(super) fn json(pin: &PinInfo, all: &[PinInfo]) -> Value {
     let around = Around::of(pin, all);
-    let mut value = pin_json(pin);
+    let mut value = json!(wire::pin(pin));
     value["writer"] = json!(around.writer);
     value["readers"] = json!(around.readers);
     value["aliases"] = json!(around.aliases);

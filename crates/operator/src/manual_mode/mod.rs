@@ -12,13 +12,13 @@ use machine::sequence::Step;
 use machine::state::State;
 use motion::canon::Axis;
 use motion::kinematics::ToolFrame;
+use protocol::JogOutlook;
 use rt::joint_jog::{JogMotion, JogOrder};
 use rt::shared::{Command, Snapshot};
-use serde_json::{Value, json};
 
 /// Moves joints by hand. Gives what comes of the order: `axis` and its `unit`, the greatest speed, and the soft limit where the
 /// motion ends there.
-pub(super) fn jog(jog: &Jog, config: &Config, operator: &mut Operator) -> Result<Value, String> {
+pub(super) fn jog(jog: &Jog, config: &Config, operator: &mut Operator) -> Result<JogOutlook, String> {
     if config.joints.is_empty() {
         return Err(config.without_joints());
     }
@@ -71,7 +71,11 @@ pub(super) fn jog(jog: &Jog, config: &Config, operator: &mut Operator) -> Result
     }));
     Ok(match axis {
         // How fast and how far is found on the way, by the kinematics.
-        Some(axis) => json!({ "axis": axis.letter().to_string(), "unit": unit(axis) }),
+        Some(axis) => JogOutlook {
+            axis: Some(axis.letter().to_string()),
+            unit: Some(unit(axis).to_owned()),
+            ..JogOutlook::default()
+        },
         None => outlook(motion, joints, config, &live),
     })
 }
@@ -104,7 +108,7 @@ fn in_the_way(motion: JogMotion, by_several: bool, joints: u64, [lower, upper]: 
 }
 
 /// What will come of a motion of joints that are those of one axis.
-fn outlook(motion: JogMotion, joints: u64, config: &Config, live: &Snapshot) -> Value {
+fn outlook(motion: JogMotion, joints: u64, config: &Config, live: &Snapshot) -> JogOutlook {
     let is_homed = joints & !live.homed == 0;
     let moved = || (0..config.joints.len()).filter(|joint| joints >> joint & 1 == 1);
     let axis = config
@@ -112,7 +116,7 @@ fn outlook(motion: JogMotion, joints: u64, config: &Config, live: &Snapshot) -> 
         .iter()
         .find(|map| moved().any(|joint| map.joints.contains(&joint)));
     let Some(axis) = axis.map(|map| map.axis) else {
-        return json!({});
+        return JogOutlook::default();
     };
     let fastest = moved()
         .map(|joint| match is_homed {
@@ -130,15 +134,15 @@ fn outlook(motion: JogMotion, joints: u64, config: &Config, live: &Snapshot) -> 
             distance_mm,
             velocity_mm_s,
         } => (velocity_mm_s, live.position[axis] + distance_mm),
-        JogMotion::Keep | JogMotion::Release => return json!({}),
+        JogMotion::Keep | JogMotion::Release => return JogOutlook::default(),
     };
     let soft_limit = (is_homed && !(low..=high).contains(&wanted)).then(|| wanted.clamp(low, high));
-    json!({
-        "axis": axis.letter().to_string(),
-        "unit": unit(axis),
-        "velocity_mm_s": speed.abs().min(fastest),
-        "soft_limit_mm": soft_limit,
-    })
+    JogOutlook {
+        axis: Some(axis.letter().to_string()),
+        unit: Some(unit(axis).to_owned()),
+        velocity_mm_s: Some(speed.abs().min(fastest)),
+        soft_limit_mm: Some(soft_limit),
+    }
 }
 
 fn unit(axis: Axis) -> &'static str {

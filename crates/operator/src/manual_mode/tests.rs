@@ -3,6 +3,7 @@ use crate::rehearsal::{Rehearsal, rehearse_with};
 use machine::sequence::Job;
 use motion::canon::{Axis, Position};
 use rt::shared::RtStatus;
+use serde_json::json;
 use sim::{Disturbance, NetConfig};
 use std::path::Path;
 
@@ -43,7 +44,7 @@ impl Hands<'_, '_> {
         self.outlook(order).map(drop)
     }
 
-    fn outlook(&mut self, order: &Jog) -> Result<Value, String> {
+    fn outlook(&mut self, order: &Jog) -> Result<JogOutlook, String> {
         jog(order, self.config, &mut self.run.operator)
     }
 
@@ -187,7 +188,7 @@ fn joints_that_are_not_homed_are_jogged_slowly_each_for_itself_and_home_behind_i
             };
             let before = loads(hands);
             let told = hands.outlook(&run_at(Jogged::Joint(joint), 100.0)).unwrap();
-            assert_eq!(told["velocity_mm_s"], 8.0);
+            assert_eq!(told.velocity_mm_s, Some(8.0));
             hands.keeping(1_000);
             let ways: Vec<f64> = loads(hands)
                 .iter()
@@ -507,7 +508,7 @@ fn what_will_come_of_a_jog_is_told() {
         homed: 0b011,
         ..RtStatus::default().snapshot()
     };
-    let told = |motion, joints| outlook(motion, joints, &config, &live);
+    let told = |motion, joints| json!(outlook(motion, joints, &config, &live));
     let unhomed = told(JogMotion::Run { velocity_mm_s: -20.0 }, 0b100);
     assert_eq!(
         unhomed,

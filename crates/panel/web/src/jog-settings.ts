@@ -1,5 +1,6 @@
 /** Step and speed of jogging, as they were chosen last. */
-import { machine } from "./machine";
+import type { What } from "./jog";
+import { type Letter, machine } from "./machine";
 import { getStore } from "./store";
 
 /** 0: for as long as it is held. */
@@ -22,10 +23,10 @@ export const jogSettings = {
     return (most * (fast ? 100 : this.percent)) / 100;
   },
   /** Axes need their joints homed; before that a joint is moved by its number. */
-  what(axis: string): { axis: string } | { joint: number } {
+  what(axis: string): What {
     const status = getStore().status;
     const joints = status?.axes.find((one) => one.axis === axis)?.joints ?? [];
     const homed = joints.every((joint) => status?.homed.includes(joint));
-    return homed || joints.length !== 1 ? { axis } : { joint: joints[0]! };
+    return homed || joints.length !== 1 ? { axis: axis as Letter } : { joint: joints[0]! };
   },
 };

@@ -4,10 +4,11 @@
  * The control stops by itself 0.2 s after the last word of the hand. Each way in which a hand can leave sends a stop as well, and a
  * page that draws no more (hidden, frozen, busy) says nothing any more.
  */
+import type { Letter } from "./machine";
 import { ask, connection, getStore, isBlind, subscribe, tellRefused } from "./store";
 
 /** An axis by its letter, or a joint by its number. */
-export type What = { axis: string } | { joint: number };
+export type What = { axis: Letter } | { joint: number };
 
 const KEEP_MS = 60;
 /** A page that has not drawn for so long is not in front of anybody. */

@@ -1,14 +1,12 @@
 /** What the machine is made of: asked for once a connection. */
+import type { Params } from "./rpc";
 import { ask, getStore, subscribe } from "./store";
+import type { Described } from "./types";
 
-export interface Described {
-  machine: string;
-  cycle_us: number;
-  /** Units of the axis; a second. */
-  axes: { axis: string; unit: string; travel: [number, number] | null; velocity_per_s: number | null; joints: number[] }[];
-  /** The panel has a folder for programs. */
-  programs: boolean;
-}
+/** Letters of `position_mm` and of what else has nine numbers. */
+export const LETTERS = ["X", "Y", "Z", "A", "B", "C", "U", "V", "W"];
+/** One of them. */
+export type Letter = NonNullable<Params<"jog">["axis"]>;
 
 let described: Described | null = null;
 let asked = false;
@@ -19,7 +17,7 @@ subscribe(() => {
   if (!connected) asked = false;
   else if (!asked && methods.has("machine.describe")) {
     asked = true;
-    ask<Described>("machine.describe").then(
+    ask("machine.describe").then(
       (answer) => {
         described = answer;
         for (const listener of listeners) listener();

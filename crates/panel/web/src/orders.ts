@@ -10,7 +10,6 @@ export function refuses({ status, connected, age }: Store, what: string): boolea
   if (what === "stop") return false;
   // Taken, and without effect.
   if (what === "hold" && ["held", "away"].includes(status.activity)) return true;
-  if (status.orders) return (status.orders[what] ?? null) !== null;
   const { power, activity, program, waiting } = status;
   const on = power === "on";
   switch (what) {
@@ -50,7 +49,7 @@ export function reset(status: Status): Promise<unknown> {
 }
 
 /** What the control says is the next step, as an order of the panel. */
-export function nextStep(status: Status): { method: string; word: "power-on" | "reset" | "acknowledge" | "home-all" } | null {
+export function nextStep(status: Status): { method: "on" | "estop.reset" | "alarm.acknowledge" | "home"; word: "power-on" | "reset" | "acknowledge" | "home-all" } | null {
   switch (status.next) {
     case "isocnc on":
       return { method: "on", word: "power-on" };

@@ -1,7 +1,8 @@
 /** Lines over time, with two cursors: uPlot draws. */
 import { useEffect, useRef } from "preact/hooks";
 import uPlot from "uplot";
-import type { Channel, Rows } from "./scope";
+import type { Rows } from "./scope";
+import type { Channel } from "./types";
 
 /** Lines of channels, in the order of colours of the style sheet. */
 export const COLOURS = 8;

@@ -28,7 +28,7 @@ function fetchLines(key: string, line: number, told: () => void): void {
   for (const page of [Math.floor(line / PAGE), Math.floor((line + 60) / PAGE)]) {
     if (mine.asked.has(page) || page < 0) continue;
     mine.asked.add(page);
-    ask<{ first_line: number; lines: string[] }>("program.text", { from_line: Math.max(1, page * PAGE), lines: PAGE }).then(
+    ask("program.text", { from_line: Math.max(1, page * PAGE), lines: PAGE }).then(
       ({ first_line, lines }) => {
         lines.forEach((one, i) => mine.lines.set(first_line + i, one));
         told();

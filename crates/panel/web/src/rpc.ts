@@ -4,6 +4,15 @@
  * After a loss the connection is made anew by itself; nothing that was sent before is sent again.
  */
 
+import type { Calls } from "./types";
+
+/** A method of the control. */
+export type Method = keyof Calls;
+export type Params<M extends Method> = Calls[M]["params"];
+export type Answer<M extends Method> = Calls[M]["answer"];
+/** Its parameters, which may be left out where none has to be there. */
+export type Given<M extends Method> = Record<never, never> extends Params<M> ? [params?: Params<M>] : [params: Params<M>];
+
 /** A refusal or an error of the control, in its words. */
 export class Refused extends Error {
   constructor(
@@ -55,13 +64,13 @@ export class Connection {
   }
 
   /** Sends an order or a question. Refused at once where there is no connection: nothing is kept for later. */
-  call<T>(method: string, params: Record<string, unknown> = {}): Promise<T> {
+  call<M extends Method>(method: M, ...[params]: Given<M>): Promise<Answer<M>> {
     if (this.socket?.readyState !== WebSocket.OPEN) {
       return Promise.reject(new Refused(0, "no connection"));
     }
     const id = ++this.id;
-    this.socket.send(JSON.stringify({ jsonrpc: "2.0", id, method, params }));
-    return new Promise<T>((resolve, reject) => {
+    this.socket.send(JSON.stringify({ jsonrpc: "2.0", id, method, params: params ?? {} }));
+    return new Promise<Answer<M>>((resolve, reject) => {
       this.waiting.set(id, { resolve: resolve as (value: unknown) => void, reject });
     });
   }

@@ -1,22 +1,6 @@
 /** What an oscilloscope of the control has told: rows as they come, the last of them in a window of time. */
 import { connection, onNotification } from "./store";
-
-export interface Channel {
-  name: string;
-  type: string;
-  unit: string;
-}
-
-interface Part {
-  scope: number;
-  record: number;
-  rows: number;
-  base64: string;
-  record_ends: boolean;
-  state: "waiting" | "recording" | "done";
-  lost: number;
-  error: string | null;
-}
+import type { Channel, ScopePart } from "./types";
 
 export interface Wanted {
   pins: string[];
@@ -82,7 +66,7 @@ function decoded(base64: string): Uint8Array {
 export class Scope {
   channels: Channel[] = [];
   rows = new Rows(0);
-  state: Part["state"] = "waiting";
+  state: ScopePart["state"] = "waiting";
   lost = 0;
   error = "";
   private number: number | null = null;
@@ -95,7 +79,7 @@ export class Scope {
     readonly wanted: Wanted,
     private readonly changed: () => void,
   ) {
-    this.deaf = onNotification<Part>("scope", (part) => part.scope === this.number && this.take(part));
+    this.deaf = onNotification<ScopePart>("scope", (part) => part.scope === this.number && this.take(part));
     void this.begin();
   }
 
@@ -110,11 +94,11 @@ export class Scope {
   private async begin(): Promise<void> {
     const { pins, seconds, trigger, single } = this.wanted;
     try {
-      const { cycle_us } = await connection.call<{ cycle_us: number }>("machine.describe");
+      const { cycle_us } = await connection.call("machine.describe");
       const cycles_per_row = Math.max(1, Math.ceil((seconds * 1e6) / cycle_us / ROWS_MAX));
       const record = trigger ? { trigger, seconds, before_percent: 20, mode: single ? "single" : "normal" } : { mode: "roll" };
       if (this.ended) return;
-      const begun = await connection.call<{ scope: number; channels: Channel[] }>("scope.begin", { pins, cycles_per_row, rate_hz: RATE_HZ, ...record });
+      const begun = await connection.call("scope.begin", { pins, cycles_per_row, rate_hz: RATE_HZ, ...record });
       this.number = begun.scope;
       this.channels = begun.channels;
       this.rows = new Rows(begun.channels.length);
@@ -126,7 +110,7 @@ export class Scope {
     this.changed();
   }
 
-  private take(part: Part): void {
+  private take(part: ScopePart): void {
     [this.state, this.lost, this.error] = [part.state, part.lost, part.error ?? ""];
     if (part.state === "done") this.number = null;
     if (part.record !== this.record) {

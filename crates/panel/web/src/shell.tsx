@@ -191,7 +191,7 @@ function ControlDialog({ onClose }: { onClose: () => void }) {
   const [name, setName] = useState(clientName());
   const take = async (force: boolean) => {
     localStorage.setItem("name", name);
-    const taken = await order<{ client: number }>("control.take", { name, ...(force ? { force } : {}) });
+    const taken = await order("control.take", { name, ...(force ? { force } : {}) });
     if (!taken) return;
     setStore({ client: taken.client });
     onClose();
@@ -325,7 +325,7 @@ function switchDrives(on: boolean): void {
 const DOUBLE_MS = 600;
 
 async function resume(): Promise<void> {
-  const answer = await order<{ returns?: string[] }>("resume");
+  const answer = await order("resume");
   if (answer?.returns?.length) say("note", t("returns", { way: answer.returns.map(inWords).join(" · ") }));
 }
 
@@ -340,7 +340,7 @@ export function ToolDialogue() {
   useEffect(() => {
     setTool(null);
     if (!waits || !wanted) return;
-    ask<{ unit: string; tools: { tool: number; length: number; diameter: number; remark: string }[] }>("tool.list").then(({ tools, unit }) => {
+    ask("tool.list").then(({ tools, unit }) => {
       const found = tools.find((one) => one.tool === wanted);
       if (found) setTool({ ...found, unit });
     }, tellRefused);

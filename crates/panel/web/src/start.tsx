@@ -1,16 +1,17 @@
 /** The start of the program: which, how, and from where; all of it is shown at its button. */
 import { useState } from "preact/hooks";
 import { parseNumber, t } from "./i18n";
+import type { Params } from "./rpc";
 import { type Store, ask, getStore, isBlind, order, say, setStore, tellRefused, useStore } from "./store";
 import { Button, Dialog } from "./ui";
 
 /** What is to be done otherwise than once from the beginning, a word each; `wrong`: what was typed cannot be read. */
-function asked(store: Store): { words: string[]; wrong: string | null; params: Record<string, unknown> } {
+function asked(store: Store): { words: string[]; wrong: string | null; params: Params<"program.start"> } {
   const { repeat, dry } = store.startWith;
   const line = pickedLine(store);
   const [times, feed] = [parseNumber(repeat), parseNumber(dry)];
   const words: string[] = [];
-  const params: Record<string, unknown> = {};
+  const params: Params<"program.start"> = {};
   let wrong: string | null = null;
   if (line !== null) {
     words.push(t("from-line-short", { line }));

@@ -1,12 +1,9 @@
 /** What the panel knows, and how its parts hear of a change. */
 import { useEffect, useRef, useState } from "preact/hooks";
-import { Connection, Refused } from "./rpc";
+import { type Answer, Connection, type Given, type Method, type Params, Refused } from "./rpc";
 import { t } from "./i18n";
-import type { Status } from "./types";
+import type { Notifications, Role, Status } from "./types";
 import { inWords } from "./words";
-
-/** What the connection may do: who looks, who runs the machine, who changes it. */
-export type Role = "watch" | "operate" | "set-up";
 
 export interface Toast {
   id: number;
@@ -132,7 +129,7 @@ export function connect(): void {
     else if (phase === "lost") setStore({ connected: false, reason, denied });
   };
   connection.onNotification = (method, params) => {
-    if (method === "state") takeChange((params as { changed: Partial<Status> }).changed);
+    if (method === "state") takeChange((params as Notifications["state"]).changed as Partial<Status>);
     else for (const listener of notified.get(method) ?? []) listener(params);
   };
   setInterval(judgeAge, 100);
@@ -152,16 +149,16 @@ export function onNotification<T>(method: string, listener: (params: T) => void)
 async function greet(): Promise<void> {
   try {
     // Whoever comes from elsewhere has to say first who he is.
-    const who = await connection.call<{ client: number; role: Role }>("client.identify", {
+    const who = await connection.call("client.identify", {
       name: clientName(),
       kind: "panel",
       ...(token ? { token } : {}),
     });
-    const methods = await connection.call<{ name: string; params: string[] }[]>("methods");
+    const methods = await connection.call("methods");
     // What is said ten times a second is said again anyway.
     takesRequestId = new Set(methods.filter((m) => m.params.includes("request_id") && m.name !== "jog.keep").map((m) => m.name));
     setStore({ client: who.client, role: who.role, methods: new Set(methods.map((m) => m.name)) });
-    const answer = await connection.call<{ state: Status }>("subscribe", { rate_hz: 20 });
+    const answer = await connection.call("subscribe", { rate_hz: 20 });
     cyclesAt = performance.now();
     setStore({ status: answer.state, connected: true, reason: "" });
   } catch (error) {
@@ -211,9 +208,9 @@ function uuid(): string {
 }
 
 /** Asks; what is refused is thrown. */
-export function ask<T>(method: string, params: Record<string, unknown> = {}): Promise<T> {
+export function ask<M extends Method>(method: M, ...[params]: Given<M>): Promise<Answer<M>> {
   const id = takesRequestId.has(method) ? { request_id: uuid() } : {};
-  return connection.call<T>(method, { ...params, ...id });
+  return connection.call(method, ...([{ ...params, ...id } as Params<M>] as Given<M>));
 }
 
 /** Nothing has come for a second: what is shown may be old, and an order may be carried out much later than it is given. */
@@ -223,13 +220,13 @@ export const isBlind = (): boolean => store.age > 0 || !store.connected;
 export const ALWAYS: ReadonlySet<string> = new Set(["stop", "hold", "estop", "off"]);
 
 /** Orders; what is refused is told. The answer, or undefined. */
-export async function order<T = unknown>(method: string, params: Record<string, unknown> = {}): Promise<T | undefined> {
+export async function order<M extends Method>(method: M, ...given: Given<M>): Promise<Answer<M> | undefined> {
   if (isBlind() && !ALWAYS.has(method)) {
     say("refused", t("not-sent"));
     return undefined;
   }
   try {
-    return await ask<T>(method, params);
+    return await ask(method, ...given);
   } catch (error) {
     tellRefused(error);
     return undefined;

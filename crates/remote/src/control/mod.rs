@@ -8,9 +8,8 @@ mod status;
 mod waiting;
 
 use ::terminal::refusal::Refusal;
-use anyhow::Context;
-use api::client::{Client, ClientError};
-use api::methods::sim_faults;
+use anyhow::{Context, bail};
+use api::client::{self, Client, ClientError};
 use api::rpc::code;
 use clap::builder::PossibleValuesParser;
 use clap::{Args, Subcommand, ValueEnum};
@@ -18,7 +17,11 @@ use files::read::PROGRAM_MAX;
 use host::signals::StopSignal;
 use host::terminal;
 use operator::program_reports::StandByReport;
-use serde_json::{Value, json};
+use protocol::limits::SIM_FAULTS;
+use protocol::params::{self, NoParams};
+use protocol::{DescribedAxis, Method, Nothing, Outlook, Overrides, method};
+use serde::Serialize;
+use serde_json::json;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -27,7 +30,7 @@ use std::time::{Duration, Instant};
 pub use status::{forced_words, parts_words};
 pub use status::{power, status};
 pub use waiting::Lasting;
-use waiting::{LOOK, give, give_by, wait};
+use waiting::{LOOK, Words, give, give_by, wait};
 
 /// Which control, and how to print.
 #[derive(Clone, Debug, Args)]
@@ -198,7 +201,7 @@ pub struct FaultArgs {
     #[command(flatten)]
     control: ControlArgs,
     /// What goes wrong; none: all is mended
-    #[arg(value_parser = PossibleValuesParser::new(sim_faults()))]
+    #[arg(value_parser = PossibleValuesParser::new(SIM_FAULTS))]
     kind: String,
     /// Id of the node
     #[arg(long, value_name = "N")]
@@ -262,9 +265,9 @@ const SETS_OUT: Duration = Duration::from_secs(2);
 
 const GOES_ON: &str = "go on with: isocnc resume";
 
-/// Gives an order without parameters that is carried out at once; `done` says what comes of it.
-fn order(args: &ControlArgs, method: &str, done: &str) -> anyhow::Result<ExitCode> {
-    let answer = call(args, method, json!({}))?;
+/// Gives an order that is carried out at once; `done` says what comes of it.
+fn order<M: Method<Answer = Nothing>>(args: &ControlArgs, params: &M::Params, done: &str) -> anyhow::Result<ExitCode> {
+    let answer = ask::<M>(args, params)?;
     print(args, &answer, done);
     Ok(ExitCode::SUCCESS)
 }
@@ -273,18 +276,12 @@ fn order(args: &ControlArgs, method: &str, done: &str) -> anyhow::Result<ExitCod
 fn resume(args: &OrderArgs) -> anyhow::Result<ExitCode> {
     let signal = StopSignal::install().context("signals")?;
     let mut client = connect(&args.control)?;
-    let answer = client.call("resume", json!({}))?;
-    warn(&args.control, &answer);
-    let Some(legs) = answer["returns"].as_array() else {
+    let answer = client.ask::<method::Resume>(&NoParams {})?;
+    let Some(legs) = &answer.returns else {
         print(&args.control, &answer, "goes on");
         return Ok(ExitCode::SUCCESS);
     };
-    let way = legs
-        .iter()
-        .filter_map(Value::as_str)
-        .collect::<Vec<_>>()
-        .join(", then ");
-    let way = format!("returns to the path: {way}");
+    let way = format!("returns to the path: {}", legs.join(", then "));
     if args.no_wait {
         print(&args.control, &answer, &format!("{way}\nthere it waits; {GOES_ON}"));
         return Ok(ExitCode::SUCCESS);
@@ -294,7 +291,7 @@ fn resume(args: &OrderArgs) -> anyhow::Result<ExitCode> {
     }
     // It sets out once the hand rests.
     let give_up = Instant::now() + SETS_OUT;
-    while client.call("status", json!({}))?["state"] == "away" && Instant::now() < give_up {
+    while client.ask::<method::Status>(&NoParams {})?.state == "away" && Instant::now() < give_up {
         std::thread::sleep(LOOK);
     }
     wait(&mut client, &args.control, Lasting::Return, &signal)
@@ -305,9 +302,8 @@ fn resume(args: &OrderArgs) -> anyhow::Result<ExitCode> {
 /// # Errors
 /// No control answers, or it refuses.
 pub fn skip(args: &ControlArgs) -> anyhow::Result<ExitCode> {
-    let answer = call(args, "skip", json!({}))?;
-    let what = answer["skips"].as_str().unwrap_or_default();
-    print(args, &answer, &format!("left out: {what}"));
+    let answer = ask::<method::Skip>(args, &NoParams {})?;
+    print(args, &answer, &format!("left out: {}", answer.skips));
     Ok(ExitCode::SUCCESS)
 }
 
@@ -323,18 +319,18 @@ pub fn fault(args: &FaultArgs) -> anyhow::Result<ExitCode> {
         axis,
         for_s,
     } = args;
-    let mut params = json!({ "kind": kind, "node": node, "axis": axis });
-    if let Some(for_s) = for_s {
-        params["for_s"] = json!(for_s);
-    }
-    let answer = call(control, "sim.fault", params)?;
+    let wanted = params::SimFault {
+        node: *node,
+        kind: kind.clone(),
+        axis: Some(*axis),
+        for_s: *for_s,
+    };
     let told = match (kind.as_str(), for_s) {
         ("none", _) => "simulated fault cleared; see: isocnc status".to_owned(),
         (kind, Some(for_s)) => format!("{kind} for {for_s} s; see: isocnc status"),
         (kind, None) => format!("{kind}; see: isocnc status"),
     };
-    print(control, &answer, &told);
-    Ok(ExitCode::SUCCESS)
+    order::<method::SimFault>(control, &wanted, &told)
 }
 
 /// Says that the tool is in the spindle that the program waits for.
@@ -342,7 +338,7 @@ pub fn fault(args: &FaultArgs) -> anyhow::Result<ExitCode> {
 /// # Errors
 /// No control answers, or it refuses.
 pub fn tool_changed(args: &ControlArgs) -> anyhow::Result<ExitCode> {
-    order(args, "tool.changed", "continues with this tool")
+    order::<method::ToolChanged>(args, &NoParams {}, "continues with this tool")
 }
 
 /// Switches drives on or off, or stops, and waits until that is done. Ctrl-C ends the waiting, and nothing else.
@@ -350,17 +346,32 @@ pub fn tool_changed(args: &ControlArgs) -> anyhow::Result<ExitCode> {
 /// # Errors
 /// No control answers, or it refuses.
 pub fn lasting(args: &OrderArgs, order: Lasting) -> anyhow::Result<ExitCode> {
-    let (method, begun) = match order {
-        Lasting::On => ("on", "drives go on, and nothing moves"),
-        Lasting::Off => ("off", "comes to rest, then drives go off"),
-        Lasting::Stop => ("stop", "comes to rest on the path; drives stay on"),
-        Lasting::Home => ("home", "homes; drives stay on"),
-        Lasting::Program => ("program.start", "begun; see: isocnc status"),
-        Lasting::Mdi => ("mdi", "begun"),
-        Lasting::Hold => ("hold", "comes to rest on the path; go on with: isocnc resume"),
-        Lasting::Return => return resume(args),
-    };
-    give(args, order, method, json!({}), |_| begun.to_owned())
+    let plain = |begun: &'static str| move |_: &Nothing| Words::new(begun);
+    match order {
+        Lasting::On => give::<method::On>(args, order, &NoParams {}, plain("drives go on, and nothing moves")),
+        Lasting::Off => give::<method::Off>(args, order, &NoParams {}, plain("comes to rest, then drives go off")),
+        Lasting::Stop => {
+            let begun = plain("comes to rest on the path; drives stay on");
+            give::<method::Stop>(args, order, &NoParams {}, begun)
+        }
+        Lasting::Home => {
+            let begun = plain("homes; drives stay on");
+            give::<method::Home>(args, order, &params::Home::default(), begun)
+        }
+        Lasting::Hold => {
+            let begun = plain("comes to rest on the path; go on with: isocnc resume");
+            give::<method::Hold>(args, order, &NoParams {}, begun)
+        }
+        Lasting::Program => {
+            let begin = params::ProgramStart::default();
+            give::<method::ProgramStart>(args, order, &begin, |begun| Words {
+                text: "begun; see: isocnc status".into(),
+                warning: begun.warning.clone(),
+            })
+        }
+        Lasting::Mdi => bail!("a line of MDI is missing"),
+        Lasting::Return => resume(args),
+    }
 }
 
 /// Homes joints.
@@ -370,42 +381,37 @@ pub fn lasting(args: &OrderArgs, order: Lasting) -> anyhow::Result<ExitCode> {
 pub fn home(args: &HomeArgs) -> anyhow::Result<ExitCode> {
     let begin = |client: &mut Client| {
         let axes = match args.joints.iter().any(|wanted| matches!(wanted, JointOrAxis::Axis(_))) {
-            true => client.call("machine.describe", json!({}))?["axes"].take(),
-            false => Value::Null,
+            true => client.ask::<method::Describe>(&NoParams {})?.axes,
+            false => Vec::new(),
         };
-        let params = match args.joints.is_empty() {
-            true => json!({}),
-            false => json!({ "joints": joints_of(&args.joints, &axes)? }),
+        let joints = match args.joints.is_empty() {
+            true => None,
+            false => Some(joints_of(&args.joints, &axes)?),
         };
-        Ok(client.call("home", params)?)
+        Ok(client.ask::<method::Home>(&params::Home { joints })?)
     };
-    give_by(&args.order, Lasting::Home, begin, |_| "homes; drives stay on".into())
+    give_by(&args.order, Lasting::Home, begin, |_| {
+        Words::new("homes; drives stay on")
+    })
 }
 
 /// Numbers of the joints that are meant. `axes`: those of the machine.
 ///
 /// # Errors
 /// An axis that it does not have.
-fn joints_of(wanted: &[JointOrAxis], axes: &Value) -> anyhow::Result<Vec<u64>> {
-    let axes = axes.as_array().map(Vec::as_slice).unwrap_or_default();
+fn joints_of(wanted: &[JointOrAxis], axes: &[DescribedAxis]) -> anyhow::Result<Vec<u64>> {
     let mut joints = Vec::new();
     for wanted in wanted {
         match wanted {
             JointOrAxis::Joint(joint) => joints.push(u64::from(*joint)),
             JointOrAxis::Axis(letter) => {
                 let letter = letter.to_string();
-                let Some(axis) = axes.iter().find(|axis| axis["axis"] == letter.as_str()) else {
-                    let known: Vec<&str> = axes.iter().filter_map(|axis| axis["axis"].as_str()).collect();
+                let Some(axis) = axes.iter().find(|axis| axis.axis == letter) else {
+                    let known: Vec<&str> = axes.iter().map(|axis| axis.axis.as_str()).collect();
                     let text = format!("the machine has no axis {letter}; its axes are {}", known.join(", "));
                     return Err(Refusal::usage(text).into());
                 };
-                joints.extend(
-                    axis["joints"]
-                        .as_array()
-                        .into_iter()
-                        .flatten()
-                        .filter_map(Value::as_u64),
-                );
+                joints.extend(axis.joints.iter().map(|joint| *joint as u64));
             }
         }
     }
@@ -420,14 +426,15 @@ fn joints_of(wanted: &[JointOrAxis], axes: &Value) -> anyhow::Result<Vec<u64>> {
 /// No control answers, or it refuses.
 pub fn mdi(args: &MdiArgs) -> anyhow::Result<ExitCode> {
     if args.history {
-        let history = call(&args.order.control, "mdi.history", json!({}))?;
-        let lines = history["lines"].as_array().map(Vec::as_slice).unwrap_or_default();
-        let lines: Vec<&str> = lines.iter().filter_map(Value::as_str).collect();
-        print(&args.order.control, &history, &lines.join("\n"));
+        let history = ask::<method::MdiHistory>(&args.order.control, &NoParams {})?;
+        print(&args.order.control, &history, &history.lines.join("\n"));
         return Ok(ExitCode::SUCCESS);
     }
-    let params = json!({ "line": args.line });
-    give(&args.order, Lasting::Mdi, "mdi", params, |_| "begun".into())
+    let line = args.line.clone().unwrap_or_default();
+    give::<method::Mdi>(&args.order, Lasting::Mdi, &params::Mdi { line }, |begun| Words {
+        text: "begun".into(),
+        warning: begun.warning.clone(),
+    })
 }
 
 /// Loads, starts or runs a program, and waits for its end.
@@ -436,10 +443,10 @@ pub fn mdi(args: &MdiArgs) -> anyhow::Result<ExitCode> {
 /// There is no such file; no control answers, or it refuses.
 pub fn program(args: &ProgramArgs) -> anyhow::Result<ExitCode> {
     let control = &args.control;
-    let (file, params, no_wait) = match &args.command {
+    let (file, start, no_wait) = match &args.command {
         ProgramCommand::Load { file } => {
-            let loaded = ask_with(&mut connect(control)?, "program.load", file)?;
-            warn(control, &loaded);
+            let loaded = ask_with::<method::ProgramLoad>(&mut connect(control)?, file)?;
+            warn(control, loaded.warning.as_deref());
             let words = outlook("loaded", &loaded);
             print(control, &loaded, &format!("{words}; run it with: isocnc program start"));
             return Ok(ExitCode::SUCCESS);
@@ -451,71 +458,77 @@ pub fn program(args: &ProgramArgs) -> anyhow::Result<ExitCode> {
             dry_run,
             no_wait,
         } => {
-            let mut params = match from_line {
-                Some(line) => json!({ "from_line": line, "yes": yes }),
-                None => json!({ "repeat": repeat }),
+            let begin = params::ProgramStart {
+                from_line: *from_line,
+                yes: from_line.map(|_| *yes),
+                repeat: from_line.is_none().then_some(*repeat),
+                dry_run_feed_mm_min: *dry_run,
+                revision: None,
             };
-            if let Some(feed) = dry_run {
-                params["dry_run_feed_mm_min"] = json!(feed);
-            }
-            (None, params, *no_wait)
+            (None, begin, *no_wait)
         }
         ProgramCommand::Report { number } => {
-            let params = number.map_or_else(|| json!({}), |number| json!({ "number": number }));
-            let answer = call(control, "program.report", params)?;
+            let answer = ask::<method::ProgramReport>(control, &params::ProgramReport { number: *number })?;
             let report: StandByReport =
-                serde_json::from_value(answer.clone()).context("the control sends another report")?;
+                serde_json::from_value(json!(answer)).context("the control sends another report")?;
             print(control, &answer, report.to_string().trim_end());
             return Ok(ExitCode::SUCCESS);
         }
-        ProgramCommand::Run { file, no_wait } => (Some(file), json!({}), *no_wait),
+        ProgramCommand::Run { file, no_wait } => (Some(file), params::ProgramStart::default(), *no_wait),
     };
     let args = OrderArgs {
         control: control.clone(),
         no_wait,
     };
     let begin = |client: &mut Client| match file {
-        Some(file) => ask_with(client, "program.run", file),
-        None => Ok(client.call("program.start", params)?),
+        Some(file) => ask_with::<method::ProgramRun>(client, file),
+        None => Ok(client.ask::<method::ProgramStart>(&start)?),
     };
-    give_by(&args, Lasting::Program, begin, |begun| {
-        format!("{}; see: isocnc status", outlook("begun", begun))
+    give_by(&args, Lasting::Program, begin, |begun: &Outlook| Words {
+        text: format!("{}; see: isocnc status", outlook("begun", begun)),
+        warning: begun.warning.clone(),
     })
 }
 
 /// Asks for something with a program: by its path, and where the control cannot read it, by sending it.
-fn ask_with(client: &mut Client, method: &str, file: &Path) -> anyhow::Result<Value> {
+fn ask_with<M: Method<Params = params::Program>>(client: &mut Client, file: &Path) -> anyhow::Result<M::Answer> {
+    let uploaded = |upload| params::Program {
+        upload: Some(upload),
+        ..Default::default()
+    };
     if file == Path::new("-") {
         let mut text = Vec::new();
         std::io::stdin().lock().take(PROGRAM_MAX + 1).read_to_end(&mut text)?;
         let upload = client.upload("standard input", text.as_slice(), text.len() as u64)?;
-        return Ok(client.call(method, json!({ "upload": upload }))?);
+        return Ok(client.ask::<M>(&uploaded(upload))?);
     }
     let path = std::fs::canonicalize(file).with_context(|| file.display().to_string())?;
     let path = path.to_str().context("the path is no UTF-8")?;
-    match client.call(method, json!({ "path": path })) {
+    let by_path = params::Program {
+        path: Some(path.to_owned()),
+        ..Default::default()
+    };
+    match client.ask::<M>(&by_path) {
         Err(ClientError::Refused(error)) if error.code == code::UNREADABLE => {
             let program = files::open(file).with_context(|| path.to_owned())?;
             let octets = program.metadata()?.len();
             let upload = client.upload(path, program, octets)?;
-            Ok(client.call(method, json!({ "upload": upload }))?)
+            Ok(client.ask::<M>(&uploaded(upload))?)
         }
         answer => Ok(answer?),
     }
 }
 
 /// What a program comes to, in words.
-fn outlook(done: &str, of: &Value) -> String {
+fn outlook(done: &str, of: &Outlook) -> String {
     format!(
         "{done}: {}, {} lines, {:.1} s planned",
-        of["program"].as_str().unwrap_or("program"),
-        of["lines"],
-        of["planned_time_s"].as_f64().unwrap_or(0.0)
+        of.program, of.lines, of.planned_time_s
     )
 }
 
-pub(super) fn warn(control: &ControlArgs, begun: &Value) {
-    if let Some(warning) = begun["warning"].as_str().filter(|_| !control.json) {
+pub(super) fn warn(control: &ControlArgs, warning: Option<&str>) {
+    if let Some(warning) = warning.filter(|_| !control.json) {
         files::errln!("warning: {warning}");
     }
 }
@@ -525,10 +538,9 @@ pub(super) fn warn(control: &ControlArgs, begun: &Value) {
 /// # Errors
 /// No control answers, or it refuses.
 pub fn reverse(args: &ReverseArgs) -> anyhow::Result<ExitCode> {
-    let answer = call(&args.control, "reverse", json!({ "percent": args.percent }))?;
     let done = "goes back along the path; rest with: isocnc hold; forward with: isocnc resume";
-    print(&args.control, &answer, done);
-    Ok(ExitCode::SUCCESS)
+    let percent = Some(args.percent);
+    order::<method::Reverse>(&args.control, &params::Reverse { percent }, done)
 }
 
 /// Switches M1 on or off.
@@ -540,7 +552,7 @@ pub fn optional_stop(args: &SwitchArgs) -> anyhow::Result<ExitCode> {
         Switch::On => "stops at M1",
         Switch::Off => "does not stop at M1; one that has stopped goes on with: isocnc resume",
     };
-    switch(args, "optional_stop", done)
+    switch::<method::OptionalStop>(args, done)
 }
 
 /// Switches block delete on or off.
@@ -552,13 +564,15 @@ pub fn block_delete(args: &SwitchArgs) -> anyhow::Result<ExitCode> {
         Switch::On => "lines that begin with / are left out",
         Switch::Off => "lines that begin with / are run",
     };
-    switch(args, "block_delete", done)
+    switch::<method::BlockDelete>(args, done)
 }
 
-fn switch(args: &SwitchArgs, method: &str, done: &str) -> anyhow::Result<ExitCode> {
-    let answer = call(&args.control, method, json!({ "on": args.switch == Switch::On }))?;
-    print(&args.control, &answer, done);
-    Ok(ExitCode::SUCCESS)
+fn switch<M>(args: &SwitchArgs, done: &str) -> anyhow::Result<ExitCode>
+where
+    M: Method<Params = params::Switch, Answer = Nothing>,
+{
+    let on = args.switch == Switch::On;
+    order::<M>(&args.control, &params::Switch { on }, done)
 }
 
 /// Switches single block on or off.
@@ -570,7 +584,7 @@ pub fn single_block(args: &SwitchArgs) -> anyhow::Result<ExitCode> {
         Switch::On => "rests at the end of each block; the next one with: isocnc resume",
         Switch::Off => "blocks follow each other; a program that rests goes on with: isocnc resume",
     };
-    switch(args, "single_block", done)
+    switch::<method::SingleBlock>(args, done)
 }
 
 /// Turns an override.
@@ -578,14 +592,19 @@ pub fn single_block(args: &SwitchArgs) -> anyhow::Result<ExitCode> {
 /// # Errors
 /// No control answers, or it refuses.
 pub fn set_overrides(args: &OverrideArgs) -> anyhow::Result<ExitCode> {
-    let (name, acts) = match args.what {
-        Overridden::Feed => ("feed", "feed_acts"),
-        Overridden::Rapid => ("rapid", "feed_acts"),
-        Overridden::Spindle => ("spindle", "spindle_acts"),
-    };
-    let answer = call(&args.control, "override", json!({ name: args.percent }))?;
+    let mut wanted = params::Override::default();
+    *match args.what {
+        Overridden::Feed => &mut wanted.feed,
+        Overridden::Rapid => &mut wanted.rapid,
+        Overridden::Spindle => &mut wanted.spindle,
+    } = Some(args.percent);
+    let answer = ask::<method::Override>(&args.control, &wanted)?;
     let mut words = overrides(&answer);
-    if answer[acts] == false {
+    let acts = match args.what {
+        Overridden::Feed | Overridden::Rapid => answer.feed_acts,
+        Overridden::Spindle => answer.spindle_acts,
+    };
+    if !acts {
         words += "\nthe program has switched this override off at the moment (M49 to M51)";
     }
     print(&args.control, &answer, &words);
@@ -593,10 +612,10 @@ pub fn set_overrides(args: &OverrideArgs) -> anyhow::Result<ExitCode> {
 }
 
 /// Where the overrides stand, in words.
-fn overrides(of: &Value) -> String {
+fn overrides(of: &Overrides) -> String {
     format!(
-        "feed {} %, rapid {} %, spindle {} %",
-        of["feed_percent"], of["rapid_percent"], of["spindle_percent"]
+        "feed {:?} %, rapid {:?} %, spindle {:?} %",
+        of.feed_percent, of.rapid_percent, of.spindle_percent
     )
 }
 
@@ -606,7 +625,11 @@ fn overrides(of: &Value) -> String {
 /// No control answers, or it refuses.
 pub fn estop(args: &EstopArgs) -> anyhow::Result<ExitCode> {
     match args.command {
-        None => order(&args.control, "estop", "emergency stop; over with: isocnc estop reset"),
+        None => order::<method::Estop>(
+            &args.control,
+            &NoParams {},
+            "emergency stop; over with: isocnc estop reset",
+        ),
         Some(EstopCommand::Reset) => reset_estop(&args.control),
     }
 }
@@ -614,16 +637,16 @@ pub fn estop(args: &EstopArgs) -> anyhow::Result<ExitCode> {
 /// Tells what came of a reset: a chain that stays open lets the stop stand.
 fn reset_estop(args: &ControlArgs) -> anyhow::Result<ExitCode> {
     let mut client = connect(args)?;
-    client.call("estop.reset", json!({}))?;
+    client.ask::<method::EstopReset>(&NoParams {})?;
     for _ in 0..RESET_LOOKS {
-        let status = client.call("status", json!({}))?;
-        if status["state"] != "estop" {
+        let status = client.ask::<method::Status>(&NoParams {})?;
+        if status.state != "estop" {
             print(args, &status, "reset; drives stay off: isocnc on");
             return Ok(ExitCode::SUCCESS);
         }
         std::thread::sleep(LOOK);
     }
-    let status = client.call("status", json!({}))?;
+    let status = client.ask::<method::Status>(&NoParams {})?;
     print(
         args,
         &status,
@@ -638,26 +661,35 @@ fn reset_estop(args: &ControlArgs) -> anyhow::Result<ExitCode> {
 /// No control answers, or it refuses.
 pub fn alarm(args: &AlarmArgs) -> anyhow::Result<ExitCode> {
     let AlarmCommand::Acknowledge = args.command;
-    order(&args.control, "alarm.acknowledge", "acknowledged; drives stay off")
+    order::<method::Acknowledge>(&args.control, &NoParams {}, "acknowledged; drives stay off")
 }
 
-pub fn call(args: &ControlArgs, method: &str, params: Value) -> anyhow::Result<Value> {
-    Ok(connect(args)?.call(method, params)?)
+/// Asks the control that is meant.
+///
+/// # Errors
+/// No control answers, or it refuses.
+pub fn ask<M: Method>(args: &ControlArgs, params: &M::Params) -> anyhow::Result<M::Answer> {
+    Ok(connect(args)?.ask::<M>(params)?)
 }
 
 /// Connects, and takes control away from whoever has taken it, if that is wanted; it is free then.
 pub fn connect(args: &ControlArgs) -> anyhow::Result<Client> {
-    let mut client = Client::connect(args.machine.as_deref())?;
+    let mut client = client::connect(args.machine.as_deref())?;
     if args.take_over {
-        client.call("control.take", json!({ "name": "isocnc", "force": true }))?;
-        client.call("control.release", json!({}))?;
+        let by_force = params::TakeControl {
+            name: Some("isocnc".into()),
+            force: Some(true),
+        };
+        client.ask::<method::TakeControl>(&by_force)?;
+        client.ask::<method::ReleaseControl>(&NoParams {})?;
     }
     Ok(client)
 }
 
-pub fn print(args: &ControlArgs, value: &Value, words: &str) {
+/// Prints an answer, as JSON or in words.
+pub fn print(args: &ControlArgs, answer: &impl Serialize, words: &str) {
     terminal::say(&match args.json {
-        true => format!("{value}\n"),
+        true => format!("{}\n", json!(answer)),
         false => format!("{words}\n"),
     });
 }
@@ -668,7 +700,12 @@ mod tests {
 
     #[test]
     fn joints_home_by_their_numbers_or_by_the_letters_of_their_axes() {
-        let axes = json!([{ "axis": "X", "joints": [0, 3] }, { "axis": "Z", "joints": [2] }]);
+        let axis = |axis: &str, joints: &[usize]| DescribedAxis {
+            axis: axis.into(),
+            joints: joints.to_vec(),
+            ..DescribedAxis::default()
+        };
+        let axes = [axis("X", &[0, 3]), axis("Z", &[2])];
         let meant = |words: &[&str]| {
             let wanted: Vec<_> = words
                 .iter()

@@ -8,7 +8,10 @@ use api::client::{Client, ClientError};
 use host::signals::{StopSignal, exit_code};
 use host::terminal::{self, StatusLine};
 use machine::faults::SILENCED;
-use serde_json::{Value, json};
+use protocol::params::NoParams;
+use protocol::{Method, Status, method};
+use serde::Serialize;
+use serde_json::json;
 use std::process::ExitCode;
 use std::time::Duration;
 
@@ -38,29 +41,45 @@ pub enum Lasting {
     Return,
 }
 
+/// What whoever has given an order is told when it has begun.
+pub(super) struct Words {
+    pub(super) text: String,
+    /// What he should know of it.
+    pub(super) warning: Option<String>,
+}
+
+impl Words {
+    pub(super) fn new(text: &str) -> Words {
+        Words {
+            text: text.to_owned(),
+            warning: None,
+        }
+    }
+}
+
 /// Gives an order, and waits until it is carried out if that is wanted.
-pub(super) fn give(
+pub(super) fn give<M: Method>(
     args: &OrderArgs,
     order: Lasting,
-    method: &str,
-    params: Value,
-    words: impl FnOnce(&Value) -> String,
+    params: &M::Params,
+    words: impl FnOnce(&M::Answer) -> Words,
 ) -> anyhow::Result<ExitCode> {
-    give_by(args, order, |client| Ok(client.call(method, params)?), words)
+    give_by(args, order, |client| Ok(client.ask::<M>(params)?), words)
 }
 
 /// The same, where more than one thing has to be asked.
-pub(super) fn give_by(
+pub(super) fn give_by<A: Serialize>(
     args: &OrderArgs,
     order: Lasting,
-    begin: impl FnOnce(&mut Client) -> anyhow::Result<Value>,
-    words: impl FnOnce(&Value) -> String,
+    begin: impl FnOnce(&mut Client) -> anyhow::Result<A>,
+    words: impl FnOnce(&A) -> Words,
 ) -> anyhow::Result<ExitCode> {
     let signal = StopSignal::install().context("signals")?;
     let mut client = connect(&args.control)?;
-    client.wait_until(Some(signal.cancel().clone()));
+    let cancel = signal.cancel().clone();
+    client.wait_unless(Some(Box::new(move || cancel.is_cancelled())));
     let begun = begin(&mut client);
-    client.wait_until(None);
+    client.wait_unless(None);
     let begun = match (begun, signal.caught()) {
         (Err(error), Some(signal)) if matches!(error.downcast_ref(), Some(ClientError::GivenUp)) => {
             print(&args.control, &json!({}), "given up before it began");
@@ -68,8 +87,8 @@ pub(super) fn give_by(
         }
         (begun, _) => begun?,
     };
-    warn(&args.control, &begun);
-    let words = words(&begun);
+    let Words { text: words, warning } = words(&begun);
+    warn(&args.control, warning.as_deref());
     if args.no_wait {
         print(&args.control, &begun, &words);
         return Ok(ExitCode::SUCCESS);
@@ -89,10 +108,18 @@ pub(super) fn wait(
 ) -> anyhow::Result<ExitCode> {
     let mut line = StatusLine::new("{wide_msg}", PAUSE, args.json);
     loop {
-        let status = match client.call("status", json!({})) {
+        let status = match client.ask::<method::Status>(&NoParams {}) {
             Ok(status) => status,
             // A control that was started for one program ends with it.
-            Err(_) if order == Lasting::Stop => json!({ "step": "done", "state": "down" }),
+            Err(_) if order == Lasting::Stop => {
+                drop(line);
+                print(
+                    args,
+                    &json!({ "step": "done", "state": "down" }),
+                    "at rest, drives are off",
+                );
+                return Ok(ExitCode::SUCCESS);
+            }
             Err(error) => return Err(error.into()),
         };
         if let Some(end) = end_of(order, &status) {
@@ -122,23 +149,23 @@ pub(super) fn wait(
 }
 
 /// What came of an order: done, or why not; `None`: neither yet.
-fn end_of(order: Lasting, status: &Value) -> Option<Result<String, String>> {
-    let (step, state) = (status["step"].as_str()?, status["state"].as_str()?);
+fn end_of(order: Lasting, status: &Status) -> Option<Result<String, String>> {
+    let (step, state) = (status.step.as_str(), status.state.as_str());
     if state == "silenced" {
         return Some(Err(terminal::alarm(SILENCED).to_string()));
     }
     // A control that was started for one program ends with it.
     let is_over = step == "done";
-    let job = status["job"].as_str();
+    let job = status.job.as_deref();
     // Comes a moment behind the state: whoever looks next shall not be told of what is over.
-    let activity = status["activity"].as_str();
+    let activity = status.activity.as_str();
     let lasts = match order {
         // What waits rests as well.
         Lasting::Hold => match state {
-            "running" => status["waiting"].is_null(),
-            _ => state == "held" && activity == Some("running"),
+            "running" => status.waiting.is_none(),
+            _ => state == "held" && activity == "running",
         },
-        Lasting::Return => state == "returning" || state == "held" && activity == Some("returning"),
+        Lasting::Return => state == "returning" || state == "held" && activity == "returning",
         // There may never have been a job: a program that was being checked is none yet.
         Lasting::Stop => !matches!(step, "standing by" | "done"),
         _ => job.is_none() && !is_over,
@@ -150,7 +177,7 @@ fn end_of(order: Lasting, status: &Value) -> Option<Result<String, String>> {
         "ready" | "jogging" => "drives are on",
         _ => "drives are off",
     };
-    let alarm = status["alarm"].as_str();
+    let alarm = status.alarm.as_deref();
     let failed = |words: String| {
         let alarm = alarm.map(|cause| terminal::alarm(format!("alarm: {cause}")).to_string());
         Some(Err(alarm.unwrap_or(words)))
@@ -182,20 +209,15 @@ fn end_of(order: Lasting, status: &Value) -> Option<Result<String, String>> {
 }
 
 /// How far an order is, as one line.
-fn on_the_way(status: &Value) -> String {
-    let text = |value: &Value| value.as_str().unwrap_or("unknown").to_owned();
-    if let Some(waiting) = status["waiting"]["text"].as_str() {
-        return format!("waits: {waiting}; {}", text(&status["waiting"]["release"]));
+fn on_the_way(status: &Status) -> String {
+    if let Some(waiting) = &status.waiting {
+        return format!("waits: {}; {}", waiting.text, waiting.release);
     }
-    match (status["step"].as_str(), status["mode"].as_str()) {
-        (Some("program"), Some("mdi")) => text(&status["state"]),
-        (Some("program"), _) => format!(
-            "line {} of {}  {}",
-            status["line"],
-            status["program"]["lines"],
-            text(&status["state"])
-        ),
-        _ => text(&status["step"]),
+    match (status.step.as_str(), status.mode.as_str(), &status.program) {
+        ("program", "mdi", _) => status.state.clone(),
+        ("program", _, Some(program)) => format!("line {} of {}  {}", status.line, program.lines, status.state),
+        ("program", _, None) => format!("line {}  {}", status.line, status.state),
+        (step, _, _) => step.to_owned(),
     }
 }
 
@@ -206,7 +228,12 @@ mod tests {
     #[test]
     fn whoever_waits_hears_that_the_control_is_silenced() {
         for order in [Lasting::On, Lasting::Home, Lasting::Stop, Lasting::Program] {
-            let ended = end_of(order, &json!({ "step": "program", "state": "silenced" }));
+            let silenced = Status {
+                step: "program".into(),
+                state: "silenced".into(),
+                ..Status::default()
+            };
+            let ended = end_of(order, &silenced);
             let said = ended.expect("an end").expect_err("no success");
             assert_eq!(console::strip_ansi_codes(&said), SILENCED);
         }
@@ -214,7 +241,12 @@ mod tests {
 
     #[test]
     fn an_order_ends_when_it_is_carried_out_or_has_failed() {
-        let status = |step: &str, state: &str, job: Option<&str>| json!({ "step": step, "state": state, "job": job, "alarm": null });
+        let status = |step: &str, state: &str, job: Option<&str>| Status {
+            step: step.into(),
+            state: state.into(),
+            job: job.map(str::to_owned),
+            ..Status::default()
+        };
         let end = |order, step, state, job| {
             let end = end_of(order, &status(step, state, job))?;
             Some(end.map_err(|said| console::strip_ansi_codes(&said).into_owned()))
@@ -257,13 +289,13 @@ mod tests {
         );
         for (order, before) in [(Lasting::Hold, "running"), (Lasting::Return, "returning")] {
             let mut behind = status("program", "held", None);
-            behind["activity"] = json!(before);
+            behind.activity = before.into();
             assert_eq!(end_of(order, &behind), None);
-            behind["activity"] = json!("held");
+            behind.activity = "held".into();
             assert!(end_of(order, &behind).is_some_and(|end| end.is_ok()));
         }
         let mut over = status(by, "faulted", Some("faulted"));
-        over["alarm"] = json!("x-drive lost");
+        over.alarm = Some("x-drive lost".into());
         let said = end_of(Lasting::Program, &over)
             .and_then(Result::err)
             .unwrap_or_default();

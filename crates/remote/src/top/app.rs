@@ -6,9 +6,12 @@
 //! rest by itself once they end, however that happens.
 
 use super::link::News;
+use protocol::client::Followed;
+use protocol::params::{self, NoParams};
+use protocol::{Method, Status, method};
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use rt::joint_jog::HOLDS_S;
-use serde_json::{Map, Value, json};
+use serde_json::Value;
 
 /// A jog that is not renewed ends after this, ms.
 const HOLDS_MS: u64 = (HOLDS_S * 1000.0) as u64;
@@ -40,6 +43,31 @@ pub(super) enum Act {
     Quit,
 }
 
+/// Asks for something.
+fn send<M: Method>(params: &M::Params) -> Act {
+    Act::Send(M::NAME, protocol::rpc::given(params))
+}
+
+/// Ends the jog of an axis.
+fn stop_jog(axis: &str) -> Act {
+    send::<method::JogStop>(&jogging(axis))
+}
+
+fn jogging(axis: &str) -> params::Jogging {
+    params::Jogging {
+        axis: Some(axis.to_owned()),
+        joint: None,
+    }
+}
+
+/// Takes control, by force even from another client.
+fn take_control(by_force: bool) -> Act {
+    send::<method::TakeControl>(&params::TakeControl {
+        name: Some("top".into()),
+        force: by_force.then_some(true),
+    })
+}
+
 /// A key that moves.
 #[derive(Clone, Debug, PartialEq)]
 struct Jog {
@@ -56,7 +84,7 @@ struct Jog {
 #[derive(Debug, Default)]
 pub(super) struct App {
     /// What the control has told.
-    pub(super) state: Map<String, Value>,
+    state: Followed,
     /// Why there is no control.
     pub(super) lost: Option<String>,
     pub(super) heard_ms: u64,
@@ -87,25 +115,9 @@ impl App {
         }
     }
 
-    pub(super) fn text(&self, name: &str) -> &str {
-        self.state.get(name).and_then(Value::as_str).unwrap_or("")
-    }
-
-    pub(super) fn number(&self, name: &str) -> f64 {
-        self.state.get(name).and_then(Value::as_f64).unwrap_or(0.0)
-    }
-
-    /// A part of a field.
-    pub(super) fn at(&self, pointer: &str) -> &Value {
-        let mut parts = pointer.split('/');
-        let field = parts
-            .next()
-            .and_then(|name| self.state.get(name))
-            .unwrap_or(&Value::Null);
-        parts.fold(field, |value, part| match part.parse::<usize>() {
-            Ok(index) => &value[index],
-            Err(_) => &value[part],
-        })
+    /// How everything is, as far as the control has told.
+    pub(super) fn status(&self) -> &Status {
+        self.state.status()
     }
 
     pub(super) fn speed_mm_s(&self) -> f64 {
@@ -118,18 +130,23 @@ impl App {
 
     /// Whether this process has taken control.
     pub(super) fn has_control(&self) -> bool {
-        *self.at("control/taken") == json!(true) && *self.at("control/process") == json!(std::process::id())
+        let holder = self.status().control.as_ref();
+        holder.is_some_and(|holder| holder.taken && holder.process == std::process::id())
     }
 
     pub(super) fn hear(&mut self, news: News, now_ms: u64) {
         self.heard_ms = now_ms;
         match news {
             News::Is(state) => {
-                self.state = state;
+                self.state = *state;
                 self.lost = None;
                 self.said = None;
             }
-            News::Changed(changed) => self.state.extend(changed),
+            News::Changed(changed) => {
+                if let Err(error) = self.state.change(changed) {
+                    self.said = Some(error.to_string());
+                }
+            }
             News::Done => self.said = None,
             News::Refused(why) => {
                 self.jog = None;
@@ -147,9 +164,10 @@ impl App {
         let mut acts = Vec::new();
         if self.has_control() && now_ms - self.renewed_ms >= RENEW_MS {
             self.renewed_ms = now_ms;
-            acts.push(Act::Send("control.take", json!({ "name": "top" })));
+            acts.push(take_control(false));
         }
-        let is_jogging = matches!(self.text("state"), "jogging" | "away") && self.number("velocity_mm_s") != 0.0;
+        let status = self.status();
+        let is_jogging = matches!(status.state.as_str(), "jogging" | "away") && status.velocity_mm_s != 0.0;
         let Some(jog) = &mut self.jog else { return acts };
         let is_over = match jog.is_step {
             // It may take a moment until it is told of.
@@ -157,11 +175,11 @@ impl App {
             false => now_ms - jog.key_ms >= HOLDS_MS,
         };
         if is_over {
-            acts.push(Act::Send("jog.stop", json!({ "axis": jog.axis })));
+            acts.push(stop_jog(&jog.axis));
             self.jog = None;
         } else if jog.is_step && now_ms - jog.kept_ms >= KEEP_MS {
             jog.kept_ms = now_ms;
-            acts.push(Act::Send("jog.keep", json!({ "axis": jog.axis })));
+            acts.push(send::<method::JogKeep>(&jogging(&jog.axis)));
         }
         acts
     }
@@ -180,7 +198,7 @@ impl App {
             // Whatever is being done.
             (self.typed, self.jog) = (None, None);
             self.escaped_ms = Some(now_ms);
-            return vec![Act::Send("stop", json!({}))];
+            return vec![send::<method::Stop>(&NoParams {})];
         }
         if self.is_rest_of_special(key.code, now_ms) {
             return Vec::new();
@@ -199,7 +217,7 @@ impl App {
             KeyCode::Char('[') => (3, -1.0),
             code => return self.command(code, now_ms),
         };
-        match self.at(&format!("axes/{axis}/axis")).as_str().map(str::to_owned) {
+        match self.status().axes.get(axis).map(|axis| axis.axis.clone()) {
             Some(axis) => self.jog(axis, sign, now_ms),
             None => Vec::new(),
         }
@@ -232,34 +250,37 @@ impl App {
         if is_held && matches!(code, KeyCode::Char('r' | 'S' | 'H' | 'b' | 'E' | 'o' | 'O' | 't')) {
             return Vec::new();
         }
-        let send = |method| vec![Act::Send(method, json!({}))];
+        let none = NoParams {};
         let feed = |by: f64| {
-            let percent = self.at("override/feed_percent").as_f64().unwrap_or(100.0) + by;
-            vec![Act::Send("override", json!({ "feed": percent.clamp(0.0, 120.0) }))]
+            let percent = self.status().overrides.feed_percent + by;
+            vec![send::<method::Override>(&params::Override {
+                feed: Some(percent.clamp(0.0, 120.0)),
+                ..Default::default()
+            })]
         };
         match code {
             KeyCode::Char('q') => vec![Act::Quit],
-            KeyCode::Char(' ') => send("hold"),
-            KeyCode::Char('r') => send("resume"),
-            KeyCode::Char('e') => send("estop"),
-            KeyCode::Char('E') => send("estop.reset"),
-            KeyCode::Char('o') => send("on"),
-            KeyCode::Char('O') => send("off"),
-            KeyCode::Char('H') => send("home"),
+            KeyCode::Char(' ') => vec![send::<method::Hold>(&none)],
+            KeyCode::Char('r') => vec![send::<method::Resume>(&none)],
+            KeyCode::Char('e') => vec![send::<method::Estop>(&none)],
+            KeyCode::Char('E') => vec![send::<method::EstopReset>(&none)],
+            KeyCode::Char('o') => vec![send::<method::On>(&none)],
+            KeyCode::Char('O') => vec![send::<method::Off>(&none)],
+            KeyCode::Char('H') => vec![send::<method::Home>(&params::Home::default())],
             // The one that is on the screen.
-            KeyCode::Char('S') => match self.at("program/revision") {
-                Value::Null => send("program.start"),
-                revision => vec![Act::Send("program.start", json!({ "revision": revision }))],
-            },
-            KeyCode::Char('a') => send("alarm.acknowledge"),
-            KeyCode::Char('t') => send("tool.changed"),
+            KeyCode::Char('S') => vec![send::<method::ProgramStart>(&params::ProgramStart {
+                revision: self.status().program.as_ref().map(|program| program.revision),
+                ..Default::default()
+            })],
+            KeyCode::Char('a') => vec![send::<method::Acknowledge>(&none)],
+            KeyCode::Char('t') => vec![send::<method::ToolChanged>(&none)],
             KeyCode::Char('b') => {
-                let on = *self.at("single_block") == json!(true);
-                vec![Act::Send("single_block", json!({ "on": !on }))]
+                let on = !self.status().single_block;
+                vec![send::<method::SingleBlock>(&params::Switch { on })]
             }
-            KeyCode::Char('c') if self.has_control() => send("control.release"),
-            KeyCode::Char('c') => vec![Act::Send("control.take", json!({ "name": "top" }))],
-            KeyCode::Char('C') => vec![Act::Send("control.take", json!({ "name": "top", "force": true }))],
+            KeyCode::Char('c') if self.has_control() => vec![send::<method::ReleaseControl>(&none)],
+            KeyCode::Char('c') => vec![take_control(false)],
+            KeyCode::Char('C') => vec![take_control(true)],
             KeyCode::Char('+') => feed(10.0),
             KeyCode::Char('-') => feed(-10.0),
             KeyCode::Char('>') => {
@@ -286,9 +307,7 @@ impl App {
 
     fn end_jog(&mut self) -> Vec<Act> {
         let jog = self.jog.take();
-        jog.map(|jog| Act::Send("jog.stop", json!({ "axis": jog.axis })))
-            .into_iter()
-            .collect()
+        jog.map(|jog| stop_jog(&jog.axis)).into_iter().collect()
     }
 
     fn jog(&mut self, axis: String, sign: f64, now_ms: u64) -> Vec<Act> {
@@ -307,7 +326,7 @@ impl App {
                 if !jog.is_step {
                     if now_ms - jog.kept_ms >= KEEP_MS {
                         jog.kept_ms = now_ms;
-                        acts.push(Act::Send("jog.keep", json!({ "axis": axis })));
+                        acts.push(send::<method::JogKeep>(&jogging(&axis)));
                     }
                     return acts;
                 }
@@ -315,12 +334,17 @@ impl App {
             Some(_) => acts = self.end_jog(),
             None => {}
         }
-        let mut params = json!({ "axis": axis, "velocity_mm_s": sign * self.speed_mm_s() });
-        if let Some(step_mm) = step_mm {
-            params["velocity_mm_s"] = json!(self.speed_mm_s());
-            params["distance_mm"] = json!(sign * step_mm);
-        }
-        acts.push(Act::Send("jog", params));
+        let speed_mm_s = self.speed_mm_s();
+        acts.push(send::<method::Jog>(&params::Jog {
+            axis: Some(axis.clone()),
+            joint: None,
+            velocity_mm_s: if step_mm.is_some() {
+                speed_mm_s
+            } else {
+                sign * speed_mm_s
+            },
+            distance_mm: step_mm.map(|step_mm| sign * step_mm),
+        }));
         self.jog = Some(Jog {
             axis,
             sign,
@@ -355,7 +379,7 @@ impl App {
                     self.history.remove(0);
                 }
                 self.recalled = self.history.len();
-                return vec![Act::Send("mdi", json!({ "line": line }))];
+                return vec![send::<method::Mdi>(&params::Mdi { line })];
             }
             _ => {}
         }
@@ -366,13 +390,25 @@ impl App {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use protocol::{Control, Overrides, StatusAxis, StatusProgram};
+    use serde_json::json;
 
     fn app() -> App {
         let mut app = App::new();
-        let state = json!({
-            "axes": [{ "axis": "X" }, { "axis": "Y" }, { "axis": "Z" }], "state": "ready", "override": { "feed_percent": 100.0 },
-        });
-        app.hear(News::Is(state.as_object().cloned().unwrap()), 0);
+        let axis = |letter: &str| StatusAxis {
+            axis: letter.into(),
+            ..StatusAxis::default()
+        };
+        let status = Status {
+            axes: ["X", "Y", "Z"].map(axis).to_vec(),
+            state: "ready".into(),
+            overrides: Overrides {
+                feed_percent: 100.0,
+                ..Overrides::default()
+            },
+            ..Status::default()
+        };
+        app.hear(News::Is(Box::new(Followed::new(status))), 0);
         app
     }
 
@@ -521,7 +557,12 @@ mod tests {
     fn a_start_names_the_program_that_is_on_the_screen() {
         let mut app = app();
         assert_eq!(press(&mut app, KeyCode::Char('S'), 0), send("program.start", json!({})));
-        let shown = json!({ "program": { "name": "part.ngc", "revision": 7 } });
+        let program = StatusProgram {
+            name: "part.ngc".into(),
+            revision: 7,
+            ..StatusProgram::default()
+        };
+        let shown = json!({ "program": program });
         app.hear(News::Changed(shown.as_object().cloned().unwrap()), 2000);
         assert_eq!(
             press(&mut app, KeyCode::Char('S'), 2000),
@@ -533,7 +574,12 @@ mod tests {
     fn control_that_was_taken_is_renewed() {
         let mut app = app();
         assert_eq!(app.tick(20_000), []);
-        let mine = json!({ "control": { "taken": true, "process": std::process::id() } });
+        let control = Control {
+            taken: true,
+            process: std::process::id(),
+            ..Control::default()
+        };
+        let mine = json!({ "control": control });
         app.hear(News::Changed(mine.as_object().cloned().unwrap()), 20_000);
         assert_eq!(app.tick(20_000), send("control.take", json!({ "name": "top" })));
         assert_eq!(app.tick(29_999), []);

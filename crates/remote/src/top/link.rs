@@ -3,8 +3,9 @@
 //! In:  requests. Out: how everything is, changes, refusals, that the control has gone. A thread waits for the control, so that the
 //! screen waits for nobody.
 
-use api::client::{Client, Sender};
-use serde_json::{Map, Value, json};
+use api::client::{self, ClientError, Followed, Sender};
+use protocol::{Fields, Message, StateChange, method, params};
+use serde_json::Value;
 use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -16,9 +17,9 @@ const PAUSE: Duration = Duration::from_millis(500);
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum News {
     /// It is there, and everything is so.
-    Is(Map<String, Value>),
+    Is(Box<Followed>),
     /// These fields have changed.
-    Changed(Map<String, Value>),
+    Changed(Fields),
     /// It has done what was asked for.
     Done,
     /// It does not do what was asked for.
@@ -73,34 +74,31 @@ fn lock(sender: &Mutex<Option<Sender>>) -> MutexGuard<'_, Option<Sender>> {
 /// Passes news on until the control has gone; gives why.
 fn follow(machine: Option<&str>, sender: &Mutex<Option<Sender>>, tell: &mut dyn FnMut(News) -> bool) -> String {
     let begin = || {
-        let mut client = Client::connect(machine)?;
-        let mut answer = client.call("subscribe", json!({}))?;
+        let mut client = client::connect(machine)?;
+        let subscribed = client.ask::<method::Subscribe>(&params::Subscribe::default())?;
+        let state = Followed::new(subscribed.state);
         let sender = client.sender()?;
-        Ok::<_, api::client::ClientError>((fields(answer["state"].take()), sender, client))
+        Ok::<_, ClientError>((state, sender, client))
     };
     let (state, asking, mut client) = match begin() {
         Ok(begun) => begun,
         Err(error) => return error.to_string(),
     };
     *lock(sender) = Some(asking);
-    let mut heard = tell(News::Is(state));
+    let mut heard = tell(News::Is(Box::new(state)));
     while heard {
-        let mut message = match client.message() {
+        let message = match client.message() {
             Ok(message) => message,
             Err(error) => return error.to_string(),
         };
-        heard = match (message.get("method"), message["error"]["message"].as_str()) {
-            (Some(_), _) => tell(News::Changed(fields(message["params"]["changed"].take()))),
-            (None, Some(why)) => tell(News::Refused(why.to_owned())),
-            (None, None) => tell(News::Done),
+        heard = match message {
+            Message::Notification(news) => match protocol::client::read::<StateChange>(news.params) {
+                Ok(change) => tell(News::Changed(change.changed)),
+                Err(error) => return error.to_string(),
+            },
+            Message::Answer { result: Err(why), .. } => tell(News::Refused(why.message)),
+            Message::Answer { result: Ok(_), .. } => tell(News::Done),
         };
     }
     String::new()
-}
-
-fn fields(value: Value) -> Map<String, Value> {
-    match value {
-        Value::Object(fields) => fields,
-        _ => Map::new(),
-    }
 }

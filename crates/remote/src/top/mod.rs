@@ -17,7 +17,6 @@ use host::terminal::event_within;
 use link::Link;
 use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::Event;
-use serde_json::Value;
 use std::io::IsTerminal;
 use std::path::Path;
 use std::process::ExitCode;
@@ -97,7 +96,7 @@ fn run(terminal: &mut DefaultTerminal, link: &Link, signal: &StopSignal) -> anyh
             }
         }
         if is_new {
-            program.show(app.at("program/name"));
+            program.show(app.status().program.as_ref().map(|program| program.name.as_str()));
             terminal.draw(|frame| view::draw(frame, &app, &program.lines, now_ms()))?;
             drawn = Some(Instant::now());
         }
@@ -114,8 +113,8 @@ struct Listing {
 }
 
 impl Listing {
-    fn show(&mut self, name: &Value) {
-        let name = name.as_str().unwrap_or_default();
+    fn show(&mut self, name: Option<&str>) {
+        let name = name.unwrap_or_default();
         if name == self.name {
             return;
         }

@@ -5,12 +5,13 @@
 use super::app::{App, SILENT_MS};
 use crate::control::forced_words;
 use crate::progress;
+use protocol::Status;
+use protocol::limits::LETTERS;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Modifier, Style};
 use ratatui::text::Line;
 use ratatui::widgets::{Block, Borders, Paragraph};
-use serde_json::Value;
 
 /// Smallest screen that holds it.
 const SMALLEST: (u16, u16) = (60, 20);
@@ -33,11 +34,15 @@ fn alarm() -> Style {
 pub(super) fn draw(frame: &mut Frame<'_>, app: &App, program: &[(u32, String)], now_ms: u64) {
     let area = frame.area();
     if (area.width, area.height) < SMALLEST || area.height < SMALLEST.1 {
-        let told = format!("{} {}: make the window larger", app.text("machine"), app.text("state"));
+        let told = format!(
+            "{} {}: make the window larger",
+            app.status().machine,
+            app.status().state
+        );
         frame.render_widget(Paragraph::new(told), area);
         return;
     }
-    let axes = app.at("axes").as_array().map_or(0, Vec::len).max(5) as u16;
+    let axes = app.status().axes.len().max(5) as u16;
     let [head, now, program_area, told, keys] = Layout::vertical([
         Constraint::Length(1),
         Constraint::Length(axes + 2),
@@ -50,8 +55,8 @@ pub(super) fn draw(frame: &mut Frame<'_>, app: &App, program: &[(u32, String)], 
     let [left, right] = Layout::horizontal([Constraint::Length(47), Constraint::Min(20)]).areas(now);
     boxed(frame, "position", positions(app), left);
     boxed(frame, "now", conditions(app), right);
-    let title = match app.at("program/name").as_str() {
-        Some(name) => format!("program {name}"),
+    let title = match &app.status().program {
+        Some(program) => format!("program {}", program.name),
         None => "no program".into(),
     };
     boxed(
@@ -82,47 +87,46 @@ fn heading(app: &App, now_ms: u64) -> String {
     if silent_ms > SILENT_MS {
         return format!(" NOTHING HEARD FOR {} s: what is shown is old", silent_ms / 1000);
     }
-    let control = match app.at("control/name").as_str() {
-        _ if app.has_control() => "you".to_owned(),
-        Some(name) if *app.at("control/taken") == Value::Bool(true) => name.to_owned(),
-        _ => "free".into(),
+    let status = app.status();
+    let control = match &status.control {
+        _ if app.has_control() => "you",
+        Some(holder) if holder.taken => &holder.name,
+        _ => "free",
     };
     format!(
         " {}  {}  {}  {}  control: {control}",
-        app.text("machine"),
-        app.text("power").to_uppercase(),
-        app.text("mode").to_uppercase(),
-        app.text("activity"),
+        status.machine,
+        status.power.to_uppercase(),
+        status.mode.to_uppercase(),
+        status.activity,
     )
 }
 
 fn positions(app: &App) -> Vec<Line<'static>> {
     let mut lines = vec![Line::styled("axis      work   machine     to go  home limit", strong())];
-    let homed = app.at("homed").as_array().cloned().unwrap_or_default();
-    let has = |list: &Value, joint: &Value| list.as_array().is_some_and(|list| list.contains(joint));
-    for axis in app.at("axes").as_array().into_iter().flatten() {
-        let letter = axis["axis"].as_str().unwrap_or_default();
-        let place = "XYZABCUVW".find(letter).unwrap_or(0);
-        let value = |field: &str| app.at(&format!("{field}/{place}")).as_f64().unwrap_or(0.0);
-        let joints = axis["joints"].as_array().cloned().unwrap_or_default();
-        let (lower, upper) = (app.at("limit_switches/lower"), app.at("limit_switches/upper"));
+    let status = app.status();
+    for axis in &status.axes {
+        let (letter, joints) = (&axis.axis, &axis.joints);
+        let place = LETTERS.iter().position(|known| known == letter).unwrap_or(0);
+        let position = status.position_mm.get(place).copied().unwrap_or(0.0);
+        let switches = &status.limit_switches;
         let limit = match (
-            joints.iter().any(|joint| has(lower, joint)),
-            joints.iter().any(|joint| has(upper, joint)),
+            joints.iter().any(|joint| switches.lower.contains(joint)),
+            joints.iter().any(|joint| switches.upper.contains(joint)),
         ) {
             (false, false) => "",
             (true, false) => "LOWER",
             (false, true) => "UPPER",
             (true, true) => "BOTH",
         };
-        let is_homed = !joints.is_empty() && joints.iter().all(|joint| homed.contains(joint));
+        let is_homed = !joints.is_empty() && joints.iter().all(|joint| status.homed.contains(joint));
         // Back to where the program is held.
-        let to_go = app.at(&format!("held_at_mm/{place}")).as_f64();
+        let to_go = status.held_at_mm.as_ref().and_then(|held| held.get(place));
         let line = format!(
             "{letter}   {:>10.3}{:>10.3}{:>10}  {:<4} {limit}",
-            work(app, place),
-            value("position_mm"),
-            to_go.map_or_else(String::new, |to| format!("{:.3}", to - value("position_mm"))),
+            work(status, place),
+            position,
+            to_go.map_or_else(String::new, |to| format!("{:.3}", to - position)),
             if is_homed { "yes" } else { "no" },
         );
         lines.push(Line::raw(line));
@@ -131,10 +135,10 @@ fn positions(app: &App) -> Vec<Line<'static>> {
 }
 
 /// Place of an axis in the work, mm or degrees.
-fn work(app: &App, axis: usize) -> f64 {
-    let field = |name: &str, axis: usize| app.at(&format!("{name}/{axis}")).as_f64().unwrap_or(0.0);
-    let shifted = |axis: usize| field("position_mm", axis) - field("work_offset_mm", axis);
-    let (sin, cos) = app.number("work_rotation_degrees").to_radians().sin_cos();
+fn work(status: &Status, axis: usize) -> f64 {
+    let of = |list: &[f64], axis: usize| list.get(axis).copied().unwrap_or(0.0);
+    let shifted = |axis: usize| of(&status.position_mm, axis) - of(&status.work_offset_mm, axis);
+    let (sin, cos) = status.work_rotation_degrees.to_radians().sin_cos();
     match axis {
         0 => shifted(0) * cos + shifted(1) * sin,
         1 => shifted(1) * cos - shifted(0) * sin,
@@ -143,50 +147,34 @@ fn work(app: &App, axis: usize) -> f64 {
 }
 
 fn conditions(app: &App) -> Vec<Line<'static>> {
-    let percent = |what: &str| app.at(&format!("override/{what}_percent")).as_f64().unwrap_or(100.0);
-    let spindle = match app.at("spindle/speed_rpm").as_f64() {
-        Some(speed_rpm) => format!("{speed_rpm:.0} rpm"),
+    let status = app.status();
+    let spindle = match &status.spindle {
+        Some(spindle) => format!("{:.0} rpm", spindle.speed_rpm),
         None => "none".into(),
     };
-    let coolant = match (
-        app.at("coolant/flood") == &Value::Bool(true),
-        app.at("coolant/mist") == &Value::Bool(true),
-    ) {
+    let coolant = match (status.coolant.flood, status.coolant.mist) {
         (false, false) => "off",
         (true, false) => "flood",
         (false, true) => "mist",
         (true, true) => "flood, mist",
     };
-    let codes: Vec<&str> = app
-        .at("codes")
-        .as_array()
-        .into_iter()
-        .flatten()
-        .filter_map(Value::as_str)
-        .collect();
-    let rotation = match app.number("work_rotation_degrees") {
+    let rotation = match status.work_rotation_degrees {
         0.0 => String::new(),
         degrees => format!("rotation {degrees} "),
     };
     let step = app.step_mm().map_or("while held".into(), |step| format!("{step} mm"));
-    let single = if *app.at("single_block") == Value::Bool(true) {
-        "  SINGLE BLOCK"
-    } else {
-        ""
-    };
+    let single = if status.single_block { "  SINGLE BLOCK" } else { "" };
     vec![
-        Line::raw(format!("F {:.0} mm/min{single}", app.number("velocity_mm_s") * 60.0)),
+        Line::raw(format!("F {:.0} mm/min{single}", status.velocity_mm_s * 60.0)),
         Line::raw(format!(
             "feed {:.0} % rapid {:.0} % sp {:.0} %",
-            percent("feed"),
-            percent("rapid"),
-            percent("spindle")
+            status.overrides.feed_percent, status.overrides.rapid_percent, status.overrides.spindle_percent
         )),
-        Line::raw(format!("tool T{:.0}  spindle {spindle}", app.number("tool"))),
+        Line::raw(format!("tool T{}  spindle {spindle}", status.tool)),
         Line::raw(format!("coolant {coolant}")),
         Line::raw(format!("jog {step}, {} mm/s", app.speed_mm_s())),
         Line::raw(
-            format!("{rotation}{}", codes.join(" "))
+            format!("{rotation}{}", status.codes.join(" "))
                 .chars()
                 .take(120)
                 .collect::<String>(),
@@ -195,21 +183,21 @@ fn conditions(app: &App) -> Vec<Line<'static>> {
 }
 
 fn program_lines(app: &App, program: &[(u32, String)], rows: u16) -> Vec<Line<'static>> {
-    let (line, all) = (app.number("line"), app.at("program/lines").as_f64().unwrap_or(0.0));
-    let mut lines = vec![Line::raw(match app.at("program/result").as_str() {
-        _ if app.at("program").is_null() => "load one with: isocnc program load FILE".into(),
-        Some(result) => format!("{result}; {all:.0} lines"),
-        None if app.text("step") != "program" => format!("loaded, {all:.0} lines"),
-        None => format!("line {line:.0} of {all:.0}, {}", progress::words(|name| app.at(name))),
+    let status = app.status();
+    let line = status.line;
+    let mut lines = vec![Line::raw(match &status.program {
+        None => "load one with: isocnc program load FILE".into(),
+        Some(of) => match &of.result {
+            Some(result) => format!("{result}; {} lines", of.lines),
+            None if status.step != "program" => format!("loaded, {} lines", of.lines),
+            None => format!("line {line} of {}, {}", of.lines, progress::words(status)),
+        },
     })];
     let rows = usize::from(rows.saturating_sub(1));
-    let at = program
-        .iter()
-        .position(|(number, _)| f64::from(*number) == line)
-        .unwrap_or(0);
+    let at = program.iter().position(|(number, _)| *number == line).unwrap_or(0);
     let first = at.saturating_sub(rows / 2);
     for (number, text) in program.iter().skip(first).take(rows) {
-        let is_current = f64::from(*number) == line;
+        let is_current = *number == line;
         let mark = if is_current { '>' } else { ' ' };
         let style = if is_current { strong() } else { Style::new() };
         lines.push(Line::styled(format!("{mark}{number:>7}  {text}"), style));
@@ -219,27 +207,30 @@ fn program_lines(app: &App, program: &[(u32, String)], rows: u16) -> Vec<Line<'s
 
 fn messages(app: &App, now_ms: u64, rows: u16) -> Vec<Line<'static>> {
     let mut lines = Vec::new();
+    let status = app.status();
     if app.lost.is_none() && now_ms.saturating_sub(app.heard_ms) <= SILENT_MS {
-        for (what, name) in [("ALARM", "alarm"), ("", "obstruction")] {
-            if !app.text(name).is_empty() {
-                let style = if what.is_empty() { strong() } else { alarm() };
-                lines.push(Line::styled(
-                    format!("{what} {}", app.text(name)).trim().to_owned(),
-                    style,
-                ));
-            }
-        }
-        let forced = forced_words(app.at("forced")).map(|forced| Line::styled(format!("FORCED: {forced}"), alarm()));
+        lines.extend(
+            status
+                .alarm
+                .iter()
+                .map(|text| Line::styled(format!("ALARM {text}"), alarm())),
+        );
+        lines.extend(
+            status
+                .obstruction
+                .iter()
+                .map(|text| Line::styled(text.clone(), strong())),
+        );
+        let forced = forced_words(&status.forced).map(|forced| Line::styled(format!("FORCED: {forced}"), alarm()));
         lines.extend(forced.take(2));
-        if let Some(text) = app.at("waiting/text").as_str() {
-            let release = app.at("waiting/release").as_str().unwrap_or_default();
-            lines.push(Line::styled(format!("WAITS: {text}; {release}"), strong()));
+        if let Some(waiting) = &status.waiting {
+            let text = format!("WAITS: {}; {}", waiting.text, waiting.release);
+            lines.push(Line::styled(text, strong()));
         }
     }
-    let entries = app.at("messages").as_array().cloned().unwrap_or_default();
     let rest = usize::from(rows).saturating_sub(lines.len());
-    let shown = entries.iter().rev().take(rest).rev();
-    lines.extend(shown.map(|entry| Line::raw(entry["text"].as_str().unwrap_or_default().replace('\n', "; "))));
+    let shown = status.messages.iter().rev().take(rest).rev();
+    lines.extend(shown.map(|entry| Line::raw(entry.text.replace('\n', "; "))));
     lines
 }
 
@@ -252,7 +243,7 @@ fn bottom(app: &App) -> Vec<Line<'static>> {
             Line::styled(format!("MDI> {typed}_{said}"), strong())
         }
         (None, Some(said)) => Line::styled(said.replace('\n', "; "), alarm()),
-        (None, None) => match app.at("mdi/0").as_str() {
+        (None, None) => match app.status().mdi.first() {
             Some(line) => Line::raw(format!("MDI: {line}")),
             None => Line::raw(""),
         },
@@ -269,9 +260,11 @@ fn bottom(app: &App) -> Vec<Line<'static>> {
 mod tests {
     use super::super::link::News;
     use super::*;
+    use protocol::client::Followed;
+    use protocol::{Control, Coolant, Entry, LimitSwitches, Overrides, Spindle, StatusAxis, StatusProgram};
     use ratatui::Terminal;
     use ratatui::backend::TestBackend;
-    use serde_json::json;
+    use serde_json::{Value, json};
 
     fn screen(app: &App, program: &[(u32, String)], now_ms: u64, (width, height): (u16, u16)) -> Vec<String> {
         let mut terminal = Terminal::new(TestBackend::new(width, height)).unwrap();
@@ -289,21 +282,61 @@ mod tests {
 
     fn running() -> App {
         let mut app = App::new();
-        let state = json!({
-            "machine": "mill3", "power": "on", "mode": "auto", "activity": "running", "state": "running", "step": "program",
-            "axes": [
-                { "axis": "X", "joints": [0], "unit": "mm" }, { "axis": "Y", "joints": [1, 2], "unit": "mm" },
-                { "axis": "Z", "joints": [3], "unit": "mm" },
-            ],
-            "position_mm": [10.5, -2.25, 3.0, 0, 0, 0, 0, 0, 0], "work_offset_mm": [10.0, 0, -7.0, 0, 0, 0, 0, 0, 0],
-            "homed": [0, 1, 3], "limit_switches": { "lower": [], "upper": [3] },
-            "velocity_mm_s": 25.0, "override": { "feed_percent": 80.0, "rapid_percent": 100.0, "spindle_percent": 100.0 },
-            "tool": 5, "spindle": { "on": true, "speed_rpm": 1200.0 }, "coolant": { "flood": true, "mist": false },
-            "program": { "name": "/p/part.ngc", "lines": 90, "planned_time_s": 60.0, "result": null },
-            "line": 7, "elapsed_s": 12.0, "remaining_s": 3.2, "done_percent": 78.9, "remaining_note": null, "codes": ["G1", "G17", "G54"], "single_block": true,
-            "messages": [{ "text": "order: start" }], "mdi": [], "waiting": null, "alarm": null, "obstruction": null, "control": null,
-        });
-        app.hear(News::Is(state.as_object().cloned().unwrap()), 0);
+        let axis = |letter: &str, joints: &[usize]| StatusAxis {
+            axis: letter.into(),
+            joints: joints.to_vec(),
+            unit: "mm".into(),
+        };
+        let status = Status {
+            machine: "mill3".into(),
+            power: "on".into(),
+            mode: "auto".into(),
+            activity: "running".into(),
+            state: "running".into(),
+            step: "program".into(),
+            axes: vec![axis("X", &[0]), axis("Y", &[1, 2]), axis("Z", &[3])],
+            position_mm: vec![10.5, -2.25, 3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+            work_offset_mm: vec![10.0, 0.0, -7.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+            homed: vec![0, 1, 3],
+            limit_switches: LimitSwitches {
+                lower: Vec::new(),
+                upper: vec![3],
+            },
+            velocity_mm_s: 25.0,
+            overrides: Overrides {
+                feed_percent: 80.0,
+                rapid_percent: 100.0,
+                spindle_percent: 100.0,
+                ..Overrides::default()
+            },
+            tool: 5,
+            spindle: Some(Spindle {
+                on: true,
+                speed_rpm: 1200.0,
+            }),
+            coolant: Coolant {
+                flood: true,
+                mist: false,
+            },
+            program: Some(StatusProgram {
+                name: "/p/part.ngc".into(),
+                lines: 90,
+                planned_time_s: 60.0,
+                ..StatusProgram::default()
+            }),
+            line: 7,
+            elapsed_s: 12.0,
+            remaining_s: Some(3.2),
+            done_percent: Some(78.9),
+            codes: ["G1", "G17", "G54"].map(str::to_owned).to_vec(),
+            single_block: true,
+            messages: vec![Entry {
+                text: "order: start".into(),
+                ..Entry::default()
+            }],
+            ..Status::default()
+        };
+        app.hear(News::Is(Box::new(Followed::new(status))), 0);
         app
     }
 
@@ -396,11 +429,14 @@ mod tests {
                 "Z       10.000     3.000    -2.000  yes",
             ],
         );
+        let panel = Control {
+            name: "panel".into(),
+            taken: true,
+            process: 1,
+            ..Control::default()
+        };
         let waits = json!({ "for": "tool-change", "text": "put in tool 7", "release": "isocnc tool-changed" });
-        told(
-            &mut app,
-            json!({ "alarm": null, "waiting": waits, "control": { "name": "panel", "taken": true, "process": 1 } }),
-        );
+        told(&mut app, json!({ "alarm": null, "waiting": waits, "control": panel }));
         let shown = screen(&app, &[], 0, (80, 24));
         assert_shows(&shown, &["WAITS: put in tool 7; isocnc tool-changed", "control: panel"]);
         app.hear(News::Refused("drives are off:\nisocnc on".into()), 0);

@@ -30,6 +30,7 @@ use motion::canon::Position;
 use program::text::{Reader, Text};
 use program::tool_path::{record_octets, trace};
 use program::{Begin, Doubt, Overview, home};
+use protocol::{Kept, Outlook, PathBegun, RealTimeFactor, SlowStretch};
 use serde_json::{Value, json};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, mpsc};
@@ -353,10 +354,8 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             .drain(..)
             .partition::<Vec<_>, _>(|(_, order)| order.is_over(keeper, operator, now_ns));
         self.unsettled = wait;
-        let kept = match keeper.failure(operator) {
-            Some(why) => json!({ "warning": format!("not kept: {why}") }),
-            None => json!({}),
-        };
+        let warning = keeper.failure(operator).map(|why| format!("not kept: {why}"));
+        let kept = json!(Kept { warning });
         answers.extend(over.into_iter().map(|(ticket, _)| (ticket, Ok(kept.clone()))));
         let has_ended = operator.job_outcome().is_some()
             && self.checking.is_none()
@@ -438,11 +437,11 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         let (config, tables) = (self.config, lock(self.tables).clone());
         let at = self.begin_of_programs(operator);
         let axes: Vec<String> = config.axes.iter().map(|map| map.axis.letter().to_string()).collect();
-        let answer = json!({
-            "path": path.number,
-            "program": part.name,
-            "axes": axes,
-            "record_octets": record_octets(axes.len()),
+        let answer = json!(PathBegun {
+            path: path.number,
+            program: part.name.clone(),
+            record_octets: record_octets(axes.len()),
+            axes,
         });
         let cancel = path.cancel.clone();
         let spawned = std::thread::Builder::new()
@@ -673,12 +672,22 @@ fn warnings(part: &Part) -> Vec<String> {
 /// What is to be known of a program before it runs.
 fn outlook(part: &Part) -> Value {
     let warning = Some(warnings(part).join("\n")).filter(|warning| !warning.is_empty());
-    json!({
-        "program": part.name,
-        "revision": part.revision,
-        "lines": part.overview.lines,
-        "planned_time_s": part.overview.time_s,
-        "real_time_factor": part.overview.real_time,
-        "warning": warning,
+    let real_time = &part.overview.real_time;
+    json!(Outlook {
+        program: part.name.clone(),
+        revision: part.revision,
+        lines: part.overview.lines,
+        planned_time_s: part.overview.time_s,
+        real_time_factor: RealTimeFactor {
+            whole: real_time.whole,
+            least: real_time.least.map(|least| SlowStretch {
+                factor: least.factor,
+                from_line: least.from_line,
+                to_line: least.to_line,
+                from_s: least.from_s,
+                to_s: least.to_s,
+            }),
+        },
+        warning,
     })
 }

@@ -19,10 +19,11 @@ use machine::state::State;
 use machine::tables::lock;
 use motion::canon::Axis;
 use program::{Change, changed};
+use protocol::{Lines, Nothing, Offsets, Resumed, Skipped};
 use rt::shared::{Command, Snapshot};
 use rt::waiting::Waiting;
 use rt::way_back::SLOW_MM;
-use serde_json::{Value, json};
+use serde_json::json;
 use std::sync::Arc;
 
 impl Clients<'_, '_> {
@@ -56,11 +57,15 @@ impl Clients<'_, '_> {
             }
             Order::Inspect(source) => return self.inspect(ticket, source, operator).err().map(Err),
             Order::Path(path) => return Some(self.draw(path, operator)),
-            Order::Tools => return Some(Ok(remembered::tools(&lock(self.tables), self.config.unit))),
-            Order::Offsets => return Some(Ok(self.offsets())),
+            Order::Tools => return Some(Ok(json!(remembered::tools(&lock(self.tables), self.config.unit)))),
+            Order::Offsets => return Some(Ok(json!(self.offsets()))),
             Order::Report(number) => return Some(keeper.memory.reports().find(number).map(|report| json!(report))),
-            Order::MdiHistory => return Some(Ok(json!({ "lines": keeper.memory.now().mdi }))),
-            Order::Journal(since) => return Some(Ok(remembered::journal(operator, since))),
+            Order::MdiHistory => {
+                return Some(Ok(json!(Lines {
+                    lines: keeper.memory.now().mdi.clone()
+                })));
+            }
+            Order::Journal(since) => return Some(Ok(json!(remembered::journal(operator, since)))),
             Order::Parts { count, target } => {
                 set_parts(count, target, operator, keeper);
                 self.unsettled.push((ticket, Unsettled::new(keeper, operator, now_ns)));
@@ -116,12 +121,12 @@ impl Clients<'_, '_> {
             },
             Order::Jog(jog) => {
                 self.mode = Mode::Manual;
-                return Some(manual_mode::jog(&jog, self.config, operator));
+                return Some(manual_mode::jog(&jog, self.config, operator).map(|outlook| json!(outlook)));
             }
             Order::Resume => {
-                let way = way_back(&operator.live(), self.config);
+                let returns = way_back(&operator.live(), self.config);
                 operator.give(Command::Resume);
-                return Some(Ok(way.map_or(json!({}), |way| json!({ "returns": way }))));
+                return Some(Ok(json!(Resumed { returns })));
             }
             Order::Skip => return Some(skip(operator)),
             Order::ToolChanged => tool_changed(operator),
@@ -153,7 +158,7 @@ impl Clients<'_, '_> {
                 Ok(())
             }
         };
-        Some(done.map(|()| json!({})))
+        Some(done.map(|()| json!(Nothing {})))
     }
 
     /// Whether the machine may do this now.
@@ -168,7 +173,7 @@ impl Clients<'_, '_> {
         })
     }
 
-    fn offsets(&self) -> Value {
+    fn offsets(&self) -> Offsets {
         let tables = lock(self.tables);
         let executed = self.executed.as_ref().and_then(Executed::now);
         let system = executed.map_or(tables.work_system(), |modes| modes.work_system());
@@ -273,7 +278,8 @@ fn skip(operator: &mut Operator) -> Answer {
     match operator.live().waiting {
         Some(waiting) if waiting.can_be_skipped() => {
             operator.give(Command::Skip(waiting));
-            Ok(json!({ "skips": waiting.text() }))
+            let skips = waiting.text();
+            Ok(json!(Skipped { skips }))
         }
         Some(waiting) => Err(format!(
             "{}: that cannot be left out; what releases it: {}",

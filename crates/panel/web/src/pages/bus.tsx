@@ -3,6 +3,7 @@ import { useEffect, useState } from "preact/hooks";
 import { useSmall } from "../hooks";
 import { fixed, t } from "../i18n";
 import { ask, connection, order, useStatus, useStore } from "../store";
+import type { Histogram } from "../types";
 import { Button, Card, Choice, Field, Form, Icon } from "../ui";
 import { Measurements } from "./measurements";
 
@@ -42,9 +43,9 @@ function useNetwork(): [Network | null, string] {
   const [error, setError] = useState("");
   useEffect(() => {
     const fetch = () =>
-      connection.call<Network>("bus.network").then(
+      connection.call("bus.network").then(
         (answer) => {
-          setNetwork(answer);
+          setNetwork(answer as unknown as Network);
           setError("");
         },
         (refused: Error) => setError(refused.message),
@@ -111,7 +112,7 @@ function Objects({ node }: { node: Node }) {
     setRead(null);
     setDrive(null);
     if (node.profile !== "drive") return;
-    const word = (index: number) => ask<{ value: string }>("bus.sdo_read", { node: node.id, index, sub: 0 }).then(({ value }) => parseInt(value.match(/../g)!.reverse().join(""), 16));
+    const word = (index: number) => ask("bus.sdo_read", { node: node.id, index, sub: 0 }).then(({ value }) => parseInt(value.match(/../g)!.reverse().join(""), 16));
     word(0x6041).then(
       (status) => setDrive(STATES.find(([mask, bits]) => (status & mask) === bits)?.[2] ?? ""),
       () => setDrive(null),
@@ -139,7 +140,7 @@ function Objects({ node }: { node: Node }) {
           </ul>
         </>
       )}
-      <Form kind="row" onSend={() => void order<{ value: string }>("bus.sdo_read", object).then((answer) => answer && setRead(answer.value))}>
+      <Form kind="row" onSend={() => void order("bus.sdo_read", object).then((answer) => answer && setRead(answer.value))}>
         <Field id="sdo-index" label={`${t("index")} (hex)`} value={index} onInput={setIndex} />
         <Field id="sdo-sub" label={t("sub-index")} value={sub} onInput={setSub} numeric />
         <Button id="sdo-read" label={t("read")} orders="bus.sdo_read" disabled={!sound} submit />
@@ -202,22 +203,17 @@ function Time({ network }: { network: Network }) {
   );
 }
 
-interface Times {
-  edges_us: number[];
-  counts: number[];
-}
-
 const TIMES = ["period", "lateness", "exchange", "compute"] as const;
 type Which = (typeof TIMES)[number];
 
 /** How many cycles took how long: since the start, and while this page is open. */
 function Jitter() {
   const [which, setWhich] = useState<Which>("period");
-  const [first, setFirst] = useState<Record<Which, Times> | null>(null);
-  const [now, setNow] = useState<Record<Which, Times> | null>(null);
+  const [first, setFirst] = useState<Record<Which, Histogram> | null>(null);
+  const [now, setNow] = useState<Record<Which, Histogram> | null>(null);
   const [failed, setFailed] = useState("");
   const look = (begin: boolean) =>
-    connection.call<Record<Which, Times>>("cycle.times").then(
+    connection.call("cycle.times").then(
       (answer) => {
         if (begin) setFirst(answer);
         setNow(answer);

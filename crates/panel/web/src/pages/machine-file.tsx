@@ -2,23 +2,8 @@
 import { useEffect, useRef, useState } from "preact/hooks";
 import { t } from "../i18n";
 import { ask, connection, order, say, tellRefused, useStatus, useStore } from "../store";
+import type { FileError, MachineFile } from "../types";
 import { Button, Card } from "../ui";
-
-interface FileError {
-  line: number | null;
-  column: number | null;
-  key: string;
-  value: string | null;
-  rule: string;
-  hint: string | null;
-}
-
-interface MachineFile {
-  file: string;
-  sha256: string;
-  text: string;
-  errors: FileError[];
-}
 
 /** Typing rests for so long before the text is checked. */
 const PAUSE_MS = 400;
@@ -37,7 +22,7 @@ export function FileEditor() {
   const changed = file !== null && text !== file.text;
 
   const read = () =>
-    ask<MachineFile>("machine.file").then(
+    ask("machine.file").then(
       (answer) => {
         setFile(answer);
         setText(answer.text);
@@ -55,7 +40,7 @@ export function FileEditor() {
     setErrors(null);
     let wanted = true;
     const timer = setTimeout(() => {
-      connection.call<{ errors: FileError[] }>("machine.check", { text }).then(({ errors }) => wanted && setErrors(errors), tellRefused);
+      connection.call("machine.check", { text }).then(({ errors }) => wanted && setErrors(errors), tellRefused);
     }, PAUSE_MS);
     return () => {
       wanted = false;
@@ -64,7 +49,7 @@ export function FileEditor() {
   }, [text, changed, may]);
 
   const write = async () => {
-    const answer = await order<{ before: string; sha256: string }>("machine.write", { text, sha256: file!.sha256 });
+    const answer = await order("machine.write", { text, sha256: file!.sha256 });
     if (!answer) return;
     setFile({ ...file!, text, sha256: answer.sha256 });
     say("note", t("file-written", { before: answer.before }));

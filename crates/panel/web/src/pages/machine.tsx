@@ -21,7 +21,7 @@ function Journal() {
     if (!connected) return;
     let wanted = true;
     const fetch = async (seq: number, known: Entry[]): Promise<void> => {
-      const { entries, more, last } = await ask<{ entries: Entry[]; more: boolean; last: number }>("journal.since", { seq });
+      const { entries, more, last } = await ask("journal.since", { seq });
       const all = [...known, ...entries].slice(-1000);
       if (more && wanted && last !== seq) return fetch(entries.at(-1)?.seq ?? last, all);
       if (wanted) setEntries(all.reverse());
@@ -105,8 +105,8 @@ function DoctorCard() {
   const [looking, setLooking] = useState(false);
   const look = () => {
     setLooking(true);
-    ask<Doctor>("machine.doctor")
-      .then(setReport, tellRefused)
+    ask("machine.doctor")
+      .then((answer) => setReport(answer as unknown as Doctor), tellRefused)
       .finally(() => setLooking(false));
   };
   const missing = report?.lines.filter(({ state }) => state === "missing") ?? [];

@@ -7,19 +7,12 @@ import { ProgramText } from "../program-text";
 import { Sha256 } from "../sha256";
 import { pickLine, pickedLine } from "../start";
 import { type StartWith, ask, authorised, getStore, order, say, setStore, tellRefused, useStatus, useStore } from "../store";
-import type { Entry } from "../types";
+import type { Entry, Report } from "../types";
 import { Button, Card, Dialog, Field, Form } from "../ui";
-
-interface Outlook {
-  program: string;
-  lines: number;
-  planned_time_s: number;
-  warning: string | null;
-}
 
 /** Sends a program in parts, and has it checked. What is too large is refused before it is read. */
 async function send(file: File, told: (share: number) => void): Promise<void> {
-  const { upload, part_octets } = await ask<{ upload: number; part_octets: number }>("program.upload.begin", { name: file.name, octets: file.size });
+  const { upload, part_octets } = await ask("program.upload.begin", { name: file.name, octets: file.size });
   const sha = new Sha256();
   for (let at = 0; at < file.size; at += part_octets) {
     const part = new Uint8Array(await file.slice(at, at + part_octets).arrayBuffer());
@@ -28,7 +21,7 @@ async function send(file: File, told: (share: number) => void): Promise<void> {
     told((at + part.length) / file.size);
   }
   await ask("program.upload.commit", { upload, sha256: hex(sha.sum()) });
-  const outlook = await ask<Outlook>("program.load", { upload });
+  const outlook = await ask("program.load", { upload });
   say("note", t("loaded", { name: outlook.program, time: duration(outlook.planned_time_s) }) + (outlook.warning ? ` ${outlook.warning}` : ""));
 }
 
@@ -156,10 +149,10 @@ function Parts() {
 
 function Reports() {
   const [runs, setRuns] = useState<Entry[]>([]);
-  const [report, setReport] = useState<Record<string, unknown> | null>(null);
+  const [report, setReport] = useState<Report | null>(null);
   const last = useStatus((s) => JSON.stringify([s.activity, s.last_program]));
   useEffect(() => {
-    void ask<{ entries: Entry[] }>("journal.since", { seq: 0 }).then(({ entries }) => setRuns(entries.filter((entry) => entry.program?.result).slice(-12).reverse()), tellRefused);
+    void ask("journal.since", { seq: 0 }).then(({ entries }) => setRuns(entries.filter((entry) => entry.program?.result).slice(-12).reverse()), tellRefused);
   }, [last]);
   if (!runs.length) return null;
   return (
@@ -171,7 +164,7 @@ function Reports() {
               type="button"
               class="button line"
               disabled={entry.program!.report === null}
-              onClick={() => void order<Record<string, unknown>>("program.report", { number: entry.program!.report }).then((answer) => answer && setReport(answer))}
+              onClick={() => void order("program.report", { number: entry.program!.report! }).then((answer) => answer && setReport(answer))}
             >
               <b>{entry.program!.name}</b>
               <small>
@@ -182,7 +175,7 @@ function Reports() {
         ))}
       </ul>
       {report && (
-        <Dialog title={String(report["program"])} onClose={() => setReport(null)}>
+        <Dialog title={report.program} onClose={() => setReport(null)}>
           <dl class="facts">
             {Object.entries(report)
               .filter(([, value]) => typeof value === "string" || typeof value === "number")

@@ -6,7 +6,8 @@ import { SPEEDS_PERCENT, STEPS_MM, jogSettings } from "../jog-settings";
 import { refuses } from "../orders";
 import { useSmall } from "../hooks";
 import { ask, order, say, tellRefused, useStatus, useStore } from "../store";
-import { LETTERS, type Status } from "../types";
+import { LETTERS, type Letter } from "../machine";
+import type { Offsets, Status, Tools as ToolTable } from "../types";
 import { Button, Card, Choice, Dialog, Field, Form } from "../ui";
 import { Dro, inWork } from "./operate";
 
@@ -164,7 +165,7 @@ function Mdi() {
   const [history, setHistory] = useState<string[]>([]);
   const waiting = useStatus((s) => s.mdi) ?? [];
   const codes = useStatus((s) => s.codes) ?? [];
-  const fetch = () => ask<{ lines: string[] }>("mdi.history").then(({ lines }) => setHistory(lines.slice(-30).reverse()), tellRefused);
+  const fetch = () => ask("mdi.history").then(({ lines }) => setHistory(lines.slice(-30).reverse()), tellRefused);
   useEffect(() => void fetch(), []);
   const send = async () => {
     if (!line.trim()) return;
@@ -201,17 +202,10 @@ function Mdi() {
   );
 }
 
-interface Systems {
-  unit: string;
-  g92: Record<string, number>;
-  g92_active: boolean;
-  systems: { system: string; active: boolean; origin: Record<string, number>; rotation_degrees: number }[];
-}
-
-function useOffsets(): [Systems | null, () => void] {
-  const [systems, setSystems] = useState<Systems | null>(null);
+function useOffsets(): [Offsets | null, () => void] {
+  const [systems, setSystems] = useState<Offsets | null>(null);
   const key = useStatus((s) => JSON.stringify([s.work_offset_mm, s.work_rotation_degrees]));
-  const fetch = () => void ask<Systems>("offset.list").then(setSystems, tellRefused);
+  const fetch = () => void ask("offset.list").then(setSystems, tellRefused);
   useEffect(fetch, [key]);
   return [systems, fetch];
 }
@@ -235,7 +229,7 @@ function TouchOff() {
             <li key={axis}>
               <Form
                 onSend={() =>
-                  void order<{ warning?: string }>("touch_off", { axis, value }).then((answer) => {
+                  void order("touch_off", { axis: axis as Letter, value }).then((answer) => {
                     if (answer?.warning) say("note", answer.warning);
                     fetch();
                   })
@@ -356,20 +350,12 @@ function Offsets() {
   );
 }
 
-interface Tool {
-  tool: number;
-  pocket: number;
-  length: number;
-  diameter: number;
-  remark: string;
-}
-
 function Tools() {
-  const [tools, setTools] = useState<{ unit: string; in_spindle: number; tools: Tool[] } | null>(null);
+  const [tools, setTools] = useState<ToolTable | null>(null);
   const [number, setNumber] = useState("");
   const [edited, setEdited] = useState<Edited | null>(null);
   const now = useStatus((s) => s.tool) ?? 0;
-  const fetch = () => void ask<{ unit: string; in_spindle: number; tools: Tool[] }>("tool.list").then(setTools, tellRefused);
+  const fetch = () => void ask("tool.list").then(setTools, tellRefused);
   useEffect(fetch, [now]);
   const set = (tool: number, what: "length" | "diameter") => (value: number) => order("tool.set", { tool, [what]: value }).then((answer) => (fetch(), answer));
   const wanted = number === "" ? null : parseNumber(number);

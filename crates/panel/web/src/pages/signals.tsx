@@ -6,18 +6,8 @@ import { fixed, parseNumber, t } from "../i18n";
 import { COLOURS, type Cursors, Plot } from "../plot";
 import { Rows, Scope } from "../scope";
 import { ask, connection, order, tellRefused, useStore } from "../store";
+import type { LogicTask, LogicVariable, Pin } from "../types";
 import { Button, Card, Choice, Dialog, Field, Form, Icon } from "../ui";
-
-interface Pin {
-  name: string;
-  type: string;
-  direction: "in" | "out" | "net";
-  value: boolean | number | null;
-  net: string | null;
-  source: string | null;
-  alias_of: string | null;
-  unit: string | null;
-}
 
 /** Signals at the same time. */
 const WATCHED_MAX = 32;
@@ -38,7 +28,7 @@ function usePins(): [Pin[], () => void] {
     let wanted = connected;
     const fetch = async (from: number, known: Pin[]): Promise<void> => {
       if (!wanted) return;
-      const { pins, more } = await ask<{ pins: Pin[]; more: boolean }>("hal.list", { from });
+      const { pins, more } = await ask("hal.list", { from });
       const all = [...known, ...pins];
       if (more) return fetch(all.length, all);
       if (wanted) setPins(all);
@@ -55,7 +45,7 @@ function useValues(names: string[]): Map<string, Pin> {
   useEffect(() => {
     if (names.length === 0) return;
     const look = () =>
-      connection.call<{ pins: Pin[] }>("hal.values", { pins: names }).then(
+      connection.call("hal.values", { pins: names }).then(
         ({ pins }) => setValues(new Map(pins.map((pin) => [pin.name, pin]))),
         () => {},
       );
@@ -339,35 +329,14 @@ function Oscilloscope({ pins }: { pins: string[] }) {
   );
 }
 
-interface Task {
-  name: string;
-  file: string;
-  period_ms: number;
-  scans: number;
-  overruns: number;
-  scan_us: number;
-  scan_max_us: number;
-  stands: boolean;
-  forced: number;
-}
-
-interface Variable {
-  name: string;
-  type: string;
-  value: string;
-  role: "input" | "output" | "internal";
-  pin: string | null;
-  forced: boolean;
-}
-
 /** Variables that are asked for at once, and how many more with each wish for more. */
 const VARIABLES = 500;
 
 /** The variables that have these words in their name or pin, `most` at the most, and whether there are more. */
-async function lookAt(program: string, search: string, most: number): Promise<{ variables: Variable[]; more: boolean }> {
-  const all: Variable[] = [];
+async function lookAt(program: string, search: string, most: number): Promise<{ variables: LogicVariable[]; more: boolean }> {
+  const all: LogicVariable[] = [];
   for (;;) {
-    const { variables, more } = await connection.call<{ variables: Variable[]; more: boolean }>("logic.look", { program, search, from: all.length });
+    const { variables, more } = await connection.call("logic.look", { program, search, from: all.length });
     all.push(...variables);
     if (!more || all.length >= most) return { variables: all, more };
   }
@@ -375,9 +344,9 @@ async function lookAt(program: string, search: string, most: number): Promise<{ 
 
 /** Programs in Structured Text and their variables, as they were behind one scan. */
 function Logic() {
-  const [tasks, setTasks] = useState<Task[]>([]);
+  const [tasks, setTasks] = useState<LogicTask[]>([]);
   const [chosen, setChosen] = useState(0);
-  const [{ variables, more }, setFound] = useState<{ variables: Variable[]; more: boolean }>({ variables: [], more: false });
+  const [{ variables, more }, setFound] = useState<{ variables: LogicVariable[]; more: boolean }>({ variables: [], more: false });
   const [search, setSearch] = useState("");
   const [most, setMost] = useState(VARIABLES);
   const task = tasks[chosen];
@@ -388,7 +357,7 @@ function Logic() {
       if (asked) return;
       asked = true;
       try {
-        const { programs } = await connection.call<{ programs: Task[] }>("logic.list");
+        const { programs } = await connection.call("logic.list");
         const program = programs[chosen];
         const found = program && (await lookAt(program.name, search, most));
         if (!wanted) return;

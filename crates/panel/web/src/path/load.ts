@@ -63,12 +63,12 @@ async function streamed(data: PathData, told: () => void, wanted: () => boolean)
 const offsetsOf = (axes: string[]) => ["X", "Y", "Z"].map((letter) => axes.indexOf(letter));
 
 async function inParts(data: PathData, told: () => void, wanted: () => boolean): Promise<string | null> {
-  const { path, axes, record_octets } = await ask<{ path: number; axes: string[]; record_octets: number }>("program.path.begin", {
+  const { path, axes, record_octets } = await ask("program.path.begin", {
     tolerance_mm: TOLERANCE_MM,
   });
   const offsets = offsetsOf(axes);
   for (;;) {
-    const { base64, end, error } = await connection.call<{ base64: string; end: boolean; error: string | null }>("program.path.next", { path });
+    const { base64, end, error } = await connection.call("program.path.next", { path });
     if (!wanted()) {
       if (!end) void connection.call("program.path.end").catch(() => {});
       return null;

@@ -1,11 +1,12 @@
-//! What somebody may do at the machine, each more than the one before.
+//! What a client of the control, and the supervisor of a cell, may do at the machine.
 
-use super::rpc::{RpcError, code};
+use crate::rpc::{RpcError, code};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-/// What somebody may do. Whoever has a role has those before it, too.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+/// What a client may do. Each role includes those before it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Role {
     /// Look, and bring the machine to rest: hold, stop, emergency stop, slower overrides.
@@ -16,7 +17,21 @@ pub enum Role {
     SetUp,
 }
 
+/// What the supervisor of a cell may do at a machine, each more than the one before; holding and stopping is always allowed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Remote {
+    /// Look.
+    #[default]
+    Off,
+    /// Send programs.
+    Upload,
+    /// Run them.
+    Run,
+}
+
 impl Role {
+    /// All of them.
     pub const ALL: [Role; 3] = [Role::Watch, Role::Operate, Role::SetUp];
 
     /// As it is written.
@@ -28,10 +43,10 @@ impl Role {
         }
     }
 
-    /// Lets somebody of this role do what asks for another one.
+    /// Lets a client of this role do what asks for another one.
     ///
     /// # Errors
-    /// He may not.
+    /// It may not.
     pub fn permit(self, needed: Role) -> Result<(), RpcError> {
         if self >= needed {
             return Ok(());
@@ -43,6 +58,15 @@ impl Role {
         );
         let data = json!({ "role": self.name(), "needed": needed.name() });
         Err(RpcError::new(code::NOT_ALLOWED, what).with_data(data))
+    }
+}
+
+impl std::str::FromStr for Role {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Role, String> {
+        let found = Role::ALL.into_iter().find(|role| role.name() == text);
+        found.ok_or_else(|| "expected watch, operate or set-up".to_owned())
     }
 }
 
@@ -62,6 +86,7 @@ mod tests {
                 );
             }
             assert_eq!(json!(role), json!(role.name()));
+            assert_eq!(role.name().parse(), Ok(role));
         }
     }
 }

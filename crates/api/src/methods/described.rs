@@ -1,0 +1,146 @@
+//! What methods tell of, in the types that travel.
+//!
+//! In:  the machine file; what the operator shows and the journal keeps. Out: the same as [`protocol`] has it.
+
+use crate::orders;
+use ::machine::journal;
+use ::machine::state_file;
+use config::{AxisMap, Config};
+use motion::canon::LengthUnit;
+use motion::kinematics::Transform;
+use protocol::{
+    Acknowledged, AlarmRecord, Described, DescribedAxis, DescribedJoint, Entry, EntryKind, LastProgram, Parts,
+    ProgramRecord, StatusProgram, Waiting,
+};
+
+/// Unit of positions of an axis.
+pub(super) fn unit(map: &AxisMap) -> &'static str {
+    if map.axis.is_rotary() { "degrees" } else { "mm" }
+}
+
+/// The joint that is this axis alone.
+pub(super) fn joint_of(config: &Config, map: &AxisMap) -> Option<usize> {
+    match map.joints[..] {
+        [joint] if config.transform == Transform::Trivial => Some(joint),
+        _ => None,
+    }
+}
+
+/// What of a machine does not change.
+pub(super) fn machine(config: &Config) -> Described {
+    let axes = config.axes.iter().map(|map| {
+        let joint = map.joints.first().and_then(|joint| config.joints.get(*joint));
+        DescribedAxis {
+            axis: map.axis.letter().to_string(),
+            unit: unit(map).to_owned(),
+            joints: map.joints.clone(),
+            joint: joint_of(config, map),
+            travel: map.travel_mm.or(joint.map(|joint| joint.travel_mm)),
+            velocity_per_s: joint.map(|joint| joint.limits.velocity_mm_s),
+            acceleration_per_s2: joint.map(|joint| joint.limits.acceleration_mm_s2),
+        }
+    });
+    let joints = config.joints.iter().enumerate().map(|(number, joint)| DescribedJoint {
+        joint: number,
+        travel: joint.travel_mm,
+        velocity_per_s: joint.limits.velocity_mm_s,
+        following_error: joint.following_error_mm,
+    });
+    let unit = match config.unit {
+        LengthUnit::Millimetre => "mm",
+        LengthUnit::Inch => "inch",
+    };
+    Described {
+        machine: config.name.clone(),
+        unit: unit.to_owned(),
+        cycle_us: config.cycle_us,
+        axes: axes.collect(),
+        joints: joints.collect(),
+        spindles: usize::from(config.spindle.count),
+        spindle_rpm_max: config.spindle.rpm_max,
+        programs: false,
+    }
+}
+
+impl From<orders::ShownProgram> for StatusProgram {
+    fn from(of: orders::ShownProgram) -> StatusProgram {
+        StatusProgram {
+            name: of.name,
+            revision: of.revision,
+            lines: of.lines,
+            planned_time_s: of.planned_time_s,
+            dry_run: of.dry_run,
+            result: of.result.map(str::to_owned),
+        }
+    }
+}
+
+impl From<orders::Waiting> for Waiting {
+    fn from(of: orders::Waiting) -> Waiting {
+        Waiting {
+            what: of.what.to_owned(),
+            text: of.text,
+            release: of.release.to_owned(),
+        }
+    }
+}
+
+/// The counter of parts.
+pub(super) fn parts(state_file::Parts { count, target }: state_file::Parts) -> Parts {
+    Parts { count, target }
+}
+
+/// The program that was loaded or begun last.
+pub(super) fn last_program(of: state_file::LastProgram) -> LastProgram {
+    let state_file::LastProgram { name, line, result } = of;
+    LastProgram { name, line, result }
+}
+
+/// An entry of the journal.
+pub fn entry(of: journal::Entry) -> Entry {
+    Entry {
+        seq: of.seq,
+        unix_s: of.unix_s,
+        time_s: of.time_s,
+        kind: match of.kind {
+            journal::Kind::Alarm => EntryKind::Alarm,
+            journal::Kind::Warning => EntryKind::Warning,
+            journal::Kind::Note => EntryKind::Note,
+        },
+        text: of.text,
+        alarm: of.alarm.map(alarm),
+        program: of.program.map(program),
+        acknowledges: of.acknowledges.map(|(seqs, how)| (seqs, acknowledged(how))),
+    }
+}
+
+fn acknowledged(journal::Acknowledged { unix_s, by }: journal::Acknowledged) -> Acknowledged {
+    Acknowledged { unix_s, by }
+}
+
+fn alarm(of: journal::AlarmRecord) -> AlarmRecord {
+    AlarmRecord {
+        code: of.code,
+        severity: of.severity,
+        reaction: of.reaction,
+        first_cause: of.first_cause,
+        joint: of.joint,
+        node: of.node,
+        program: of.program,
+        line: of.line,
+        state: of.state,
+        acknowledged: of.acknowledged.map(acknowledged),
+    }
+}
+
+fn program(of: journal::ProgramRecord) -> ProgramRecord {
+    ProgramRecord {
+        name: of.name,
+        begun_unix_s: of.begun_unix_s,
+        result: of.result,
+        took_s: of.took_s,
+        line: of.line,
+        deviation_max_mm: of.deviation_max_mm,
+        report: of.report,
+    }
+}
