@@ -1,6 +1,10 @@
 //! MTConnect over HTTP, with a control of its own kind behind the panel: what it tells is what a client sees.
 
 use panel::{Control, Counts, Guest, Listener, Settings, serve};
+use protocol::{
+    Described, DescribedAxis, Overrides, Parts, Pin, PinDirection, PinType, Pins, Status, StatusAxis, StatusProgram,
+    Tool, Tools,
+};
 use serde_json::{Value, json};
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpStream};
@@ -18,38 +22,91 @@ const PINS: [(&str, f64); 3] = [
     ("cia402.0.drv-actual-torque", 405.0),
 ];
 
-fn answer(method: &str, params: &Value) -> Value {
-    match method {
-        "hal.list" => {
-            let found = PINS.iter().filter(|(name, _)| params["pattern"] == *name);
-            json!({ "pins": found.map(|(name, _)| json!({ "name": name })).collect::<Vec<_>>() })
-        }
-        "hal.values" => {
-            let asked = params["pins"].as_array().unwrap().iter();
-            let value = |name: &Value| PINS.iter().find(|(known, _)| name == known).unwrap().1;
-            json!({ "pins": asked.map(|name| json!({ "name": name, "value": value(name) })).collect::<Vec<_>>() })
-        }
-        "machine.describe" => json!({
-            "machine": "mill",
-            "axes": [{ "axis": "X", "unit": "mm", "joints": [0], "joint": 0 }, { "axis": "A", "unit": "degrees", "joints": [1] }],
-            "spindles": 1,
-        }),
-        "tool.list" => json!({
-            "unit": "inch", "in_spindle": 3,
-            "tools": [{ "tool": 3, "pocket": 1, "length": 2.0, "diameter": 0.25, "remark": "end mill" }],
-        }),
-        _ => state(10.0),
+fn pin(name: &str, value: f64) -> Pin {
+    Pin {
+        name: name.into(),
+        kind: PinType::Float,
+        direction: PinDirection::Out,
+        value: json!(value),
+        net: None,
+        source: None,
+        alias_of: None,
+        unit: None,
     }
 }
 
-fn state(x: f64) -> Value {
-    json!({
-        "power": "on", "activity": "running", "mode": "auto", "single_block": false, "alarm": null, "waiting": null,
-        "program": { "name": "p.ngc", "result": null, "dry_run": false }, "line": 7, "tool": 3,
-        "axes": [{ "axis": "X", "joints": [0] }, { "axis": "A", "joints": [1] }],
-        "position_mm": [x, 0.0, 0.0, 90.0], "override": { "feed_percent": 80.0, "rapid_percent": 100.0 },
-        "codes": ["G54"], "messages": [], "parts": { "count": 4, "target": null },
-    })
+/// Of these pins, those that a control of this kind has.
+fn pins(wanted: impl Fn(&str) -> bool) -> Pins {
+    let found = PINS.iter().filter(|(name, _)| wanted(name));
+    Pins {
+        pins: found.map(|(name, value)| pin(name, *value)).collect(),
+        more: false,
+    }
+}
+
+fn answer(method: &str, params: &Value) -> Value {
+    match method {
+        "hal.list" => json!(pins(|name| params["pattern"] == name)),
+        "hal.values" => {
+            let asked = params["pins"].as_array().unwrap();
+            json!(pins(|name| asked.contains(&json!(name))))
+        }
+        "machine.describe" => {
+            let axis = |axis: &str, unit: &str, number, joint| DescribedAxis {
+                axis: axis.into(),
+                unit: unit.into(),
+                joints: vec![number],
+                joint,
+                ..DescribedAxis::default()
+            };
+            json!(Described {
+                machine: "mill".into(),
+                axes: vec![axis("X", "mm", 0, Some(0)), axis("A", "degrees", 1, None)],
+                spindles: 1,
+                ..Described::default()
+            })
+        }
+        "tool.list" => json!(Tools {
+            unit: "inch".into(),
+            in_spindle: 3,
+            tools: vec![Tool {
+                tool: 3,
+                pocket: 1,
+                length: 2.0,
+                diameter: 0.25,
+                remark: "end mill".into(),
+            }],
+        }),
+        _ => json!(state(10.0)),
+    }
+}
+
+fn state(x: f64) -> Status {
+    let axis = |axis: &str, joint| StatusAxis {
+        axis: axis.into(),
+        joints: vec![joint],
+        ..StatusAxis::default()
+    };
+    Status {
+        power: "on".into(),
+        activity: "running".into(),
+        mode: "auto".into(),
+        program: Some(StatusProgram {
+            name: "p.ngc".into(),
+            ..StatusProgram::default()
+        }),
+        line: 7,
+        tool: 3,
+        axes: vec![axis("X", 0), axis("A", 1)],
+        position_mm: vec![x, 0.0, 0.0, 90.0],
+        overrides: Overrides {
+            feed_percent: 80.0,
+            ..Overrides::default()
+        },
+        codes: vec!["G54".into()],
+        parts: Parts { count: 4, target: None },
+        ..Status::default()
+    }
 }
 
 impl Control for Fake {
@@ -63,8 +120,10 @@ impl Control for Fake {
                 let (id, method) = (&request["id"], request["method"].as_str().unwrap());
                 let told = match method {
                     "subscribe" => {
-                        let result = json!({ "id": id, "result": { "unix_s": 1.0e9, "state": state(10.0) } });
-                        let news = json!({ "method": "state", "params": { "unix_s": 1.0e9, "changed": { "position_mm": [20.0, 0.0, 0.0, 90.0] } } });
+                        let result = json!({ "id": id, "result": { "monotonic_s": 1.0, "unix_s": 1.0e9, "state": state(10.0) } });
+                        let changed = json!({ "position_mm": [20.0, 0.0, 0.0, 90.0] });
+                        let moved = json!({ "monotonic_s": 1.0, "unix_s": 1.0e9, "changed": changed });
+                        let news = json!({ "method": "state", "params": moved });
                         format!("{result}\n{news}\n")
                     }
                     _ => format!(

@@ -224,7 +224,7 @@ export interface Identified {
 }
 
 /** What comes of a jog; empty if one goes on or ends. */
-export interface JogOutlook {
+export interface Jog {
   /** Letter of the axis. */
   axis?: string;
   /** Where the motion ends if that is the soft limit; null: it ends before. */
@@ -965,9 +965,9 @@ export interface Calls {
   "tool.list": { params: Record<string, never>; answer: Tools };
   "tool.set": { params: { tool: number; length?: number; diameter?: number; request_id?: string }; answer: Kept };
   "tool.changed": { params: { request_id?: string }; answer: Nothing };
-  "jog": { params: { axis?: "X" | "Y" | "Z" | "A" | "B" | "C" | "U" | "V" | "W"; joint?: number; velocity_mm_s: number; distance_mm?: number; request_id?: string }; answer: JogOutlook };
-  "jog.keep": { params: { axis?: "X" | "Y" | "Z" | "A" | "B" | "C" | "U" | "V" | "W"; joint?: number; request_id?: string }; answer: JogOutlook };
-  "jog.stop": { params: { axis?: "X" | "Y" | "Z" | "A" | "B" | "C" | "U" | "V" | "W"; joint?: number; request_id?: string }; answer: JogOutlook };
+  "jog": { params: { axis?: "X" | "Y" | "Z" | "A" | "B" | "C" | "U" | "V" | "W"; joint?: number; velocity_mm_s: number; distance_mm?: number; request_id?: string }; answer: Jog };
+  "jog.keep": { params: { axis?: "X" | "Y" | "Z" | "A" | "B" | "C" | "U" | "V" | "W"; joint?: number; request_id?: string }; answer: Jog };
+  "jog.stop": { params: { axis?: "X" | "Y" | "Z" | "A" | "B" | "C" | "U" | "V" | "W"; joint?: number; request_id?: string }; answer: Jog };
   "hold": { params: { request_id?: string }; answer: Nothing };
   "resume": { params: { request_id?: string }; answer: Resumed };
   "skip": { params: { request_id?: string }; answer: Skipped };
@@ -992,4 +992,9 @@ export interface Calls {
   "hal.values": { params: { pins: string[] }; answer: Pins };
   "hal.set": { params: { pin: string; value: string; request_id?: string }; answer: Nothing };
   "cycle.times": { params: Record<string, never>; answer: Times };
+}
+
+/** What comes without being asked for. */
+export interface Notifications {
+  "state": { changed: Record<string, unknown>; monotonic_s: number; unix_s: number };
 }
