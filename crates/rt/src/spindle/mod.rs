@@ -3,7 +3,7 @@
 //! In:  actions of the program, samples of the interpolation, the inputs of the nodes, pins.
 //! Out: pins, the object that sets its speed; its place and speed for the interpolation.
 //!
-//! [`Spindle::new`] is made at start-up; the rest is RT.
+//! `Spindle::new` is made at start-up; the rest is RT.
 
 mod drive;
 mod feedback;
