@@ -257,6 +257,8 @@ impl Drop for Claim {
         if session.load(Relaxed) == self.session {
             session.store(0, Release);
         }
+        // Closing alone would not do: a child that another thread is making has the file open as well, until it is its own program.
+        let _ = self.file.unlock();
     }
 }
 
