@@ -328,20 +328,21 @@ fn run_on(
         // On paced time nobody can be late.
         let spawn = || TimeoutThread::spawn(Arc::clone(process), Arc::clone(&watch), limits, reports, steps);
         let timeouts = paced.is_none().then(spawn).transpose()?;
-        let cycle = std::thread::Builder::new()
+        let run_cycles = || match &paced {
+            None => {
+                // What is missing has been told by `prepare_process`.
+                drop(enter_thread(Role::Cycle, process));
+                thread::run(&mut *control, grid, &mut spin, &watch, recorder, &stop)
+            }
+            Some(wire) => {
+                capabilities::give_up_or_warn(Work::Ordinary);
+                run_paced(&mut *control, grid, wire, recorder, &stop)
+            }
+        };
+        let builder = std::thread::Builder::new()
             .name(CYCLE_THREAD.into())
-            .stack_size(STACK_SIZE)
-            .spawn_scoped(scope, || match &paced {
-                None => {
-                    // What is missing has been told by `prepare_process`.
-                    drop(enter_thread(Role::Cycle, process));
-                    thread::run(&mut *control, grid, &mut spin, &watch, recorder, &stop)
-                }
-                Some(wire) => {
-                    capabilities::give_up_or_warn(Work::Ordinary);
-                    run_paced(&mut *control, grid, wire, recorder, &stop)
-                }
-            })?;
+            .stack_size(STACK_SIZE);
+        let cycle = builder.spawn_scoped(scope, run_cycles)?;
         let threads = Threads { scope, stop: &stop };
         threads.scan_logic(scanners, process)?;
         threads.keep_on_disk(session, journal, &mut memory, &desk)?;
@@ -369,11 +370,7 @@ fn run_on(
         drop(timeouts);
         Ok((figures?, probed_time_s?))
     })?;
-    if let Err(cause) = capabilities::use_files() {
-        // Folders that this user may write anyway are none the worse.
-        let _ = writeln!(files::printed::stderr(), "warning: {cause}");
-    }
-
+    use_files_again();
     Ok(Ended {
         operator: running.operator,
         probed_time_s,
@@ -391,6 +388,14 @@ fn run_on(
             ..calibration
         },
     })
+}
+
+/// What follows the end writes files as this user does.
+fn use_files_again() {
+    if let Err(cause) = capabilities::use_files() {
+        // Folders that this user may write anyway are none the worse.
+        let _ = writeln!(files::printed::stderr(), "warning: {cause}");
+    }
 }
 
 /// The port of the step pulses, of this PC or simulated; `None`: there are no steppers.

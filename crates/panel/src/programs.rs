@@ -441,6 +441,40 @@ impl Drop for Arriving {
     }
 }
 
+fn header<'h>(headers: &'h HeaderMap, name: &str) -> Option<&'h str> {
+    headers.get(name).map(|value| value.to_str().unwrap_or("?").trim())
+}
+
+fn too_long() -> String {
+    format!("a program has up to {PROGRAM_MAX} octets")
+}
+
+/// Whether a program can be taken, as far as its headers say.
+fn can_be_taken(headers: &HeaderMap, programs: &Programs) -> Result<(), Refusal> {
+    if headers
+        .get(CONTENT_ENCODING)
+        .is_some_and(|encoding| encoding != "identity")
+    {
+        return Err(Refusal(
+            StatusCode::UNSUPPORTED_MEDIA_TYPE,
+            "a compressed body is not taken: send the program as it is".into(),
+        ));
+    }
+    let length = header(headers, CONTENT_LENGTH.as_str()).and_then(|length| length.parse::<u64>().ok());
+    let octets = length.unwrap_or(0);
+    if octets > PROGRAM_MAX {
+        return Err(Refusal(StatusCode::PAYLOAD_TOO_LARGE, too_long()));
+    }
+    let free = programs.free();
+    if octets > free {
+        return Err(Refusal(
+            StatusCode::INSUFFICIENT_STORAGE,
+            format!("the disk is full: {free} octets are free for programs"),
+        ));
+    }
+    Ok(())
+}
+
 async fn receive(
     panel: &Panel,
     visitor: &Visitor,
@@ -450,29 +484,8 @@ async fn receive(
 ) -> Result<Response, Refusal> {
     let refused = |status, why: String| Err(Refusal(status, why));
     let headers = request.headers();
-    let text = |name: &str| headers.get(name).map(|value| value.to_str().unwrap_or("?").trim());
-    if headers
-        .get(CONTENT_ENCODING)
-        .is_some_and(|encoding| encoding != "identity")
-    {
-        return refused(
-            StatusCode::UNSUPPORTED_MEDIA_TYPE,
-            "a compressed body is not taken: send the program as it is".into(),
-        );
-    }
-    let told = text(CONTENT_LENGTH.as_str()).and_then(|length| length.parse::<u64>().ok());
-    let wanted = text("x-sha256").map(str::to_ascii_lowercase);
-    let too_long = || format!("a program has up to {PROGRAM_MAX} octets");
-    if told.is_some_and(|octets| octets > PROGRAM_MAX) {
-        return refused(StatusCode::PAYLOAD_TOO_LARGE, too_long());
-    }
-    let free = programs.free();
-    if told.unwrap_or(0) > free {
-        return refused(
-            StatusCode::INSUFFICIENT_STORAGE,
-            format!("the disk is full: {free} octets are free for programs"),
-        );
-    }
+    can_be_taken(headers, &programs)?;
+    let wanted = header(headers, "x-sha256").map(str::to_ascii_lowercase);
     let arriving = Arc::new(Arriving::begin(&programs)?);
     let making = Arc::clone(&arriving);
     let flags = OFlag::O_WRONLY | OFlag::O_CREAT | OFlag::O_EXCL | OFlag::O_NOFOLLOW | OFlag::O_CLOEXEC;

@@ -10,7 +10,7 @@
 //! | to learn | file |
 //! |---|---|
 //! | which methods there are, with parameters and answers of each | `method.rs` |
-//! | what parameters and answers hold | `params.rs`; `answers.rs` |
+//! | what parameters and answers hold | `params.rs`; `answers/` |
 //! | words and bounds of parameters | `limits.rs` |
 //! | which role may do what | `role.rs` |
 //! | lines of JSON-RPC, and errors | `rpc.rs` |

@@ -58,7 +58,12 @@ impl Master for MainDevice {
         warn: &mut dyn FnMut(&str),
         run: Run<'_>,
     ) -> anyhow::Result<()> {
-        with_interface(config, interface, watch, warn, run)
+        let link = RawLink::open(interface, raw_config())?;
+        if let reception @ Reception::Calls { .. } = link.reception() {
+            warn(&format!("{interface}: {reception}"));
+        }
+        let mac = link.mac();
+        with_link(config, link, mac, watch, run)
     }
 
     fn with_link(
@@ -71,22 +76,6 @@ impl Master for MainDevice {
     ) -> anyhow::Result<()> {
         with_link(config, link, mac, watch, run)
     }
-}
-
-/// As [`crate::with_interface`].
-fn with_interface(
-    config: &Config,
-    interface: &str,
-    watch: Arc<Watch>,
-    warn: &mut dyn FnMut(&str),
-    run: Run<'_>,
-) -> anyhow::Result<()> {
-    let link = RawLink::open(interface, raw_config())?;
-    if let reception @ Reception::Calls { .. } = link.reception() {
-        warn(&format!("{interface}: {reception}"));
-    }
-    let mac = link.mac();
-    with_link(config, link, mac, watch, run)
 }
 
 /// As [`crate::with_link`].

@@ -53,7 +53,28 @@ impl Master for ManagingNode {
         warn: &mut dyn FnMut(&str),
         run: Run<'_>,
     ) -> anyhow::Result<()> {
-        with_interface(config, interface, watch, threads, warn, run)
+        match config.bus.link {
+            BusLink::Raw => {
+                let raw = RawConfig {
+                    spin_ns: ANSWER_SPIN_NS,
+                    ..RawConfig::default()
+                };
+                let link = RawLink::open(interface, raw)?;
+                if let reception @ Reception::Calls { .. } = link.reception() {
+                    warn(&format!("{interface}: {reception}"));
+                }
+                let mac = link.mac();
+                with_tap(config, interface, link, mac, watch, threads, run)
+            }
+            BusLink::Pnet => {
+                let link = PnetLink::open(interface, ANSWER_SPIN_NS)?;
+                warn(&format!(
+                    "{interface}: each frame passes libpnet by two or three system calls, as bus.link = \"pnet\" asks for"
+                ));
+                let mac = link.mac();
+                with_tap(config, interface, link, mac, watch, threads, run)
+            }
+        }
     }
 
     fn with_link(
@@ -65,39 +86,6 @@ impl Master for ManagingNode {
         run: Run<'_>,
     ) -> anyhow::Result<()> {
         with_link(config, link, mac, watch, None, run)
-    }
-}
-
-/// As [`crate::with_interface`].
-fn with_interface(
-    config: &Config,
-    interface: &str,
-    watch: Arc<Watch>,
-    threads: fn(),
-    warn: &mut dyn FnMut(&str),
-    run: Run<'_>,
-) -> anyhow::Result<()> {
-    match config.bus.link {
-        BusLink::Raw => {
-            let raw = RawConfig {
-                spin_ns: ANSWER_SPIN_NS,
-                ..RawConfig::default()
-            };
-            let link = RawLink::open(interface, raw)?;
-            if let reception @ Reception::Calls { .. } = link.reception() {
-                warn(&format!("{interface}: {reception}"));
-            }
-            let mac = link.mac();
-            with_tap(config, interface, link, mac, watch, threads, run)
-        }
-        BusLink::Pnet => {
-            let link = PnetLink::open(interface, ANSWER_SPIN_NS)?;
-            warn(&format!(
-                "{interface}: each frame passes libpnet by two or three system calls, as bus.link = \"pnet\" asks for"
-            ));
-            let mac = link.mac();
-            with_tap(config, interface, link, mac, watch, threads, run)
-        }
     }
 }
 

@@ -55,7 +55,7 @@ impl Clients<'_, '_> {
                 operator.add_entry(text);
                 Ok(())
             }
-            Order::Inspect(source) => return self.inspect(ticket, source, operator).err().map(Err),
+            Order::Inspect(source) => return later(self.inspect(ticket, source, operator)),
             Order::Path(path) => return Some(self.draw(path, operator)),
             Order::Tools => return Some(Ok(json!(remembered::tools(&lock(self.tables), self.config.unit)))),
             Order::Offsets => return Some(Ok(json!(self.offsets()))),
@@ -79,10 +79,7 @@ impl Clients<'_, '_> {
                 Ok(())
             }
             Order::Home(joints) => self.home(&joints, operator, now_ns),
-            Order::Load(source) => match self.load(ticket, source, operator) {
-                Ok(()) => return None,
-                Err(why) => Err(why),
-            },
+            Order::Load(source) => return later(self.load(ticket, source, operator)),
             Order::Run(source) => {
                 self.check(ticket, Subject::Program(source), Then::Run, operator);
                 return None;
@@ -93,13 +90,11 @@ impl Clients<'_, '_> {
                 runs,
                 dry_feed_min,
                 revision,
-            } => match self.loaded_subject(from_line, yes, dry_feed_min, revision) {
-                Ok(subject) => {
-                    self.check(ticket, subject, Then::Start { runs }, operator);
-                    return None;
-                }
-                Err(why) => Err(why),
-            },
+            } => {
+                let subject = self.loaded_subject(from_line, yes, dry_feed_min, revision);
+                let begin = |subject| self.check(ticket, subject, Then::Start { runs }, operator);
+                return later(subject.map(begin));
+            }
             Order::Mdi(_) | Order::Lines { .. } if self.mdi.len() >= MDI_MAX => {
                 Err(format!("{MDI_MAX} lines wait already"))
             }
@@ -112,13 +107,11 @@ impl Clients<'_, '_> {
                 self.mdi.push_back((ticket, Typed::Lines(text, wait)));
                 return None;
             }
-            Order::Change(change) => match self.change(&change, operator, keeper) {
-                Ok(()) => {
-                    self.unsettled.push((ticket, Unsettled::new(keeper, operator, now_ns)));
-                    return None;
-                }
-                Err(why) => Err(why),
-            },
+            Order::Change(change) => {
+                let changed = self.change(&change, operator, keeper);
+                let settle = |()| self.unsettled.push((ticket, Unsettled::new(keeper, operator, now_ns)));
+                return later(changed.map(settle));
+            }
             Order::Jog(jog) => {
                 self.mode = Mode::Manual;
                 return Some(manual_mode::jog(&jog, self.config, operator).map(|outlook| json!(outlook)));
@@ -266,6 +259,11 @@ fn set_parts(count: Option<u64>, target: Option<u64>, operator: &mut Operator, k
     parts.target = target.map_or(parts.target, |target| Some(target).filter(|target| *target > 0));
     keeper.memory.set_parts(parts);
     operator.add_entry(format!("order: parts {parts}"));
+}
+
+/// The answer comes later, where the order is not refused.
+fn later(begun: Result<(), String>) -> Option<Answer> {
+    begun.err().map(Err)
 }
 
 fn given(operator: &mut Operator, command: Command) -> Result<(), String> {

@@ -1,0 +1,64 @@
+//! Work offsets and the tool table.
+
+use super::*;
+
+/// Nothing, or a warning that the disk has not taken it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Kept {
+    /// Why it will be forgotten.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "String")]
+    pub warning: Option<String>,
+}
+
+/// Origins and rotations of work systems, in machine coordinates.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Offsets {
+    /// `mm` or `inch`; rotary axes are in degrees.
+    pub unit: String,
+    /// G54 to G59.3.
+    pub systems: Vec<WorkSystem>,
+    /// G92, by letter.
+    pub g92: BTreeMap<String, f64>,
+    /// G92 is active.
+    pub g92_active: bool,
+}
+
+/// A work system.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct WorkSystem {
+    /// G54 to G59.3.
+    pub system: String,
+    /// It is active.
+    pub active: bool,
+    /// Its origin, by letter.
+    pub origin: BTreeMap<String, f64>,
+    /// About Z of its origin, counter-clockwise from above, degrees.
+    pub rotation_degrees: f64,
+}
+
+/// The tool table.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Tools {
+    /// `mm` or `inch`.
+    pub unit: String,
+    /// Tool in the spindle; 0: none.
+    pub in_spindle: u32,
+    /// Its tools.
+    pub tools: Vec<Tool>,
+}
+
+/// A tool.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Tool {
+    /// Its number.
+    pub tool: u32,
+    /// Its place in the magazine.
+    pub pocket: u32,
+    /// Length, in the unit of the machine.
+    pub length: f64,
+    /// Diameter, in the unit of the machine.
+    pub diameter: f64,
+    /// What is written next to it in the table.
+    pub remark: String,
+}
