@@ -2,18 +2,21 @@
 //!
 //! In:  lines, as they come. Out: the text for its reader, who waits a little where there is no more yet, and then takes it for the end.
 //!
-//! The reader is far ahead of the machine: where it has to wait, the planner has all that came. A text that has ended grows no more;
-//! what follows is another program, which begins at rest.
+//! The reader is far ahead of the machine: where it has to wait, the planner has all that came. It need not take that for the end before
+//! the machine comes near it: [`Growing::keep_open`]. A text that has ended grows no more; what follows is another program, which begins
+//! at rest.
 
 use super::text::temporary_file;
 use std::fs::File;
 use std::io;
 use std::os::unix::fs::FileExt;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// A reader takes it for the end if nothing comes for so long.
 const IDLE: Duration = Duration::from_millis(100);
+/// How long the text stays open for whoever keeps it open.
+const KEPT_OPEN: Duration = Duration::from_secs(1);
 /// Longest text, octets.
 const LENGTH_MAX: u64 = 1 << 30;
 
@@ -31,6 +34,8 @@ struct State {
     length: u64,
     /// As far as somebody has read.
     read: u64,
+    /// Until then the reader does not take anything for the end.
+    open_until: Option<Instant>,
     is_closed: bool,
 }
 
@@ -73,6 +78,16 @@ impl Growing {
         self.more.notify_all();
     }
 
+    /// While this is said again and again, the reader takes nothing for the end.
+    pub fn keep_open(&self, open: bool) {
+        let mut state = self.state();
+        let was_open = state.open_until.is_some();
+        state.open_until = open.then(|| Instant::now() + KEPT_OPEN);
+        if was_open && !open {
+            self.more.notify_all();
+        }
+    }
+
     /// How far it has been read, octets.
     pub fn read_to(&self) -> u64 {
         self.state().read
@@ -83,11 +98,19 @@ impl Growing {
     /// # Errors
     /// The disk does not give it.
     pub fn read_at(&self, to: &mut [u8], at: u64) -> io::Result<usize> {
-        let waits = |state: &mut State| at >= state.length && !state.is_closed;
-        let (mut state, _) = self
-            .more
-            .wait_timeout_while(self.state(), IDLE, waits)
-            .unwrap_or_else(PoisonError::into_inner);
+        let mut state = self.state();
+        let idle_until = Instant::now() + IDLE;
+        while at >= state.length && !state.is_closed {
+            let until = state.open_until.map_or(idle_until, |open| open.max(idle_until));
+            let left = until.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                break;
+            }
+            (state, _) = self
+                .more
+                .wait_timeout(state, left)
+                .unwrap_or_else(PoisonError::into_inner);
+        }
         if at >= state.length {
             state.is_closed = true;
             return Ok(0);
@@ -131,6 +154,27 @@ mod tests {
         assert_eq!(told, if is_taken { "G0 X1\nG0 X2\n" } else { "G0 X1\n" });
         assert_eq!(text.append("G0 X3\n").unwrap(), None, "it has ended");
         assert_eq!(text.read_to(), told.len() as u64);
+    }
+
+    #[test]
+    fn a_text_that_is_kept_open_ends_after_that_only() {
+        let text = Arc::new(Growing::new().unwrap());
+        text.append("G0 X1\n").unwrap();
+        text.keep_open(true);
+        let reader = std::thread::spawn({
+            let text = Arc::clone(&text);
+            move || read_all(&text)
+        });
+        // Longer than a reader waits otherwise.
+        for _ in 0..3 {
+            std::thread::sleep(IDLE);
+            text.keep_open(true);
+        }
+        let told = text.append("G0 X2\n").unwrap();
+        text.keep_open(false);
+        let read = reader.join().unwrap();
+        // A PC that stands still for as long as it was kept open has ended the text.
+        assert_eq!(read, if told.is_some() { "G0 X1\nG0 X2\n" } else { "G0 X1\n" });
     }
 
     #[test]

@@ -39,6 +39,8 @@ use std::time::Duration;
 
 /// Lines of MDI that wait for their turn.
 const MDI_MAX: usize = 64;
+/// Motion of lines of a stream that has to lie before the machine when its end is planned, s.
+const END_KNOWN_S: f64 = 1.0;
 const _: () = assert!(MDI_MAX < api::server::PENDING_MAX, "a stop behind them must be read");
 /// Programs that are only looked at, at the same time.
 const INSPECTED_MAX: usize = 2;
@@ -377,11 +379,18 @@ impl<'scope, 'env> Clients<'scope, 'env> {
 
     /// Hands lines to the text that grows, and answers who can be answered.
     fn serve_streamed(&mut self, operator: &Operator, answers: &mut Vec<(Ticket, Result<Value, RpcError>)>) {
-        let is_idle = self.condition(operator).activity == Activity::Idle;
-        if let Some(streamed) = self.streamed.take_if(|_| is_idle && self.is_streamed_over) {
+        let activity = self.condition(operator).activity;
+        if let Some(streamed) = self
+            .streamed
+            .take_if(|_| activity == Activity::Idle && self.is_streamed_over)
+        {
             answers.extend(streamed.end(None));
         }
         let Some(streamed) = &mut self.streamed else { return };
+        let is_at_rest = matches!(activity, Activity::Held | Activity::Away | Activity::Returning);
+        streamed
+            .text()
+            .keep_open(is_at_rest || operator.live().remaining_s > END_KNOWN_S);
         while let Some((ticket, Typed::Lines(lines, wait))) = self.mdi.front() {
             match streamed.take(*ticket, lines, *wait) {
                 Ok(true) => {}
