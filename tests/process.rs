@@ -32,5 +32,4 @@ mod state_folder;
 mod systemd;
 mod threading;
 mod top;
-mod without_panel;
 mod working_day;
