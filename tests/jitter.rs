@@ -2,6 +2,8 @@
 //!
 //! Where the system refuses private networks the tests say so and pass. Counts are compared, never times: the PC may be busy.
 
+use crate::toy_machine;
+
 use isocnc::jitter::report::{Ended, JitterReport, Round};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
@@ -57,8 +59,8 @@ fn report(out: &Path) -> JitterReport {
     serde_json::from_str(&text).expect("the report can be read back")
 }
 
-/// Two rounds of a short program; `None`: refused, and the reason was printed.
-fn measure(user: Option<u32>) -> Option<(TempDir, PathBuf, JitterReport)> {
+/// Two rounds of a short program, on the machine of this file; `None`: refused, and the reason was printed.
+fn measure(user: Option<u32>, machine: Option<&str>) -> Option<(TempDir, PathBuf, JitterReport)> {
     for attempt in 1.. {
         let folder = folder();
         let (program, out) = (folder.path().join("short.ngc"), folder.path().join("out"));
@@ -71,6 +73,11 @@ fn measure(user: Option<u32>) -> Option<(TempDir, PathBuf, JitterReport)> {
             &["--rounds", &ROUNDS.to_string(), "--cycles", &CYCLES.to_string()],
         );
         command.arg("--program").arg(&program).arg("--out").arg(&out);
+        if let Some(text) = machine {
+            let file = folder.path().join("machine.toml");
+            std::fs::write(&file, text).expect("our folder");
+            command.arg("--machine").arg(file);
+        }
         if let Some(id) = user {
             command.uid(id).gid(id);
         }
@@ -165,7 +172,7 @@ fn check_measurement(out: &Path, report: &JitterReport) {
 
 #[test]
 fn two_rounds_on_a_private_wire() {
-    if let Some((_folder, out, report)) = measure(None) {
+    if let Some((_folder, out, report)) = measure(None, None) {
         check_measurement(&out, &report);
     }
 }
@@ -176,9 +183,17 @@ fn two_rounds_as_an_ordinary_user() {
         println!("SKIPPED: two_rounds_on_a_private_wire runs as an ordinary user already");
         return;
     }
-    if let Some((_folder, out, report)) = measure(Some(NOBODY)) {
+    if let Some((_folder, out, report)) = measure(Some(NOBODY), None) {
         check_measurement(&out, &report);
         assert!(!report.pc.findings.is_empty(), "what is missing is in the report");
+    }
+}
+
+#[test]
+fn two_rounds_on_the_toy_bus() {
+    if let Some((_folder, _, report)) = measure(None, Some(&toy_machine::text())) {
+        assert_eq!(report.settings.protocol, "toy");
+        report.rounds.iter().for_each(check_round);
     }
 }
 

@@ -1,8 +1,11 @@
 //! What starts the program itself and looks at it from outside, in one program that is linked once.
 
 mod common;
+#[path = "common/toy_machine.rs"]
+mod toy_machine;
 
 mod bus_tool;
+mod commands_on_another_bus;
 mod configs;
 mod doctor;
 mod endless;

@@ -5,6 +5,8 @@ mod counting;
 mod proof_programs;
 #[path = "common/segment_wire.rs"]
 mod segment_wire;
+#[path = "common/toy_machine.rs"]
+mod toy_machine;
 
 mod another_bus;
 mod back_and_forth;

@@ -23,6 +23,8 @@ fn shown(config: &Config) -> &'static dyn Shown {
     match config.bus.kind.protocol() {
         Protocol::Powerlink | Protocol::None => &Powerlink,
         Protocol::Ethercat => &Ethercat,
+        #[cfg(feature = "testing")]
+        Protocol::Toy => &Ethercat,
     }
 }
 

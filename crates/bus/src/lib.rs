@@ -5,7 +5,7 @@
 //!
 //! A bus has two halves: [`CyclicBus`] for the cycle thread, [`service::BusService`] for everybody else. [`powerlink`] and
 //! [`ethercat`] implement both; another one does, too, and is added to [`config::Protocol`]: the compiler then names each registry
-//! that lacks it (`protocol.rs` here).
+//! that lacks it (`protocol.rs` here). The least that there can be is `toy.rs`, the bus of tests.
 //!
 //! Nothing above this crate knows which bus it is (`tests/house.rs` of the program). The cycle thread calls [`CyclicBus`]: make a
 //! cycle ready, exchange, serve, report states and events, publish. [`service::BusService`] answers everyone else: objects of nodes
@@ -32,6 +32,8 @@ pub mod plan;
 pub mod powerlink;
 mod protocol;
 pub mod service;
+#[cfg(feature = "testing")]
+pub mod toy;
 pub mod watch;
 
 pub use self::ethercat::{Names, Remark};

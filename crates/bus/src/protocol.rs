@@ -4,6 +4,8 @@
 
 use crate::plan::NodePlan;
 use crate::service::BudgetView;
+#[cfg(feature = "testing")]
+use crate::toy;
 use crate::watch::Watch;
 use crate::{Open, ethercat, powerlink};
 use ::powerlink::link::Link;
@@ -54,5 +56,7 @@ pub(crate) fn master(config: &Config) -> &'static dyn Master {
     match config.bus.kind.protocol() {
         Protocol::Powerlink | Protocol::None => &powerlink::open::ManagingNode,
         Protocol::Ethercat => &ethercat::open::MainDevice,
+        #[cfg(feature = "testing")]
+        Protocol::Toy => &toy::Master,
     }
 }

@@ -235,61 +235,9 @@ impl Machine {
                     false => Err(refused("another sum")),
                 }
             }
-            "program.check" | "program.load" => {
-                let number = params["upload"].as_u64().unwrap_or(0);
-                let (name, content) = self.uploads.remove(&number).ok_or_else(|| refused("no upload"))?;
-                let lines = String::from_utf8_lossy(&content)
-                    .lines()
-                    .position(|line| line.contains("(wrong)"));
-                if let Some(line) = lines {
-                    return Err(refused(format!("{name}:{}: this is wrong", line + 1)));
-                }
-                if method == "program.load" {
-                    self.loaded = Some((name.clone(), content));
-                    self.revision += 1;
-                }
-                Ok(json!(Outlook {
-                    program: name,
-                    lines: 1,
-                    planned_time_s: 1.0,
-                    ..Outlook::default()
-                }))
-            }
-            "program.start" => {
-                if self.running.is_some() || self.alarm.is_some() || !self.is_homed {
-                    return Err(refused("the machine is not ready"));
-                }
-                let (name, content) = self.loaded.clone().ok_or_else(|| refused("no program is loaded"))?;
-                let text = String::from_utf8_lossy(&content);
-                let takes = text
-                    .strip_prefix("(takes ")
-                    .and_then(|rest| rest.split_once(')')?.0.parse().ok());
-                let takes = Duration::from_secs_f64(takes.unwrap_or(0.0));
-                writeln!(self.runs_file, "{}", params["request_id"].as_str().unwrap_or("-"))
-                    .expect("runs can be written");
-                let begun = Instant::now();
-                self.running = Some(Running {
-                    faults: text.contains("(faults)"),
-                    name: name.clone(),
-                    begun,
-                    end: begun + takes,
-                });
-                self.mode = "auto";
-                let program = Some(ProgramRecord {
-                    name: name.clone(),
-                    begun_unix_s: now(),
-                    ..ProgramRecord::default()
-                });
-                let more = Entry {
-                    program,
-                    ..Entry::default()
-                };
-                self.tell(&format!("program {name} begins"), more);
-                Ok(json!(Outlook {
-                    program: name,
-                    ..Outlook::default()
-                }))
-            }
+            "program.check" => self.take_program(params, false),
+            "program.load" => self.take_program(params, true),
+            "program.start" => self.start(params),
             "hold" if self.running.is_some() => {
                 self.is_held = true;
                 self.revision += 1;
@@ -302,6 +250,64 @@ impl Machine {
             }
             _ => Err(refused(format!("{method} is refused"))),
         }
+    }
+
+    /// An upload as a program, which is checked, and loaded or not.
+    fn take_program(&mut self, params: &Value, is_loaded: bool) -> Result<Value, Refused> {
+        let number = params["upload"].as_u64().unwrap_or(0);
+        let (name, content) = self.uploads.remove(&number).ok_or_else(|| refused("no upload"))?;
+        let lines = String::from_utf8_lossy(&content)
+            .lines()
+            .position(|line| line.contains("(wrong)"));
+        if let Some(line) = lines {
+            return Err(refused(format!("{name}:{}: this is wrong", line + 1)));
+        }
+        if is_loaded {
+            self.loaded = Some((name.clone(), content));
+            self.revision += 1;
+        }
+        Ok(json!(Outlook {
+            program: name,
+            lines: 1,
+            planned_time_s: 1.0,
+            ..Outlook::default()
+        }))
+    }
+
+    /// Starts the program that is loaded.
+    fn start(&mut self, params: &Value) -> Result<Value, Refused> {
+        if self.running.is_some() || self.alarm.is_some() || !self.is_homed {
+            return Err(refused("the machine is not ready"));
+        }
+        let (name, content) = self.loaded.clone().ok_or_else(|| refused("no program is loaded"))?;
+        let text = String::from_utf8_lossy(&content);
+        let takes = text
+            .strip_prefix("(takes ")
+            .and_then(|rest| rest.split_once(')')?.0.parse().ok());
+        let takes = Duration::from_secs_f64(takes.unwrap_or(0.0));
+        writeln!(self.runs_file, "{}", params["request_id"].as_str().unwrap_or("-")).expect("runs can be written");
+        let begun = Instant::now();
+        self.running = Some(Running {
+            faults: text.contains("(faults)"),
+            name: name.clone(),
+            begun,
+            end: begun + takes,
+        });
+        self.mode = "auto";
+        let program = Some(ProgramRecord {
+            name: name.clone(),
+            begun_unix_s: now(),
+            ..ProgramRecord::default()
+        });
+        let more = Entry {
+            program,
+            ..Entry::default()
+        };
+        self.tell(&format!("program {name} begins"), more);
+        Ok(json!(Outlook {
+            program: name,
+            ..Outlook::default()
+        }))
     }
 }
 

@@ -10,6 +10,8 @@ use super::node::{self, Names};
 use super::powerlink::Powerlink;
 use super::protocol::{Keys, Network};
 use super::section::Section;
+#[cfg(feature = "testing")]
+use super::toy::{self, Toy};
 use std::path::Path;
 
 /// The part of a kind of bus. Of a kind that is not known yet, and where there is no bus, it is POWERLINK's.
@@ -17,7 +19,17 @@ fn keys_of(kind: Option<BusKind>) -> &'static dyn Keys {
     match kind.map_or(Protocol::None, BusKind::protocol) {
         Protocol::Powerlink | Protocol::None => &Powerlink,
         Protocol::Ethercat => &Ethercat,
+        #[cfg(feature = "testing")]
+        Protocol::Toy => &Toy,
     }
+}
+
+fn kind(section: &mut Section<'_, '_>) -> Option<BusKind> {
+    #[cfg(feature = "testing")]
+    if toy::is_meant(section) {
+        return Some(BusKind::Toy);
+    }
+    section.word("kind", &BusKind::WORDS, None)
 }
 
 pub(super) fn bus(
@@ -26,7 +38,7 @@ pub(super) fn bus(
     folder: &Path,
     uses: &[DriveUse],
 ) -> Option<Bus> {
-    let kind = section.word("kind", &BusKind::WORDS, None);
+    let kind = kind(section);
     let interface = interface(section, kind);
     let keys = keys_of(kind);
     section.foreign(keys.foreign_of_bus());

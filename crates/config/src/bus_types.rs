@@ -54,10 +54,13 @@ pub enum BusKind {
     EthercatMemory,
     /// There is no bus: all joints have step pulses.
     None,
+    /// The toy bus of tests, on a network interface or through memory.
+    #[cfg(feature = "testing")]
+    Toy,
 }
 
 impl BusKind {
-    /// The words of the machine file.
+    /// The words of the machine file. The toy bus of tests is in no list.
     pub const WORDS: [(&'static str, BusKind); 5] = [
         ("powerlink", BusKind::Powerlink),
         ("memory", BusKind::Memory),
@@ -74,6 +77,8 @@ impl BusKind {
             BusKind::Ethercat => "ethercat",
             BusKind::EthercatMemory => "ethercat-memory",
             BusKind::None => "none",
+            #[cfg(feature = "testing")]
+            BusKind::Toy => "toy",
         }
     }
 
@@ -83,12 +88,19 @@ impl BusKind {
             BusKind::Powerlink | BusKind::Memory => Protocol::Powerlink,
             BusKind::Ethercat | BusKind::EthercatMemory => Protocol::Ethercat,
             BusKind::None => Protocol::None,
+            #[cfg(feature = "testing")]
+            BusKind::Toy => Protocol::Toy,
         }
     }
 
     /// Whether its wire is a network interface.
     pub const fn has_interface(self) -> bool {
-        matches!(self, BusKind::Powerlink | BusKind::Ethercat)
+        match self {
+            BusKind::Powerlink | BusKind::Ethercat => true,
+            BusKind::Memory | BusKind::EthercatMemory | BusKind::None => false,
+            #[cfg(feature = "testing")]
+            BusKind::Toy => true,
+        }
     }
 }
 
@@ -102,6 +114,9 @@ pub enum Protocol {
     Ethercat,
     /// No bus. Without nodes, POWERLINK's half of each registry serves it.
     None,
+    /// The toy bus of tests. Only crates that are built for tests know it: the third kind that proves that two are not built in.
+    #[cfg(feature = "testing")]
+    Toy,
 }
 
 impl Protocol {
@@ -111,14 +126,21 @@ impl Protocol {
             Protocol::Powerlink => "powerlink",
             Protocol::Ethercat => "ethercat",
             Protocol::None => "none",
+            #[cfg(feature = "testing")]
+            Protocol::Toy => "toy",
         }
     }
 
     /// The protocol of a name.
     pub fn named(name: &str) -> Option<Protocol> {
-        [Protocol::Powerlink, Protocol::Ethercat, Protocol::None]
-            .into_iter()
-            .find(|protocol| protocol.name() == name)
+        let all = [
+            Protocol::Powerlink,
+            Protocol::Ethercat,
+            Protocol::None,
+            #[cfg(feature = "testing")]
+            Protocol::Toy,
+        ];
+        all.into_iter().find(|protocol| protocol.name() == name)
     }
 
     /// Its words for what every bus has.
@@ -134,6 +156,8 @@ impl Protocol {
                 cycle_start: "the first frame of each cycle",
                 nodes: "devices",
             },
+            #[cfg(feature = "testing")]
+            Protocol::Toy => Protocol::Ethercat.words(),
         }
     }
 
@@ -142,6 +166,8 @@ impl Protocol {
         match self {
             Protocol::Ethercat => true,
             Protocol::Powerlink | Protocol::None => false,
+            #[cfg(feature = "testing")]
+            Protocol::Toy => false,
         }
     }
 }

@@ -97,6 +97,8 @@ mod tests_program;
 mod tests_spindle;
 #[cfg(test)]
 mod tests_steps;
+#[cfg(feature = "testing")]
+mod toy;
 mod values;
 
 pub use analog::AnalogOutput;

@@ -93,6 +93,17 @@ impl<'d, 'l> Section<'d, 'l> {
         self.table.contains_key(key)
     }
 
+    /// Whether a key has this text: for what no reference is to name, nobody is told that this was asked.
+    #[cfg(feature = "testing")]
+    pub(super) fn says(&mut self, key: &'static str, text: &str) -> bool {
+        let says = |value: &Spanned<DeValue<'_>>| value.get_ref().as_str() == Some(text);
+        let is_it = self.table.get(key).is_some_and(says);
+        if is_it {
+            self.known.push(key);
+        }
+        is_it
+    }
+
     /// The value of a key if it stands here.
     pub(super) fn optional(&mut self, key: &'static str) -> Option<Item<'d, 'l>> {
         if !self.known.contains(&key) {

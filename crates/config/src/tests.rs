@@ -65,6 +65,21 @@ pub(super) fn changed(old: &str, new: &str) -> String {
     SMALL.replace(old, new)
 }
 
+/// Of the toy bus of tests nobody else hears, and what is not built for tests does not know it.
+#[test]
+fn the_toy_bus_is_in_no_list_and_only_tests_may_name_it() {
+    let words = BusKind::WORDS.map(|(word, _)| format!("\"{word}\"")).join(" or ");
+    assert!(!words.contains("toy"));
+    let of_kind = |kind: &str| messages(&changed("\"memory\"", kind)).into_iter().next();
+    let refused = |kind: &str| Some(format!("m.toml:5:8: bus.kind = {kind}: must be {words}"));
+    assert_eq!(of_kind("\"bus\""), refused("\"bus\""));
+    let toy = match cfg!(feature = "testing") {
+        true => Some("m.toml:4:1: bus.interface: is missing: the network interface of the bus".to_owned()),
+        false => refused("\"toy\""),
+    };
+    assert_eq!(of_kind("\"toy\""), toy);
+}
+
 #[test]
 fn the_demo_machine_is_read_whole() {
     let config = parse(DEMO, Path::new("demo.toml")).unwrap();

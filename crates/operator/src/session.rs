@@ -31,7 +31,7 @@ use host::setup;
 use host::setup::{Finding, Role, STACK_SIZE, by_cure, enter_thread};
 use host::signals::{StopOnDrop, StopSignal};
 use host::steadiness::Steadiness;
-use host::step_port::{self, StepPort};
+use host::step_port;
 use host::terminal::say;
 use host::wait::{Grid, monotonic_ns};
 use machine::journal::{Entry, Journal};
@@ -48,6 +48,7 @@ use rt::cycle_stats::CycleFigures;
 use rt::logic::{self, Desk, Scanner};
 use rt::pins::capacity;
 use rt::shared::OperatorEndpoints;
+use rt::steps::{StepDrives, Ticker};
 use rt::thread;
 use rt::timeout::{self, Limits, TimeoutThread};
 use sim::near_end;
@@ -278,14 +279,7 @@ fn run_on(
     let (control, endpoints) = assemble(config, &bus::plan(config), open.cyclic, &mut hal)?;
     // On the heap: it is larger than the stack of a real-time thread, which is locked in memory as a whole.
     let mut control = Box::new(control);
-    if let Some(port) = port_of_steps(config)? {
-        control.steps_mut().set_port(port);
-    }
-    // On paced time the cycle makes its pulses itself.
-    let steps = match paced {
-        None => control.steps_mut().take_ticker(),
-        Some(_) => None,
-    };
+    let steps = pulses(config, control.steps_mut(), paced.is_some())?;
     let desk = control.logic_mut().desk();
     let (client, inbox) = order_channel();
     let view = network_view(config, in_memory);
@@ -296,11 +290,7 @@ fn run_on(
         .with_logic(desk.clone());
     let socket = control_socket(hal.path(), &config.name)?;
     let (door, intake, arrivals) = server::entrance(methods.wake());
-    match Sampler::new(&hal, grid.period_ns) {
-        Ok(scope) => control.set_scope(scope),
-        // The machine runs as well without.
-        Err(cause) => tracing::warn!("no oscilloscope: {cause}"),
-    }
+    sample(&hal, grid.period_ns, &mut control);
 
     let (recorder, windows) = cycle_stats::recorder(grid.period_ns);
     let (reports, watch_reports) = rtrb::RingBuffer::new(timeout::REPORTS);
@@ -361,12 +351,7 @@ fn run_on(
         drop(ended);
         drop(ends);
         running.operator.close_journal();
-        if running.operator.needs_restart() {
-            end_with_thread(&cycle, &running.operator);
-        }
-        let figures = cycle.join().map_err(|_| {
-            anyhow!("the cycle thread panicked; nothing leads the machine any more, which stops by itself")
-        });
+        let figures = end_of_cycles(cycle, &running.operator);
         drop(timeouts);
         Ok((figures?, probed_time_s?))
     })?;
@@ -398,10 +383,23 @@ fn use_files_again() {
     }
 }
 
-/// The port of the step pulses, of this PC or simulated; `None`: there are no steppers.
-fn port_of_steps(config: &Config) -> anyhow::Result<Option<Box<dyn StepPort + Send>>> {
+/// Gives the steppers their port, of this PC or simulated; what makes their pulses beside the cycle.
+fn pulses(config: &Config, steps: &mut StepDrives, is_paced: bool) -> anyhow::Result<Option<Ticker>> {
     let out_of_this_pc = config.steps.as_ref().map(step_port::open).transpose()?.flatten();
-    Ok(out_of_this_pc.or_else(|| stepper::port(config)))
+    if let Some(port) = out_of_this_pc.or_else(|| stepper::port(config)) {
+        steps.set_port(port);
+    }
+    // On paced time the cycle makes its pulses itself.
+    Ok(if is_paced { None } else { steps.take_ticker() })
+}
+
+/// Has each cycle sample pins for the oscilloscope.
+fn sample<B: CyclicBus>(hal: &Hal, period_ns: u64, control: &mut MotionController<B>) {
+    match Sampler::new(hal, period_ns) {
+        Ok(scope) => control.set_scope(scope),
+        // The machine runs as well without.
+        Err(cause) => tracing::warn!("no oscilloscope: {cause}"),
+    }
 }
 
 /// What clients see of the network.
@@ -618,6 +616,16 @@ fn open_journal(folder: &Path, operator: &mut Operator) -> anyhow::Result<OpenJo
         operator.add_entry(format!("warning: {warning}"));
     }
     Ok((opened.journal, entries, kept))
+}
+
+/// Joins the cycle thread: how it ran. Where it hangs, the process ends here.
+fn end_of_cycles<T>(cycle: std::thread::ScopedJoinHandle<'_, T>, operator: &Operator) -> anyhow::Result<T> {
+    if operator.needs_restart() {
+        end_with_thread(&cycle, operator);
+    }
+    cycle
+        .join()
+        .map_err(|_| anyhow!("the cycle thread panicked; nothing leads the machine any more, which stops by itself"))
 }
 
 /// A thread that hangs cannot be joined: where it does not come back, the process ends without a report.

@@ -5,7 +5,7 @@
 //!
 //! | to learn | file |
 //! |---|---|
-//! | the seam between simulated devices and the bus that carries them; the protocols | `carrier.rs`; `protocol.rs`, `powerlink.rs`, `ethercat.rs` |
+//! | the seam between simulated devices and the bus that carries them; the protocols | `carrier.rs`; `protocol.rs`, `powerlink.rs`, `ethercat.rs`, of tests `toy.rs` |
 //! | a servo drive; how its profile says that it is built; its motor and load | `drive.rs`; `built.rs`; `motor.rs` |
 //! | an I/O node; an amplifier with an analog input behind it | `io.rs`; `amplifier.rs` |
 //! | stepper motors at the pins of the step port | `stepper.rs` |
@@ -38,6 +38,8 @@ mod run;
 mod sensors;
 mod spindle;
 pub mod stepper;
+#[cfg(feature = "testing")]
+mod toy;
 mod track;
 mod virtual_net;
 

@@ -23,7 +23,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 /// Address of the managing node on a wire in memory.
-const MEMORY_MAC: [u8; 6] = [0x02, 0, 0, 0, 0, 0xF0];
+pub(super) const MEMORY_MAC: [u8; 6] = [0x02, 0, 0, 0, 0, 0xF0];
 
 /// A wire in memory, with the machine in a thread of its own at the other end.
 ///

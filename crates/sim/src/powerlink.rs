@@ -2,8 +2,9 @@
 //!
 //! In:  frames of the managing node, the time. Out: the frames to answer with.
 //!
-//! The nodes hang on one wire: what one sends, the others hear. A drive lives by the SoC: each one closes a period of its motors and
-//! opens the next. The work of a period is done once the SoA has been answered, when nobody waits for this node. When the SoC
+//! The nodes hang on one wire: what one sends, the others hear. A frame is read once for all of them, and passes by those at which
+//! it does nothing ([`Cn::rests_until_ns`]): of hundreds, nearly all. A drive lives by the SoC: each one closes a period of its motors
+//! and opens the next. The work of a period is done once the SoA has been answered, when nobody waits for this node. When the SoC
 //! stays away for [`FREE_RUN_PERIODS`] its periods go by its own clock; how long it trusts its last set-point then is the business
 //! of its controlled node: 1C0B, 1C14.
 
@@ -15,7 +16,8 @@ use obd::Dictionary;
 use powerlink::cn::objects::{COMMUNICATION_BYTES, COMMUNICATION_ENTRIES, COMMUNICATION_PROFILE};
 use powerlink::cn::{Cn, CnConfig, Events};
 use powerlink::nmt::{NmtState, Reset};
-use powerlink::wire::{ETHER_TYPE, FRAME_LEN_MAX, Mac, message};
+use powerlink::wire::{self, ETHER_TYPE, FRAME_LEN_MAX, Frame, Header, Mac, message};
+use std::cell::Cell;
 
 const ENTRIES: usize = COMMUNICATION_ENTRIES + drive::ENTRIES;
 const OCTETS: usize = COMMUNICATION_BYTES + drive::OCTETS;
@@ -51,7 +53,28 @@ struct Place {
     /// The SoC came and its period has not been worked off.
     due: bool,
     free_running: bool,
+    /// As it has been since something was done to the node or its device last; `None`: nobody has asked.
+    rest: Cell<Option<Rest>>,
 }
+
+/// What passes a node by.
+#[derive(Clone, Copy, Debug)]
+struct Rest {
+    /// Frames between others: see [`Cn::rests_until_ns`].
+    until_ns: u64,
+    /// When it has to be polled; `None`: never.
+    next_poll_ns: Option<u64>,
+}
+
+impl Rest {
+    /// Whether a poll would do nothing.
+    fn lasts(&self, now_ns: u64) -> bool {
+        now_ns < self.until_ns && self.next_poll_ns.is_none_or(|poll_ns| now_ns < poll_ns)
+    }
+}
+
+/// A frame as all nodes hear it; `None`: it cannot be read.
+type Heard<'f> = Option<(Header, Frame<'f>)>;
 
 impl Place {
     fn new(config: &Config, index: NodeIndex) -> Result<Place, SimError> {
@@ -74,21 +97,59 @@ impl Place {
             period_start_ns: 0,
             due: false,
             free_running: true,
+            rest: Cell::new(None),
         })
     }
 
+    fn rest(&self) -> Rest {
+        let rest = self.rest.get().unwrap_or_else(|| {
+            let of_node_ns = self.device.is_powered().then(|| self.cn.next_deadline_ns()).flatten();
+            let own_ns = matches!(self.device, Device::Drive(_)).then(|| self.own_period_ns());
+            Rest {
+                until_ns: self.cn.rests_until_ns(),
+                next_poll_ns: of_node_ns.into_iter().chain(own_ns).min(),
+            }
+        });
+        self.rest.set(Some(rest));
+        rest
+    }
+
     /// The octets of `response` that are to be sent at once.
-    fn receive(&mut self, now_ns: u64, frame: &[u8], response: &mut [u8; FRAME_LEN_MAX]) -> Option<usize> {
+    fn receive(&mut self, now_ns: u64, frame: &Heard<'_>, response: &mut [u8; FRAME_LEN_MAX]) -> Option<usize> {
         if !self.plugged || !self.device.is_powered() {
             return None;
         }
-        let reaction = self.cn.receive(now_ns, frame, response);
+        if let Some((header, Frame::Preq(_))) = frame
+            && header.destination_node != self.cn.node_id()
+            && now_ns < self.rest().until_ns
+        {
+            return None;
+        }
+        self.rest.set(None);
+        let reaction = self.cn.receive_read(now_ns, *frame, response);
         self.apply_events(now_ns, &reaction.events);
         self.on_the_wire(reaction.transmit?, response)
     }
 
+    /// What another node has sent.
+    fn hear(&mut self, now_ns: u64, frame: &Heard<'_>, response: &mut [u8; FRAME_LEN_MAX]) {
+        match frame {
+            Some((header, Frame::Pres(pres))) if now_ns < self.rest().until_ns => {
+                if self.plugged && self.device.is_powered() {
+                    self.cn.overhear(header.source_node, pres);
+                }
+            }
+            // Nodes answer the managing node only; what they hear of each other is for cross traffic.
+            _ => _ = self.receive(now_ns, frame, response),
+        }
+    }
+
     /// What is due by the clock; the octets of `response` that are to be sent: the PRes of a chained node.
     fn poll(&mut self, now_ns: u64, response: &mut [u8; FRAME_LEN_MAX]) -> Option<usize> {
+        if self.rest().lasts(now_ns) {
+            return None;
+        }
+        self.rest.set(None);
         if self.device.is_powered() {
             let events = self.cn.poll(now_ns);
             self.apply_events(now_ns, &events);
@@ -134,6 +195,7 @@ impl Place {
     fn work(&mut self) {
         if self.due {
             self.due = false;
+            self.rest.set(None);
             self.step();
         }
     }
@@ -170,14 +232,9 @@ impl Place {
         self.period_start_ns + periods * self.period_ns
     }
 
-    fn next_poll_ns(&self) -> Option<u64> {
-        let of_node_ns = self.device.is_powered().then(|| self.cn.next_deadline_ns()).flatten();
-        let own_ns = matches!(self.device, Device::Drive(_)).then(|| self.own_period_ns());
-        of_node_ns.into_iter().chain(own_ns).min()
-    }
-
     /// In place: see [`Cn::power_on`].
     fn power_on(&mut self, now_ns: u64) -> bool {
+        self.rest.set(None);
         self.cn.power_on(now_ns);
         (self.due, self.free_running, self.period_start_ns) = (false, true, now_ns);
         // What was built once from the same dictionary can be built again.
@@ -241,9 +298,11 @@ impl Powerlink {
 
     /// What a node has sent, in `answer`, comes to the others.
     fn hear(&mut self, now_ns: u64, from: usize, length: usize) {
-        for other in (0..self.places.len()).filter(|other| *other != from) {
-            // Nodes answer the managing node only; what they hear of each other is for cross traffic.
-            self.places[other].receive(now_ns, &self.answer[..length], &mut self.response);
+        let heard = wire::accept(&self.answer[..length]).ok();
+        for (index, other) in self.places.iter_mut().enumerate() {
+            if index != from {
+                other.hear(now_ns, &heard, &mut self.response);
+            }
         }
     }
 }
@@ -252,8 +311,9 @@ impl Carrier for Powerlink {
     fn receive(&mut self, now_ns: u64, frame: &[u8], send: &mut dyn FnMut(&[u8])) -> bool {
         // No frame is answered by more than one node. The others hear its answer behind the frame, as on any wire.
         let mut answer = None;
+        let heard = wire::accept(frame).ok();
         for index in 0..self.places.len() {
-            if let Some(length) = self.places[index].receive(now_ns, frame, &mut self.response) {
+            if let Some(length) = self.places[index].receive(now_ns, &heard, &mut self.response) {
                 send(&self.response[..length]);
                 std::mem::swap(&mut self.response, &mut self.answer);
                 answer = Some((index, length));
@@ -289,7 +349,7 @@ impl Carrier for Powerlink {
     }
 
     fn next_poll_ns(&self) -> Option<u64> {
-        self.places.iter().filter_map(Place::next_poll_ns).min()
+        self.places.iter().filter_map(|place| place.rest().next_poll_ns).min()
     }
 
     fn device(&self, place: usize) -> &Device {
@@ -297,6 +357,7 @@ impl Carrier for Powerlink {
     }
 
     fn device_mut(&mut self, place: usize) -> &mut Device {
+        self.places[place].rest.set(None);
         &mut self.places[place].device
     }
 
@@ -321,7 +382,7 @@ impl Carrier for Powerlink {
     }
 
     fn power_off(&mut self, place: usize) {
-        self.places[place].device.power_off();
+        self.device_mut(place).power_off();
     }
 
     fn power_on(&mut self, place: usize, now_ns: u64) -> bool {
@@ -329,6 +390,7 @@ impl Carrier for Powerlink {
     }
 
     fn send_ethernet(&mut self, place: usize, frame: &[u8]) {
+        self.places[place].rest.set(None);
         // A network that is too slow for its traffic loses it.
         let _ = self.places[place].cn.send_ethernet(frame);
     }

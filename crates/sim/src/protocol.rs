@@ -4,6 +4,8 @@
 
 use super::carrier::Carrier;
 use super::near_end::{self, VirtualBus};
+#[cfg(feature = "testing")]
+use super::toy;
 use super::{SimError, VirtualNet, ethercat, powerlink};
 use bus::watch::Watch;
 use config::{Config, Protocol};
@@ -38,6 +40,8 @@ pub(super) fn simulated(config: &Config) -> &'static dyn Simulated {
     match config.bus.kind.protocol() {
         Protocol::Powerlink | Protocol::None => &Powerlink,
         Protocol::Ethercat => &Ethercat,
+        #[cfg(feature = "testing")]
+        Protocol::Toy => &toy::Simulated,
     }
 }
 

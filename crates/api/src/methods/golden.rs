@@ -292,83 +292,9 @@ fn answers_are_the_same_to_the_octet() {
         // A note for the journal.
         assert!(rig.inbox.take().is_some());
     }
-    for order in [
-        "on",
-        "off",
-        "estop",
-        "estop.reset",
-        "hold",
-        "resume",
-        "skip",
-        "stop",
-        "tool.changed",
-        "alarm.acknowledge",
-    ] {
-        rig.ask(order, none());
-    }
-    for order in [
-        "mdi.history",
-        "offset.list",
-        "tool.list",
-        "journal.since",
-        "program.report",
-        "home",
-        "program.start",
-        "reverse",
-        "jog.keep",
-        "jog.stop",
-    ] {
-        rig.ask(order, none());
-    }
-    for (method, params) in [
-        ("home", json!({ "joints": [0, 2] })),
-        ("program.load", json!({ "name": "a", "text": "M2\n" })),
-        ("program.load", json!({ "file": "demo.toml" })),
-        ("program.check", json!({ "path": "/p.ngc" })),
-        ("program.run", json!({ "text": "M2\n" })),
-        (
-            "program.start",
-            json!({ "from_line": 7, "yes": true, "dry_run_feed_mm_min": 500, "revision": 5 }),
-        ),
-        ("program.start", json!({ "repeat": 3 })),
-        ("program.report", json!({ "number": 3 })),
-        ("mdi", json!({ "line": "G0 X1" })),
-        ("mdi.stream", json!({ "text": "G0 X1\n", "wait": true })),
-        ("touch_off", json!({ "axis": "X", "value": 1.5 })),
-        ("touch_off", json!({ "axis": "z", "value": 1, "tool": 7 })),
-        ("touch_off", json!({ "axis": "Z", "value": 1, "system": "g59.3" })),
-        ("offset.set", json!({ "axis": "X", "value": 0, "system": "G55" })),
-        ("offset.set", json!({ "rotation_degrees": 30 })),
-        ("tool.set", json!({ "tool": 5, "length": 12.3 })),
-        ("tool.set", json!({ "tool": 5, "diameter": 6 })),
-        ("jog", json!({ "axis": "X", "velocity_mm_s": -10 })),
-        ("jog", json!({ "joint": 1, "velocity_mm_s": 10, "distance_mm": -0.5 })),
-        ("jog.keep", json!({ "axis": "X" })),
-        ("jog.stop", json!({ "joint": 2 })),
-        ("reverse", json!({ "percent": 25 })),
-        ("single_block", json!({ "on": true })),
-        ("optional_stop", json!({ "on": false })),
-        ("block_delete", json!({ "on": true })),
-        ("journal.since", json!({ "seq": 12 })),
-        ("parts.set", json!({ "count": 3, "target": 0 })),
-    ] {
-        rig.ask(method, params);
-    }
+    orders(&mut rig);
     rig.ask("override", json!({ "feed": 80, "rapid": 25.5, "spindle": 110 }));
-    let begun = rig
-        .ask("program.upload.begin", json!({ "name": "part.ngc", "octets": 3 }))
-        .unwrap();
-    let upload = &begun["upload"];
-    rig.ask(
-        "program.upload.append",
-        json!({ "upload": upload, "at": 0, "value": "6162" }),
-    );
-    rig.ask(
-        "program.upload.append",
-        json!({ "upload": upload, "at": 2, "value": "63" }),
-    );
-    let sha256 = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
-    rig.ask("program.upload.commit", json!({ "upload": upload, "sha256": sha256 }));
+    upload(&mut rig);
     rig.ask("program.text", json!({ "from_line": 2, "lines": 2 }));
     rig.ask("program.text", none());
     path(&mut rig);
@@ -410,6 +336,89 @@ impl Rig {
             ..Shown::default()
         });
     }
+}
+
+/// Orders to the machine: those without parameters, then one of each form.
+fn orders(rig: &mut Rig) {
+    for order in [
+        "on",
+        "off",
+        "estop",
+        "estop.reset",
+        "hold",
+        "resume",
+        "skip",
+        "stop",
+        "tool.changed",
+        "alarm.acknowledge",
+    ] {
+        rig.ask(order, json!({}));
+    }
+    for order in [
+        "mdi.history",
+        "offset.list",
+        "tool.list",
+        "journal.since",
+        "program.report",
+        "home",
+        "program.start",
+        "reverse",
+        "jog.keep",
+        "jog.stop",
+    ] {
+        rig.ask(order, json!({}));
+    }
+    for (method, params) in [
+        ("home", json!({ "joints": [0, 2] })),
+        ("program.load", json!({ "name": "a", "text": "M2\n" })),
+        ("program.load", json!({ "file": "demo.toml" })),
+        ("program.check", json!({ "path": "/p.ngc" })),
+        ("program.run", json!({ "text": "M2\n" })),
+        (
+            "program.start",
+            json!({ "from_line": 7, "yes": true, "dry_run_feed_mm_min": 500, "revision": 5 }),
+        ),
+        ("program.start", json!({ "repeat": 3 })),
+        ("program.report", json!({ "number": 3 })),
+        ("mdi", json!({ "line": "G0 X1" })),
+        ("mdi.stream", json!({ "text": "G0 X1\n", "wait": true })),
+        ("touch_off", json!({ "axis": "X", "value": 1.5 })),
+        ("touch_off", json!({ "axis": "z", "value": 1, "tool": 7 })),
+        ("touch_off", json!({ "axis": "Z", "value": 1, "system": "g59.3" })),
+        ("offset.set", json!({ "axis": "X", "value": 0, "system": "G55" })),
+        ("offset.set", json!({ "rotation_degrees": 30 })),
+        ("tool.set", json!({ "tool": 5, "length": 12.3 })),
+        ("tool.set", json!({ "tool": 5, "diameter": 6 })),
+        ("jog", json!({ "axis": "X", "velocity_mm_s": -10 })),
+        ("jog", json!({ "joint": 1, "velocity_mm_s": 10, "distance_mm": -0.5 })),
+        ("jog.keep", json!({ "axis": "X" })),
+        ("jog.stop", json!({ "joint": 2 })),
+        ("reverse", json!({ "percent": 25 })),
+        ("single_block", json!({ "on": true })),
+        ("optional_stop", json!({ "on": false })),
+        ("block_delete", json!({ "on": true })),
+        ("journal.since", json!({ "seq": 12 })),
+        ("parts.set", json!({ "count": 3, "target": 0 })),
+    ] {
+        rig.ask(method, params);
+    }
+}
+
+fn upload(rig: &mut Rig) {
+    let begun = rig
+        .ask("program.upload.begin", json!({ "name": "part.ngc", "octets": 3 }))
+        .unwrap();
+    let upload = &begun["upload"];
+    rig.ask(
+        "program.upload.append",
+        json!({ "upload": upload, "at": 0, "value": "6162" }),
+    );
+    rig.ask(
+        "program.upload.append",
+        json!({ "upload": upload, "at": 2, "value": "63" }),
+    );
+    let sha256 = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
+    rig.ask("program.upload.commit", json!({ "upload": upload, "sha256": sha256 }));
 }
 
 fn path(rig: &mut Rig) {

@@ -156,6 +156,8 @@ const ETHERCAT: Terms = Terms {
 fn terms(view: &NetworkView) -> &'static Terms {
     match Protocol::named(&view.protocol) {
         Some(Protocol::Ethercat) => &ETHERCAT,
+        #[cfg(feature = "testing")]
+        Some(Protocol::Toy) => &ETHERCAT,
         Some(Protocol::Powerlink | Protocol::None) | None => &POWERLINK,
     }
 }

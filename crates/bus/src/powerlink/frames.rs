@@ -34,6 +34,10 @@ impl FrameKind {
         if ether_type == of_ethercat::ETHER_TYPE {
             return of_ethercat::kind(frame);
         }
+        #[cfg(feature = "testing")]
+        if ether_type == crate::toy::ETHER_TYPE {
+            return crate::toy::kind(frame);
+        }
         if ether_type != ETHER_TYPE.to_be_bytes() {
             return FrameKind::Foreign;
         }

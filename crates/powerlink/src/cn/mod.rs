@@ -5,7 +5,8 @@
 //!      [`Events`]: the synchronous instant, new outputs in the dictionary, NMT state changes, loss of the managing node.
 //!
 //! [`Cn`] does no I/O and asks for no time. A process that is several nodes holds one `Cn` for each and hands every frame to
-//! all of them; each answers only what is meant for its node id. Frames that are not POWERLINK are the caller's.
+//! all of them, but for what may pass by one that [rests](Cn::rests_until_ns); each answers only what is meant for its node id.
+//! Frames that are not POWERLINK are the caller's.
 //!
 //! The device reads its outputs from the dictionary when [`Events::outputs`] is set and writes its inputs there; the next
 //! PRes carries them. Mapping (0x1600.., 0x1A00), mapping versions, payload limits and cycle length become active by

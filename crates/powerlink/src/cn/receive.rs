@@ -28,9 +28,19 @@ impl<const E: usize, const B: usize> Cn<E, B> {
     /// and the time of a chained PRes depend on it), and writes the frame that has to be sent at once into `response`. Frames
     /// that are malformed, that their sender may not send, or meant for others change nothing. RT: no allocation, no locks, bounded.
     pub fn receive(&mut self, now_ns: u64, frame: &[u8], response: &mut [u8; FRAME_LEN_MAX]) -> Reaction {
+        self.receive_read(now_ns, wire::accept(frame).ok(), response)
+    }
+
+    /// As [`receive`](Self::receive), of a frame that [`wire::accept`] has read once for several nodes; `None`: it was refused.
+    pub fn receive_read(
+        &mut self,
+        now_ns: u64,
+        frame: Option<(Header, Frame<'_>)>,
+        response: &mut [u8; FRAME_LEN_MAX],
+    ) -> Reaction {
         let mut reaction = Reaction::default();
         self.run_timers(now_ns, &mut reaction.events);
-        let Ok((header, frame)) = wire::accept(frame) else {
+        let Some((header, frame)) = frame else {
             return reaction;
         };
         // What says that it is from this node is from another one with the same id.
@@ -50,12 +60,33 @@ impl<const E: usize, const B: usize> Cn<E, B> {
             }
             Frame::Pres(pres) => {
                 self.apply_traffic(CnEvent::PollFrame, now_ns, events);
-                self.receive_pres(now_ns, header.source_node, &pres, events);
+                if header.source_node == node::MN {
+                    self.start_chain(now_ns);
+                }
+                self.take_pres(header.source_node, &pres, events);
             }
             Frame::Asnd(asnd) => self.receive_asnd(now_ns, &header, &asnd, events),
             Frame::Amni(_) | Frame::Ainv(_) => {}
         }
         reaction
+    }
+
+    /// Until when this node rests: before that time a PReq to another node does nothing here, and the PRes of one no more than
+    /// [`overhear`](Self::overhear) does. No timer runs out, no reset waits, and its state is none that such a frame ends. 0: it does
+    /// not rest.
+    pub fn rests_until_ns(&self) -> u64 {
+        let listens = matches!(self.state, NmtState::NotActive | NmtState::BasicEthernet);
+        match listens || self.reset_requested.is_some() {
+            true => 0,
+            false => self.next_deadline_ns().unwrap_or(u64::MAX),
+        }
+    }
+
+    /// The PRes of another controlled node, while this one rests: as [`receive`](Self::receive), and quicker. RT as that.
+    pub fn overhear(&mut self, from: u8, pres: &Pres<'_>) {
+        if from != self.node_id {
+            self.take_pres(from, pres, &mut Events::default());
+        }
     }
 
     fn receive_soc(&mut self, now_ns: u64, soc: Soc, events: &mut Events) {
@@ -112,14 +143,11 @@ impl<const E: usize, const B: usize> Cn<E, B> {
         Some(len)
     }
 
-    fn receive_pres(&mut self, now_ns: u64, from: u8, pres: &Pres<'_>, events: &mut Events) {
+    fn take_pres(&mut self, from: u8, pres: &Pres<'_>, events: &mut Events) {
         if !self.state.is_isochronous() {
             return;
         }
         self.count(self.keys.telegrams.isochronous_received);
-        if from == node::MN {
-            self.start_chain(now_ns);
-        }
         let pdo = Pdo {
             source: Source::Pres(from),
             version: pres.pdo_version,

@@ -36,17 +36,8 @@ impl Clients<'_, '_> {
         keeper: &mut Keeper<'_, '_>,
         now_ns: u64,
     ) -> Option<Answer> {
-        // Whatever it is: nothing can be done any more.
-        if operator.live().state == State::Silenced {
-            return Some(Err(operator.silenced().to_owned()));
-        }
-        if let Some(wish) = wish(&order) {
-            if let Err(why) = self.permits(&order, wish, operator) {
-                return Some(Err(why));
-            }
-            if is_told(&order) {
-                operator.add_entry(format!("order: {}", wish.command()));
-            }
+        if let Err(why) = self.admit(&order, operator) {
+            return Some(Err(why));
         }
         let done = match order {
             // It has no answer.
@@ -152,6 +143,20 @@ impl Clients<'_, '_> {
             }
         };
         Some(done.map(|()| json!(Nothing {})))
+    }
+
+    /// Whether an order may be carried out now. One that the machine does is told in the journal.
+    fn admit(&self, order: &Order, operator: &mut Operator) -> Result<(), String> {
+        // Whatever it is: nothing can be done any more.
+        if operator.live().state == State::Silenced {
+            return Err(operator.silenced().to_owned());
+        }
+        let Some(wish) = wish(order) else { return Ok(()) };
+        self.permits(order, wish, operator)?;
+        if is_told(order) {
+            operator.add_entry(format!("order: {}", wish.command()));
+        }
+        Ok(())
     }
 
     /// Whether the machine may do this now.

@@ -1,9 +1,9 @@
 //! Any frames at any time, mixed with what the device and the application do.
 
 use super::*;
-use crate::wire::{HEADER_LEN, SyncRequest};
+use crate::wire::{self, HEADER_LEN, SyncRequest};
 use proptest::prelude::*;
-use std::vec;
+use std::{format, vec};
 
 /// One thing that happens to a node.
 #[derive(Clone, Debug)]
@@ -27,7 +27,7 @@ enum Step {
 fn step() -> impl Strategy<Value = Step> {
     let body = || proptest::collection::vec(any::<u8>(), 0..80);
     let message = || prop::sample::select(vec![1, 3, 4, 5, 6, 7, 0x0D, 0x83]);
-    let node = || prop::sample::select(vec![NODE, NODE, 240, 255, 0]);
+    let node = || prop::sample::select(vec![NODE, NODE, 7, 240, 255, 0]);
     let service = prop::sample::select(vec![0, 1, 2, 3, 6, 0xFF, 0x77]);
     let time = || proptest::option::of(prop::sample::select(vec![0_u32, 1000, 500_000, u32::MAX]));
     let request =
@@ -102,10 +102,27 @@ fn invites(octets: &[u8]) -> bool {
     }
 }
 
+/// The node after a frame between others as it takes one while it rests; `None`: it does not rest, or the frame is no such.
+fn passed_by(cn: &Node, now_ns: u64, octets: &[u8]) -> Option<Node> {
+    let (header, frame) = wire::accept(octets).ok().filter(|_| now_ns < cn.rests_until_ns())?;
+    let mut cn = cn.clone();
+    match frame {
+        Frame::Preq(_) if header.destination_node != NODE => {}
+        Frame::Pres(pres) if header.source_node != node::MN => cn.overhear(header.source_node, &pres),
+        _ => return None,
+    }
+    Some(cn)
+}
+
 fn apply(bench: &mut Bench, step: &Step) -> Result<(), TestCaseError> {
     let now_ns = bench.now_ns;
     if let Some(octets) = octets_of(step) {
+        let passed = passed_by(&bench.node, now_ns, &octets);
         let reaction = bench.node.receive(now_ns, &octets, &mut bench.response);
+        if let Some(passed) = passed {
+            prop_assert_eq!(reaction.transmit, None);
+            prop_assert_eq!(format!("{passed:?}"), format!("{:?}", bench.node));
+        }
         if let Some(len) = reaction.transmit {
             prop_assert!(invites(&octets), "sent without being invited");
             let sent = &bench.response[..len];
@@ -135,6 +152,20 @@ fn apply(bench: &mut Bench, step: &Step) -> Result<(), TestCaseError> {
         Step::Octets(_) | Step::Frame(..) | Step::Other(..) | Step::Soa(..) | Step::Command(_) | Step::Sdo(..) => {}
     }
     Ok(())
+}
+
+#[test]
+fn a_node_rests_while_it_is_led_and_listens_before() {
+    let mut bench = Bench::new();
+    assert_eq!(bench.node.rests_until_ns(), 0);
+    bench.start();
+    let now_ns = bench.now_ns;
+    let heard = bench.node.dictionary().read(0x1101, 2).unwrap().to_vec();
+    for (message, to, from, counts) in [(3, 7, node::MN, 0), (4, 255, 7, 1)] {
+        let passed = passed_by(&bench.node, now_ns, &frame(message, to, from, &[0; 60])).expect("it rests");
+        let now_heard = passed.dictionary().read(0x1101, 2).unwrap();
+        assert_eq!(now_heard[0], heard[0] + counts);
+    }
 }
 
 proptest! {
