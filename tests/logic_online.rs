@@ -22,7 +22,7 @@ fn start(folder: tempfile::TempDir, name: &str) -> Control {
         format!("{text}[[logic]]\nfile = \"cell.st\"\nperiod_ms = 10\noverruns_stop = 0\n")
     });
     control.wait_for("the network", |status| {
-        status["power"] == "off" && status["step"] == "standing by"
+        status["power"] == "off" && status["step"] == "standing_by"
     });
     control
 }

@@ -530,7 +530,7 @@ fn a_cycle_by_hand() {
         str::to_owned,
     );
     control.wait_for("the network", |status| {
-        status["power"] != "starting" && status["step"] == "standing by"
+        status["power"] != "starting" && status["step"] == "standing_by"
     });
     let mdi = |line: &str| {
         control
@@ -590,7 +590,7 @@ fn it_tells_that_it_probes_and_what_it_has_found() {
         |run: &mut Rehearsal<'_>| {
             let probes = |run: &mut Rehearsal<'_>| {
                 let waiting = run.operator.live().waiting;
-                waiting.is_some_and(|waiting| waiting.word() == "probe")
+                waiting.is_some_and(|waiting| waiting.code().name() == "probe")
             };
             assert!(run.run_until(CYCLES_MAX, probes)?, "{:?}", run.operator.journal());
             assert_eq!(run.run(CYCLES_MAX)?, Outcome::Completed);

@@ -18,7 +18,7 @@ use std::time::Instant;
 fn up(name: &str) -> Control {
     let control = Control::start(name, Stdio::null());
     control.wait_for("the network", |status| {
-        status["power"] == "off" && status["step"] == "standing by"
+        status["power"] == "off" && status["step"] == "standing_by"
     });
     control
 }
@@ -230,7 +230,7 @@ fn an_emergency_stop_acts_beside_every_method() {
         format!("{text}\n[[logic]]\nfile = \"plc.st\"\nname = \"plc\"\nperiod_ms = 10\n")
     });
     control.wait_for("the network", |status| {
-        status["power"] == "off" && status["step"] == "standing by"
+        status["power"] == "off" && status["step"] == "standing_by"
     });
     let mut hand = client(&control);
     let mut took = Vec::new();

@@ -310,7 +310,7 @@ fn clients_wait_for_the_end_of_what_they_order() {
     let status = control.ask(&["status"]).unwrap();
     assert_eq!(
         (&status["step"], &status["homed"]),
-        (&"standing by".into(), &serde_json::json!([0, 1, 2]))
+        (&"standing_by".into(), &serde_json::json!([0, 1, 2]))
     );
 
     // Faster than the axis can, and farther than it may.
@@ -467,7 +467,7 @@ fn idle_connections_keep_no_stop_out() {
 #[test]
 fn clients_run_hold_and_stop_programs() {
     let mut control = Control::start("stand-by", Stdio::null());
-    let standing_by = |status: &Value| status["state"] == "disabled" && status["step"] == "standing by";
+    let standing_by = |status: &Value| status["state"] == "disabled" && status["step"] == "standing_by";
     let status = control.wait_for("standing by", standing_by);
     assert_eq!((&status["program"], &status["alarm"]), (&Value::Null, &Value::Null));
     control.refused(&["hold"], "nothing runs that could be held");

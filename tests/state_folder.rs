@@ -214,7 +214,7 @@ fn a_kill_in_a_change_of_tool_is_told() {
     let control = begun(tempfile::tempdir().unwrap());
     control.ask(&["home"]).unwrap();
     control.ask(&["mdi", "--no-wait", "T7 M6"]).unwrap();
-    control.wait_for("M6", |status| status["waiting"]["for"] == "tool-change");
+    control.wait_for("M6", |status| status["waiting"]["for"] == "tool_change");
     let state = control.folder.path().join("state/state.json");
     while !std::fs::read_to_string(&state)
         .unwrap_or_default()
@@ -227,7 +227,7 @@ fn a_kill_in_a_change_of_tool_is_told() {
     // Of one that came to its end nothing is said.
     control.ask(&["home"]).unwrap();
     control.ask(&["mdi", "--no-wait", "T7 M6"]).unwrap();
-    control.wait_for("M6", |status| status["waiting"]["for"] == "tool-change");
+    control.wait_for("M6", |status| status["waiting"]["for"] == "tool_change");
     control.ask(&["tool-changed"]).unwrap();
     control.wait_for("the end", |status| status["job"] == "completed");
     let control = begun(killed(control));
@@ -294,7 +294,7 @@ fn programs_leave_their_reports_and_alarms_their_records() {
     for (name, wanted) in [
         ("code", json!("J-206")),
         ("severity", json!("stop")),
-        ("reaction", json!("controlled stop")),
+        ("reaction", json!("controlled_stop")),
         ("first_cause", found["seq"].clone()),
         ("joint", json!(0)),
         ("node", json!("x-drive (node 1)")),

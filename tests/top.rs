@@ -115,7 +115,7 @@ impl Drop for Screen {
 #[test]
 fn a_machine_is_worked_with_by_keys_and_a_control_that_is_killed_is_told_of() {
     let mut control = Control::start("screen", Stdio::null());
-    control.wait_for("the network", |status| status["step"] == "standing by");
+    control.wait_for("the network", |status| status["step"] == "standing_by");
     let mut screen = Screen::open(&control.machine);
     screen.wait_for("Esc stop");
     screen.wait_for("OFF  MANUAL  idle");

@@ -17,7 +17,7 @@ const LONG: &str = "G21 G90 G94 G54 G64 P0.01\nG0 X5 Y5\nG1 X200 F400\nM2\n";
 fn day(name: &str, changed: fn(&str) -> String) -> Control {
     let control = Control::start_in(tempfile::tempdir().unwrap(), name, Stdio::null(), changed);
     control.wait_for("the network", |status| {
-        status["power"] != "starting" && status["step"] == "standing by"
+        status["power"] != "starting" && status["step"] == "standing_by"
     });
     control
 }
@@ -69,7 +69,7 @@ fn a_day_at_the_machine() {
     control.refused(&["touch-off", "X", "0"], "not all joints are homed: isocnc home");
     done(&control, &["home", "2"], "homed; drives are on");
     assert_eq!(status(&control)["homed"], serde_json::json!([2]));
-    assert_eq!(status(&control)["next"], "isocnc home");
+    assert_eq!(status(&control)["next"], "home");
     done(&control, &["home"], "homed; drives are on");
     control.refused(&["program", "start"], "no program is loaded: isocnc program load FILE");
 
@@ -128,7 +128,7 @@ fn a_day_at_the_machine() {
     );
     control.ask(&["mdi", "T5 M6", "--no-wait"]).unwrap();
     let waiting = control.wait_for("the wait for a tool", |status| {
-        status["waiting"]["for"] == "tool-change"
+        status["waiting"]["for"] == "tool_change"
     });
     assert_eq!(waiting["waiting"]["text"], "put tool 5 into the spindle");
     control.ask(&["tool-changed"]).unwrap();
@@ -255,7 +255,7 @@ fn the_chain_and_limit_switches_stop_the_machine_and_say_how_to_go_on() {
     let set = |pin: &str, value: &str| control.ask(&["hal", "set", pin, value]).unwrap();
     done(&control, &["home"], "homed; drives are on");
     set("iocontrol.0.emc-enable-in", "false");
-    control.wait_for("the stop", |status| status["power"] == "estop, chain open");
+    control.wait_for("the stop", |status| status["power"] == "estop_open");
     control.refused(&["on"], "release the button");
     let (code, said) = control.words(&["estop", "reset"]);
     assert!(code == Some(1) && said.contains("its chain is still open"), "{said}");

@@ -739,7 +739,7 @@ test("pages look as they did, have no serious finding of axe, are no wider than 
     await ask("mdi", { line: "M61 Q0" });
     await until("it", async () => (await ask("status")).tool === 0);
     await ask("program.start");
-    await until("a tool", async () => (await ask("status")).waiting?.for === "tool-change");
+    await until("a tool", async () => (await ask("status")).waiting?.for === "tool_change");
     await everywhere("tool-dialogue");
     await ask("stop");
     await until("rest", async () => (await state()) === "ready");

@@ -110,7 +110,7 @@ fn a_plotter_draws_within_a_step_of_its_path() {
 fn a_machine_without_a_bus_says_nothing_of_a_network() {
     let config = plotter();
     rehearse_on(&config, NetConfig::clean(1), DRAWING, |run| {
-        assert_eq!(run.operator.step_name(), "start");
+        assert_eq!(run.operator.step_code().name(), "start");
         assert_eq!(finish(run), Outcome::Completed);
         let told: Vec<&str> = run.operator.journal().iter().map(|entry| entry.text.as_str()).collect();
         assert!(

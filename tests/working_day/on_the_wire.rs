@@ -148,7 +148,7 @@ fn the_day_itself(control: &Control) -> f64 {
     let part = control.program("part.ngc", PART);
     let part = part.to_str().unwrap();
     control.wait_for("the network", |status| {
-        status["power"] != "starting" && status["step"] == "standing by"
+        status["power"] != "starting" && status["step"] == "standing_by"
     });
     // The emergency stop is pulled, in the morning as at night.
     control.ask(&["estop"]).unwrap();
@@ -203,7 +203,7 @@ fn the_day_itself(control: &Control) -> f64 {
 
 fn change_tool(control: &Control) {
     control.wait_for("the wait for a tool", |status| {
-        status["waiting"]["for"] == "tool-change"
+        status["waiting"]["for"] == "tool_change"
     });
     control.ask(&["tool-changed"]).unwrap();
 }

@@ -180,7 +180,7 @@ impl Text {
             ["version", "machine"],
             [([env!("CARGO_PKG_VERSION").to_owned(), facts.machine.to_owned()], 1.0)],
         );
-        let state = |state: State| ([format!("{state:?}").to_lowercase()], f64::from(state == now.state));
+        let state = |state: State| ([state.code()], f64::from(state == now.state));
         self.rows(
             "state",
             "gauge",
@@ -280,7 +280,7 @@ impl Text {
             ["phase"],
             Phase::ALL.map(seconds),
         );
-        let alarms = |reaction: Reaction| ([reaction.severity().to_owned()], live.desk.alarms(reaction) as f64);
+        let alarms = |reaction: Reaction| ([reaction.severity().to_string()], live.desk.alarms(reaction) as f64);
         self.rows(
             "alarms_total",
             "counter",

@@ -16,6 +16,7 @@ use nix::sys::eventfd::{EfdFlags, EventFd};
 use program::Change;
 use program::outline::Outline;
 use program::text::Text;
+use protocol::{Activity, Mode, Next, Outcome, Power, Step, Waiting};
 use rt::joint_jog::JogMotion;
 use serde::Serialize;
 use serde_json::Value;
@@ -140,21 +141,21 @@ pub enum Source {
 /// What lies open on the inbox.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Shown {
-    /// Step of the sequence, in words.
-    pub step: &'static str,
-    /// Whether the machine can move: `starting`, `off`, `on`, ...
-    pub power: &'static str,
-    /// What is going on: `idle`, `running`, ...
-    pub activity: &'static str,
-    /// Whose orders the machine follows, or followed last: `manual`, `mdi` or `auto`.
-    pub mode: &'static str,
+    /// Step of the sequence.
+    pub step: Step,
+    /// Whether the machine can move.
+    pub power: Power,
+    /// What is going on.
+    pub activity: Activity,
+    /// Whose orders the machine follows, or followed last.
+    pub mode: Mode,
     /// The program that is under way; else the one that is loaded, which is the one to start.
     pub program: Option<ShownProgram>,
     /// Its text.
     #[serde(skip)]
     pub text: Option<ShownText>,
     /// How the last order that takes time ended, once it has.
-    pub job: Option<&'static str>,
+    pub job: Option<Outcome>,
     /// The line of MDI under way, and those that wait behind it.
     pub mdi: Vec<String>,
     /// What a machine that waits waits for.
@@ -166,7 +167,7 @@ pub struct Shown {
     pub work_offset: Vec<f64>,
     pub work_rotation_degrees: f64,
     /// What to do next for a program to run; `None`: it could be started.
-    pub next: Option<&'static str>,
+    pub next: Option<Next>,
     /// Lines that begin with / are left out.
     pub block_delete: bool,
     /// Tool in the spindle, 0: none.
@@ -187,17 +188,6 @@ pub struct Shown {
 
 /// Entries of [`Shown::messages`].
 pub const MESSAGES: usize = 8;
-
-/// What a machine that waits waits for.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Waiting {
-    /// `operator`, `tool-change`, `spindle-speed`, ...
-    #[serde(rename = "for")]
-    pub what: &'static str,
-    pub text: String,
-    /// What releases it.
-    pub release: &'static str,
-}
 
 /// The text of a program of [`Shown`].
 #[derive(Clone, Debug)]
@@ -229,7 +219,7 @@ pub struct ShownProgram {
     #[serde(skip)]
     pub outline: Option<Outline>,
     /// How it ended, once it has.
-    pub result: Option<&'static str>,
+    pub result: Option<Outcome>,
 }
 
 /// The clients' side.

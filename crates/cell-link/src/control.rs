@@ -139,7 +139,7 @@ mod tests {
     #[test]
     fn notifications_between_answers_change_the_state() {
         let state = Status {
-            state: "ready".into(),
+            state: protocol::State::Ready,
             line: 1,
             ..Status::default()
         };
@@ -159,7 +159,7 @@ mod tests {
         assert_eq!(client.wait(Duration::ZERO).unwrap().line, 1);
         assert_eq!(client.call("x", json!({})), Ok(json!(3)));
         let state = client.wait(Duration::from_secs(60)).unwrap();
-        assert_eq!((state.line, state.state.as_str()), (7, "ready"));
+        assert_eq!((state.line, state.state), (7, protocol::State::Ready));
         assert_eq!(client.call("y", json!({})), Err(Refused::ByControl("not homed".into())));
         assert!(matches!(client.call("z", json!({})), Err(Refused::Gone(_))));
     }

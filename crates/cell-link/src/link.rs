@@ -20,7 +20,7 @@ use crate::message::{
 use crate::store;
 use protocol::limits::REQUEST_ID;
 use protocol::params::{self, Hex, NoParams};
-use protocol::{Entry, Method, Status, method};
+use protocol::{Activity, Entry, Method, Mode, Outcome, Power, Status, method};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::json;
@@ -418,9 +418,9 @@ impl<'a> Teller<'a> {
     }
 
     fn note_hands(&mut self, status: &Status) {
-        match (status.mode.as_str(), status.activity.as_str()) {
-            ("auto", _) | (_, "homing") => self.by_hand = false,
-            (_, "jogging") | ("mdi", _) => self.by_hand = true,
+        match (status.mode, status.activity) {
+            (Mode::Auto, _) | (_, Activity::Homing) => self.by_hand = false,
+            (_, Activity::Jogging) | (Mode::Mdi, _) => self.by_hand = true,
             _ => {}
         }
     }
@@ -479,10 +479,10 @@ impl<'a> Teller<'a> {
         let why_not = self.why_not(status);
         State {
             boot: self.shared.boot,
-            state: status.state.clone(),
-            power: status.power.clone(),
-            activity: status.activity.clone(),
-            mode: status.mode.clone(),
+            state: status.state,
+            power: status.power,
+            activity: status.activity,
+            mode: status.mode,
             is_ready: why_not.is_none(),
             why_not,
             remote: self.shared.settings.remote,
@@ -506,10 +506,10 @@ impl<'a> Teller<'a> {
         if let Some(alarm) = &status.alarm {
             return Some(format!("alarm: {alarm}"));
         }
-        if status.power != "on" {
+        if status.power != Power::On {
             return Some(format!("drives are not on: {}", status.power));
         }
-        if status.activity != "idle" {
+        if status.activity != Activity::Idle {
             return Some(format!("the machine is {}", status.activity));
         }
         let homed = status.homed.len();
@@ -573,16 +573,16 @@ fn journal(control: &mut dyn Control, since: u64) -> Result<News, Refused> {
 /// An order as this entry of the journal ends it; `None`: the entry is of something else.
 fn end_of(line: &Line, entry: &Entry) -> Option<Line> {
     let program = entry.program.as_ref()?;
-    let result = program.result.as_ref()?;
+    let result = program.result?;
     if line.state.phase != Phase::Running || entry.seq <= line.journal {
         return None;
     }
     let mut line = line.clone();
-    line.state.phase = match result.as_str() {
-        "completed" => Phase::Completed,
-        _ => Phase::Failed,
+    line.state.phase = match result {
+        Outcome::Completed => Phase::Completed,
+        Outcome::Stopped | Outcome::Faulted | Outcome::TimedOut => Phase::Failed,
     };
-    line.state.note.clone_from(result);
+    line.state.note = result.to_string();
     line.state.took_s = program.took_s;
     Some(line)
 }

@@ -4,6 +4,7 @@
 //!
 //! Every message is a JSON object, the [`Envelope`]; the content of a program travels beside it as it is.
 
+use protocol::{Activity, Mode, Power};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -188,13 +189,13 @@ pub struct State {
     /// Number of the run of this control: another one after each start.
     pub boot: u64,
     /// As `status` of the control has it: `state`, `power`, `activity`, `mode`.
-    pub state: String,
+    pub state: protocol::State,
     /// As `power` of `status`.
-    pub power: String,
+    pub power: Power,
     /// As `activity` of `status`.
-    pub activity: String,
+    pub activity: Activity,
     /// As `mode` of `status`.
-    pub mode: String,
+    pub mode: Mode,
     /// Whether a run would be accepted now; why not, in words.
     pub is_ready: bool,
     /// In words, where it would not.
@@ -220,10 +221,10 @@ pub struct State {
 impl State {
     /// How the time counts that is spent so.
     pub fn use_of_time(&self) -> Use {
-        match (self.alarm.is_some(), self.state.as_str()) {
+        match (self.alarm.is_some(), self.state) {
             (true, _) => Use::Alarm,
-            (false, "running") => Use::Running,
-            (false, "holding" | "held" | "paused" | "waiting") => Use::Held,
+            (false, protocol::State::Running) => Use::Running,
+            (false, protocol::State::Held) => Use::Held,
             _ => Use::Idle,
         }
     }

@@ -8,8 +8,9 @@
 use crate::control::{Control, Refused};
 use protocol::params::Hex;
 use protocol::{
-    Acknowledged, AlarmRecord, Control as Holder, Described, DescribedAxis, DescribedJoint, Entry, EntryKind, Journal,
-    Outlook, Parts, ProgramRecord, Status, StatusProgram, Tool, Tools, UploadBegun, UploadGrown,
+    Acknowledged, Activity, AlarmRecord, Control as Holder, Described, DescribedAxis, DescribedJoint, Entry, EntryKind,
+    Journal, Mode, Outcome, Outlook, Parts, Power, ProgramRecord, State, Status, StatusProgram, Tool, Tools,
+    UploadBegun, UploadGrown,
 };
 use serde_json::{Value, json};
 use std::collections::HashMap;
@@ -33,7 +34,7 @@ struct Machine {
     runs_file: File,
     is_homed: bool,
     alarm: Option<String>,
-    mode: &'static str,
+    mode: Mode,
     holder: Option<u64>,
     uploads: HashMap<u64, (String, Vec<u8>)>,
     last: u64,
@@ -79,14 +80,14 @@ impl Machine {
         self.revision += 1;
     }
 
-    fn end(&mut self, result: &str) {
+    fn end(&mut self, result: Outcome) {
         let Some(running) = self.running.take() else { return };
         let took_s = running.begun.elapsed().as_secs_f64();
         let text = format!("program {} {result}", running.name);
         let program = Some(ProgramRecord {
             name: running.name,
             begun_unix_s: now() - took_s,
-            result: Some(result.to_owned()),
+            result: Some(result),
             took_s: Some(took_s),
             ..ProgramRecord::default()
         });
@@ -95,7 +96,7 @@ impl Machine {
             ..Entry::default()
         };
         self.tell(&text, more);
-        self.parts += u64::from(result == "completed");
+        self.parts += u64::from(result == Outcome::Completed);
         self.is_held = false;
     }
 
@@ -106,10 +107,10 @@ impl Machine {
             .is_some_and(|running| !self.is_held && Instant::now() >= running.end);
         match is_over {
             true if self.running.as_ref().is_some_and(|running| running.faults) => {
-                self.end("faulted");
+                self.end(Outcome::Faulted);
                 self.raise("it was to fault");
             }
-            true => self.end("completed"),
+            true => self.end(Outcome::Completed),
             false => {}
         }
     }
@@ -129,18 +130,17 @@ impl Machine {
     }
 
     fn status(&self) -> Status {
-        let activity = match (&self.running, self.is_held) {
-            (Some(_), true) => "held",
-            (Some(_), false) => "running",
-            (None, _) => "idle",
+        let (state, activity) = match (&self.running, self.is_held) {
+            (Some(_), true) => (State::Held, Activity::Held),
+            (Some(_), false) => (State::Running, Activity::Running),
+            (None, _) => (State::Ready, Activity::Idle),
         };
-        let state = if activity == "idle" { "ready" } else { activity };
         Status {
             machine: self.name.clone(),
-            state: state.to_owned(),
-            power: "on".into(),
-            activity: activity.to_owned(),
-            mode: self.mode.to_owned(),
+            state,
+            power: Power::On,
+            activity,
+            mode: self.mode,
             homed: if self.is_homed { vec![0] } else { Vec::new() },
             alarm: self.alarm.clone(),
             parts: Parts {
@@ -244,7 +244,7 @@ impl Machine {
                 Ok(json!({}))
             }
             "stop" => {
-                self.end("stopped");
+                self.end(Outcome::Stopped);
                 self.revision += 1;
                 Ok(json!({}))
             }
@@ -293,7 +293,7 @@ impl Machine {
             begun,
             end: begun + takes,
         });
-        self.mode = "auto";
+        self.mode = Mode::Auto;
         let program = Some(ProgramRecord {
             name: name.clone(),
             begun_unix_s: now(),
@@ -334,7 +334,7 @@ impl Simulated {
             runs_file: open("sim-runs")?,
             is_homed: true,
             alarm: None,
-            mode: "manual",
+            mode: Mode::Manual,
             holder: None,
             uploads: HashMap::new(),
             last: 0,
@@ -414,7 +414,7 @@ impl Simulated {
     }
 
     /// Somebody at the machine moves it by hand: the last order was not of a program.
-    pub fn set_mode(&self, mode: &'static str) {
+    pub fn set_mode(&self, mode: Mode) {
         let mut machine = self.machine();
         (machine.mode, machine.revision) = (mode, machine.revision + 1);
         drop(machine);

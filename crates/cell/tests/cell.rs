@@ -217,7 +217,7 @@ fn programs_go_down_ends_and_alarms_come_up_and_nothing_runs_by_itself() {
     assert!(ended["took_s"].as_f64().unwrap() >= 0.1);
     assert_eq!(runs(&shop.path("mill")).unwrap().len(), 1);
 
-    mill.of.set_mode("mdi");
+    mill.of.set_mode(protocol::Mode::Mdi);
     until("hands", || {
         machine(desk, "mill")?["state"]["why_not"]
             .as_str()?

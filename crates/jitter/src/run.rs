@@ -329,7 +329,7 @@ impl Measured<'_> {
             let cause = match (ended.operator.alarms().first(), ended.operator.outcome()) {
                 (Some(alarm), _) => alarm.cause.clone(),
                 (None, _) if signal.caught().is_some() => SIGNAL.into(),
-                (None, Some(Outcome::TimedOut(step))) => format!("{} took too long", step.name()),
+                (None, Some(Outcome::TimedOut(step))) => format!("{} took too long", step.code(true)),
                 (None, Some(Outcome::Completed | Outcome::Stopped | Outcome::Faulted) | None) => {
                     "the machine stopped before".into()
                 }

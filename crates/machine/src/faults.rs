@@ -12,6 +12,7 @@ use cia402::axis::AxisFault;
 use config::NodeIndex;
 use motion::rt::homing::HomingFailure;
 use motion::rt::{Order, SyncFault};
+pub use protocol::Reaction;
 
 /// What every command says of a control whose cycle thread hung, where it does not know what leads the machine.
 pub const SILENCED: &str = "the control is silenced, because its cycle thread hung: nothing leads the machine any more, which stops by \
@@ -191,65 +192,10 @@ pub enum EstopCause {
     Sto { joint: usize },
 }
 
-/// What the machine does about a fault.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Reaction {
-    /// Counts it and goes on.
-    Count,
-    /// Tells the operator and goes on.
-    Warn,
-    /// Stops all joints together within the stop limits, then quick stop of the drives; alarm, nothing moves again
-    /// before it is acknowledged.
-    ControlledStop,
-    /// Quick stop of the drives at once, from the last good set-points: there is no path on which to stop; alarm, as above.
-    QuickStop,
-    /// Quick stop of the drives at once, spindle and coolant off; nothing moves again before the chain is closed and the stop is
-    /// reset. Beats every other state.
-    EmergencyStop,
-    /// Nothing can be steered any more: no cycle is sent, the drives stop by themselves for want of it; alarm.
-    Silence,
-}
-
 /// Code of the alarm of a control whose time-out thread hung.
 pub const UNWATCHED_CODE: &str = "C-405";
 /// The same of a program that turned out to be wrong.
 pub const PROGRAM_CODE: &str = "P-601";
-
-impl Reaction {
-    /// All of them, by their numbers.
-    pub const ALL: [Reaction; 6] = [
-        Reaction::Count,
-        Reaction::Warn,
-        Reaction::ControlledStop,
-        Reaction::QuickStop,
-        Reaction::EmergencyStop,
-        Reaction::Silence,
-    ];
-
-    /// How grave that is, in a word.
-    pub const fn severity(self) -> &'static str {
-        match self {
-            Reaction::Count => "info",
-            Reaction::Warn => "warning",
-            Reaction::ControlledStop => "stop",
-            Reaction::QuickStop => "quick stop",
-            Reaction::EmergencyStop => "emergency stop",
-            Reaction::Silence => "silenced",
-        }
-    }
-
-    /// The same as what the machine does.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Reaction::Count => "counted",
-            Reaction::Warn => "goes on",
-            Reaction::ControlledStop => "controlled stop",
-            Reaction::QuickStop => "quick stop of the drives",
-            Reaction::EmergencyStop => "emergency stop",
-            Reaction::Silence => "no cycle is sent any more",
-        }
-    }
-}
 
 /// Where in a program, if it was in one.
 fn in_line(line: u32) -> String {

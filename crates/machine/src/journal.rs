@@ -5,7 +5,7 @@
 //! Each line is one JSON object. A line that a power cut has cut short is taken away at the next start; a file that is no
 //! journal is set aside as `journal.bad.jsonl`, and a new one is begun. Numbers go on over all of that.
 
-use serde::{Deserialize, Serialize};
+pub use protocol::{Acknowledged, AlarmRecord, Entry, EntryKind as Kind, ProgramRecord};
 use std::fs::{File, OpenOptions};
 use std::io::{self, Write};
 use std::os::unix::fs::OpenOptionsExt;
@@ -17,92 +17,6 @@ const FILE_MAX: u64 = 4 << 20;
 const READ_MAX: u64 = 2 * FILE_MAX;
 /// Entries that are written at once, at the most.
 const CHUNK: usize = 1_000;
-
-/// What kind of thing happened.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Kind {
-    /// The machine stopped by itself.
-    Alarm,
-    /// Something is wrong and stops nothing.
-    Warning,
-    /// Anything else.
-    Note,
-}
-
-/// What an alarm or a warning is about.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct AlarmRecord {
-    /// Stays the same from version to version, like `J-203`.
-    pub code: String,
-    /// `warning`, `stop`, `quick stop`, `emergency stop` or `silenced`.
-    pub severity: String,
-    /// What the machine does about it.
-    pub reaction: String,
-    /// Number of the entry that tells the first cause; its own where it is that.
-    pub first_cause: u64,
-    /// Number of the joint, and name of the node.
-    pub joint: Option<usize>,
-    pub node: Option<String>,
-    /// The program that was under way, and its line.
-    pub program: Option<String>,
-    pub line: Option<u32>,
-    /// State of the machine before it.
-    pub state: String,
-    /// When somebody has acknowledged it, and how.
-    pub acknowledged: Option<Acknowledged>,
-}
-
-/// Who has acknowledged an alarm.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Acknowledged {
-    /// Seconds since 1970, UTC.
-    pub unix_s: f64,
-    /// The order that did it: `alarm acknowledge`, `estop reset`, or what was begun next.
-    pub by: String,
-}
-
-/// A program that begins, or is over.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct ProgramRecord {
-    pub name: String,
-    /// When it began, seconds since 1970, UTC.
-    pub begun_unix_s: f64,
-    /// How it ended; `None`: it begins here.
-    pub result: Option<String>,
-    /// Seconds from begin to end.
-    pub took_s: Option<f64>,
-    /// Line that it had reached.
-    pub line: Option<u32>,
-    /// Greatest distance of the actual path from the programmed one, mm.
-    pub deviation_max_mm: Option<f64>,
-    /// Number of its report.
-    pub report: Option<u64>,
-}
-
-/// A line of the journal.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Entry {
-    /// Number, from 1 on; it goes on where the last control of this machine ended.
-    pub seq: u64,
-    /// Seconds since 1970, UTC.
-    pub unix_s: f64,
-    /// Seconds since the first cycle.
-    pub time_s: f64,
-    /// What kind of thing happened.
-    pub kind: Kind,
-    /// What, in words.
-    pub text: String,
-    /// More of an alarm or a warning.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub alarm: Option<AlarmRecord>,
-    /// More of a program that begins or is over.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub program: Option<ProgramRecord>,
-    /// The entry says that these alarms (numbers of their entries) were acknowledged, and how.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub acknowledges: Option<(Vec<u64>, Acknowledged)>,
-}
 
 /// Puts what was acknowledged later into the entries of alarms.
 pub fn acknowledge(entries: &mut [Entry], seqs: &[u64], how: &Acknowledged) {

@@ -4,6 +4,7 @@
 //!
 //! Power, homing and what is going on are three independent facts. The page `docs/states.md` is made of this table.
 
+pub use protocol::{Activity, Next, Power};
 use std::fmt;
 
 /// What an operator may want.
@@ -122,108 +123,6 @@ impl Wish {
     }
 }
 
-/// Whether the machine can move.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Power {
-    /// The network is not up.
-    Starting,
-    /// Emergency stop, its chain still open.
-    EstopOpen,
-    /// Emergency stop, the chain closed again.
-    Estop,
-    /// A fault waits for an acknowledge.
-    Alarm,
-    /// Drives off.
-    Off,
-    /// Drives go on or off.
-    Switching,
-    /// Drives on.
-    On,
-    /// The control ends.
-    Ending,
-}
-
-impl Power {
-    /// All of them.
-    pub const ALL: [Power; 8] = [
-        Power::Starting,
-        Power::EstopOpen,
-        Power::Estop,
-        Power::Alarm,
-        Power::Off,
-        Power::Switching,
-        Power::On,
-        Power::Ending,
-    ];
-
-    /// Word for the operator.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Power::Starting => "starting",
-            Power::EstopOpen => "estop, chain open",
-            Power::Estop => "estop",
-            Power::Alarm => "alarm",
-            Power::Off => "off",
-            Power::Switching => "switching",
-            Power::On => "on",
-            Power::Ending => "ending",
-        }
-    }
-}
-
-/// What is going on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Activity {
-    /// Nothing.
-    Idle,
-    /// A program is read and checked.
-    Checking,
-    /// Joints home.
-    Homing,
-    /// Something is moved by hand.
-    Jogging,
-    /// A program or a line of MDI runs, or waits for something.
-    Running,
-    /// It rests on its path.
-    Held,
-    /// It is held, and the machine was moved away from its path by hand.
-    Away,
-    /// The machine returns to where it is held.
-    Returning,
-    /// It comes to rest and is given up.
-    Stopping,
-}
-
-impl Activity {
-    /// All of them.
-    pub const ALL: [Activity; 9] = [
-        Activity::Idle,
-        Activity::Checking,
-        Activity::Homing,
-        Activity::Jogging,
-        Activity::Running,
-        Activity::Held,
-        Activity::Away,
-        Activity::Returning,
-        Activity::Stopping,
-    ];
-
-    /// Word for the operator.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Activity::Idle => "idle",
-            Activity::Checking => "checking",
-            Activity::Homing => "homing",
-            Activity::Jogging => "jogging",
-            Activity::Running => "running",
-            Activity::Held => "held",
-            Activity::Away => "away",
-            Activity::Returning => "returning",
-            Activity::Stopping => "stopping",
-        }
-    }
-}
-
 /// How the machine is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Condition {
@@ -243,16 +142,13 @@ pub struct Condition {
     pub loaded: bool,
 }
 
-/// The next step where an alarm is what is in the way.
-pub const ACKNOWLEDGE: &str = "isocnc alarm acknowledge";
-
 /// Why an order is not carried out, and what would help.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Refusal {
     /// What is in the way.
     pub why: &'static str,
     /// The next step of the operator.
-    pub next: &'static str,
+    pub next: Next,
 }
 
 impl fmt::Display for Refusal {
@@ -269,28 +165,22 @@ pub fn permit(wish: Wish, condition: &Condition) -> Result<(), Refusal> {
     let refused = |why, next| Err(Refusal { why, next });
     let Condition { power, activity, .. } = *condition;
     if power == Power::Ending {
-        return refused("the control is ending", "start it again with isocnc run");
+        return refused("the control is ending", Next::RunControl);
     }
     if !condition.stands_by && !wish.is_for_one_program() {
-        return refused(
-            "this control was started for one program",
-            "start it without a program to give it other orders",
-        );
+        return refused("this control was started for one program", Next::RunWithoutProgram);
     }
     match wish {
         Wish::Estop | Wish::SingleBlock | Wish::OptionalStop => Ok(()),
         Wish::EstopReset => match power {
             // A latch may hold the chain open that a reset closes.
             Power::Estop | Power::EstopOpen => Ok(()),
-            _ => refused("there is no emergency stop", "nothing has to be reset"),
+            _ => refused("there is no emergency stop", Next::Nothing),
         },
         Wish::Acknowledge => match power {
             Power::Alarm => Ok(()),
-            Power::Estop | Power::EstopOpen => refused("emergency stop", "isocnc estop reset"),
-            _ => refused(
-                "there is nothing to acknowledge",
-                "isocnc status tells how the machine is",
-            ),
+            Power::Estop | Power::EstopOpen => refused("emergency stop", Next::ResetEstop),
+            _ => refused("there is nothing to acknowledge", Next::Status),
         },
         Wish::On => match power {
             // They are, and nothing is in its way.
@@ -312,7 +202,7 @@ pub fn permit(wish: Wish, condition: &Condition) -> Result<(), Refusal> {
             needs(condition, false)?;
             match activity {
                 Activity::Jogging | Activity::Held | Activity::Away => Ok(()),
-                Activity::Running => refused("a program runs", "isocnc hold, then jog"),
+                Activity::Running => refused("a program runs", Next::HoldThenJog),
                 _ => is_idle(activity),
             }
         }
@@ -329,7 +219,7 @@ pub fn permit(wish: Wish, condition: &Condition) -> Result<(), Refusal> {
             is_idle(activity)?;
             match condition.loaded {
                 true => Ok(()),
-                false => refused("no program is loaded", "isocnc program load FILE"),
+                false => refused("no program is loaded", Next::LoadProgram),
             }
         }
         Wish::TouchOff => is_homed(condition).and_then(|()| is_idle(activity)),
@@ -341,35 +231,26 @@ pub fn permit(wish: Wish, condition: &Condition) -> Result<(), Refusal> {
         },
         Wish::Hold => match activity {
             Activity::Running | Activity::Jogging | Activity::Held | Activity::Away | Activity::Returning => Ok(()),
-            _ => refused(
-                "nothing runs that could be held",
-                "isocnc status tells how the machine is",
-            ),
+            _ => refused("nothing runs that could be held", Next::Status),
         },
         // What it waits for decides then.
         Wish::Skip => match activity {
             Activity::Running => Ok(()),
-            Activity::Held => refused(
-                "a program is held in its path",
-                "isocnc resume; isocnc skip leaves out waits only",
-            ),
+            Activity::Held => refused("a program is held in its path", Next::Resume),
             _ => permit(Wish::Reverse, condition),
         },
         Wish::Resume | Wish::Reverse => match activity {
             Activity::Running | Activity::Held => Ok(()),
             Activity::Away if wish == Wish::Resume => Ok(()),
-            Activity::Away => refused("the machine is away from the path", "isocnc resume returns to it"),
-            Activity::Returning => refused("the machine returns to the path", "wait, or isocnc hold"),
-            Activity::Stopping => refused("the program is being given up", "start it again"),
-            _ => refused(
-                "no program runs or is held",
-                "isocnc program start, or isocnc program run FILE",
-            ),
+            Activity::Away => refused("the machine is away from the path", Next::Return),
+            Activity::Returning => refused("the machine returns to the path", Next::WaitOrHold),
+            Activity::Stopping => refused("the program is being given up", Next::StartAgain),
+            _ => refused("no program runs or is held", Next::StartProgram),
         },
         Wish::Stop => match (power, activity) {
             // Of a machine at rest, spindle and coolant.
             (Power::Switching | Power::On, _) => Ok(()),
-            (_, Activity::Idle) => refused("there is nothing to stop", "isocnc off switches drives off"),
+            (_, Activity::Idle) => refused("there is nothing to stop", Next::PowerOff),
             _ => Ok(()),
         },
     }
@@ -380,17 +261,14 @@ fn needs(condition: &Condition, or_off: bool) -> Result<(), Refusal> {
     let (why, next) = match condition.power {
         Power::On => return Ok(()),
         Power::Off if or_off => return Ok(()),
-        Power::Off => ("drives are off", "isocnc on"),
-        Power::Switching => ("drives are being switched", "wait until that is over"),
-        Power::Starting if condition.network => ("the network is not operational yet", "isocnc bus state"),
-        Power::Starting => ("the machine is still starting", "wait until that is over"),
-        Power::EstopOpen => (
-            "emergency stop, and the chain is open",
-            "release the button that opened it, then isocnc estop reset",
-        ),
-        Power::Estop => ("emergency stop", "isocnc estop reset"),
-        Power::Alarm => ("an alarm waits to be acknowledged", ACKNOWLEDGE),
-        Power::Ending => ("the control is ending", "start it again with isocnc run"),
+        Power::Off => ("drives are off", Next::PowerOn),
+        Power::Switching => ("drives are being switched", Next::Wait),
+        Power::Starting if condition.network => ("the network is not operational yet", Next::BusState),
+        Power::Starting => ("the machine is still starting", Next::Wait),
+        Power::EstopOpen => ("emergency stop, and the chain is open", Next::CloseChain),
+        Power::Estop => ("emergency stop", Next::ResetEstop),
+        Power::Alarm => ("an alarm waits to be acknowledged", Next::Acknowledge),
+        Power::Ending => ("the control is ending", Next::RunControl),
     };
     Err(Refusal { why, next })
 }
@@ -400,7 +278,7 @@ fn is_homed(condition: &Condition) -> Result<(), Refusal> {
         true => Ok(()),
         false => Err(Refusal {
             why: "not all joints are homed",
-            next: "isocnc home",
+            next: Next::Home,
         }),
     }
 }
@@ -410,7 +288,7 @@ fn is_off_limits(condition: &Condition) -> Result<(), Refusal> {
         false => Ok(()),
         true => Err(Refusal {
             why: "a limit switch is closed",
-            next: "jog away from it; isocnc status names the joint",
+            next: Next::JogOffSwitch,
         }),
     }
 }
@@ -418,17 +296,14 @@ fn is_off_limits(condition: &Condition) -> Result<(), Refusal> {
 fn is_idle(activity: Activity) -> Result<(), Refusal> {
     let (why, next) = match activity {
         Activity::Idle => return Ok(()),
-        Activity::Checking => ("a program is being checked", "wait, or isocnc stop"),
-        Activity::Homing => ("joints are being homed", "wait, or isocnc stop"),
-        Activity::Jogging => ("something is moved by hand", "let it come to rest"),
-        Activity::Running => ("a program runs", "wait, or isocnc stop"),
-        Activity::Held => ("a program is held", "isocnc resume, or isocnc stop"),
-        Activity::Away => (
-            "a program is held, away from its path",
-            "isocnc resume returns to it, isocnc stop gives it up",
-        ),
-        Activity::Returning => ("the machine returns to the path", "wait, or isocnc stop"),
-        Activity::Stopping => ("the machine comes to rest", "wait until it has"),
+        Activity::Checking => ("a program is being checked", Next::WaitOrStop),
+        Activity::Homing => ("joints are being homed", Next::WaitOrStop),
+        Activity::Jogging => ("something is moved by hand", Next::LetRest),
+        Activity::Running => ("a program runs", Next::WaitOrStop),
+        Activity::Held => ("a program is held", Next::ResumeOrStop),
+        Activity::Away => ("a program is held, away from its path", Next::ReturnOrStop),
+        Activity::Returning => ("the machine returns to the path", Next::WaitOrStop),
+        Activity::Stopping => ("the machine comes to rest", Next::WaitForRest),
     };
     Err(Refusal { why, next })
 }
@@ -464,7 +339,7 @@ mod tests {
                     Ok(()) => done += 1,
                     Err(Refusal { why, next }) => {
                         refused += 1;
-                        assert!(!why.is_empty() && !next.is_empty(), "{wish:?} {condition:?}");
+                        assert!(!why.is_empty() && !next.name().is_empty(), "{wish:?} {condition:?}");
                     }
                 }
             }
@@ -534,10 +409,10 @@ mod tests {
             };
             steps.push(refusal.next);
             match refusal.next {
-                "isocnc estop reset" => condition.power = Power::Off,
-                "isocnc on" => condition.power = Power::On,
-                "isocnc home" => condition.homed = true,
-                "isocnc program load FILE" => condition.loaded = true,
+                Next::ResetEstop => condition.power = Power::Off,
+                Next::PowerOn => condition.power = Power::On,
+                Next::Home => condition.homed = true,
+                Next::LoadProgram => condition.loaded = true,
                 _ => condition.power = Power::Estop,
             }
         }

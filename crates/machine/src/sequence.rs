@@ -20,6 +20,18 @@ pub enum Outcome {
     TimedOut(Step),
 }
 
+impl Outcome {
+    /// As clients are told.
+    pub const fn code(self) -> protocol::Outcome {
+        match self {
+            Outcome::Completed => protocol::Outcome::Completed,
+            Outcome::Stopped => protocol::Outcome::Stopped,
+            Outcome::Faulted => protocol::Outcome::Faulted,
+            Outcome::TimedOut(_) => protocol::Outcome::TimedOut,
+        }
+    }
+}
+
 /// Steps of the sequence, in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {
@@ -55,18 +67,20 @@ impl Step {
         }
     }
 
-    /// Words for the operator.
-    pub const fn name(self) -> &'static str {
+    /// As clients are told; `network`: the machine has one.
+    pub const fn code(self, network: bool) -> protocol::Step {
         match self {
-            Step::Network => "network boot",
-            Step::StandBy => "standing by",
-            Step::Enable => "switching drives on",
-            Step::Home => "homing",
-            Step::Program => "program",
-            Step::Stop => "stop",
-            Step::Disable => "switching drives off",
-            Step::ShutDown => "network shut-down",
-            Step::Done => "done",
+            Step::Network if network => protocol::Step::NetworkBoot,
+            Step::Network => protocol::Step::Start,
+            Step::StandBy => protocol::Step::StandingBy,
+            Step::Enable => protocol::Step::SwitchingOn,
+            Step::Home => protocol::Step::Homing,
+            Step::Program => protocol::Step::Program,
+            Step::Stop => protocol::Step::Stop,
+            Step::Disable => protocol::Step::SwitchingOff,
+            Step::ShutDown if network => protocol::Step::NetworkShutDown,
+            Step::ShutDown => protocol::Step::ShutDown,
+            Step::Done => protocol::Step::Done,
         }
     }
 }

@@ -8,6 +8,7 @@
 //! without it.
 
 use super::safe_file::{self, Files};
+use protocol::LastResult;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::io;
@@ -86,8 +87,8 @@ pub struct LastProgram {
     pub name: String,
     /// Line that it had reached.
     pub line: u32,
-    /// `loaded`, `completed`, `stopped`, `faulted`, `timed out` or `interrupted`; `None`: it is under way.
-    pub result: Option<String>,
+    /// What became of it; `None`: it is under way.
+    pub result: Option<LastResult>,
 }
 
 /// A state folder that was looked into.
@@ -263,7 +264,7 @@ mod tests {
             program: Some(LastProgram {
                 name: "/p/part.ngc".into(),
                 line: 40,
-                result: Some("stopped".into()),
+                result: Some(LastResult::Stopped),
             }),
         }
     }

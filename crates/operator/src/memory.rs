@@ -15,6 +15,7 @@ use host::capabilities::Work;
 use machine::safe_file::Disk;
 use machine::state::State;
 use machine::state_file::{self, LastProgram, MDI_MAX, Parts, Place, Remembered};
+use protocol::{LastResult, Outcome};
 use rt::shared::{Command, DrivePlace};
 use std::path::Path;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
@@ -24,12 +25,8 @@ use std::time::Duration;
 const WRITTEN_NS: u64 = 1_000_000_000;
 /// Moves below this are none, mm.
 const REST_MM: f64 = 1e-3;
-/// A program that has not begun.
-const LOADED: &str = "loaded";
 /// Farther than any joint goes, mm.
 const FARTHEST_MM: f64 = 1e7;
-/// How a program ended whose control was ended, or lost its power, under it.
-pub(super) const INTERRUPTED: &str = "interrupted";
 /// What waits at the most for a disk that takes nothing.
 const UNWRITTEN_MAX: usize = 100;
 /// A disk that takes nothing is asked again after this long.
@@ -89,7 +86,7 @@ impl<'env> Memory<'env> {
         let gone = now.mdi.len().saturating_sub(MDI_MAX);
         now.mdi.drain(..gone);
         if let Some(program) = &mut now.program {
-            program.result.get_or_insert_with(|| INTERRUPTED.to_owned());
+            program.result.get_or_insert(LastResult::Interrupted);
         }
         let mut pending = 0;
         for (joint, (place, of)) in now.joints.iter_mut().zip(&config.joints).enumerate() {
@@ -158,7 +155,7 @@ impl<'env> Memory<'env> {
         self.now.program = Some(LastProgram {
             name: name.to_owned(),
             line: 0,
-            result: Some(LOADED.to_owned()),
+            result: Some(LastResult::Loaded),
         });
     }
 
@@ -172,9 +169,9 @@ impl<'env> Memory<'env> {
     }
 
     /// It is over; `is_part`: it came to its end.
-    pub(super) fn end_program(&mut self, result: &str, is_part: bool, line: u32) {
+    pub(super) fn end_program(&mut self, result: Outcome, is_part: bool, line: u32) {
         if let Some(program) = &mut self.now.program {
-            program.result = Some(result.to_owned());
+            program.result = Some(result.into());
             program.line = line;
         }
         self.now.parts.count = self.now.parts.count.saturating_add(u64::from(is_part));
@@ -636,7 +633,7 @@ mod tests {
         remembered.parts.count = u64::MAX;
         let mut memory = Memory::new(&config, remembered);
         assert_eq!(memory.now().mdi.len(), MDI_MAX);
-        memory.end_program("completed", true, 1);
+        memory.end_program(Outcome::Completed, true, 1);
         assert_eq!(memory.now().parts.count, u64::MAX);
         assert_eq!(memory.reports().next_number(u64::MAX), u64::MAX);
     }
@@ -693,15 +690,15 @@ mod tests {
             (100, "G0 X50", "G0 X149")
         );
         memory.begin_program("part.ngc");
-        memory.end_program("stopped", false, 3);
-        memory.end_program("completed", true, 4);
+        memory.end_program(Outcome::Stopped, false, 3);
+        memory.end_program(Outcome::Completed, true, 4);
         assert_eq!(memory.now().parts.count, 1);
         memory.begin_program("next.ngc");
         let again = Memory::new(&config, memory.now().clone());
         let last = again.now().program.clone().expect("a program");
         assert_eq!(
-            (last.name.as_str(), last.result.as_deref()),
-            ("next.ngc", Some(INTERRUPTED))
+            (last.name.as_str(), last.result),
+            ("next.ngc", Some(LastResult::Interrupted))
         );
     }
 }

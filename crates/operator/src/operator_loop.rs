@@ -3,7 +3,7 @@
 //! In:  what the real-time threads show and report, a wish to stop.
 //! Out: orders to the cycle thread; how long the last program was planned to take.
 
-use super::standby::{Clients, Part, outcome_word};
+use super::standby::{Clients, Part};
 use super::systemd::{Service, ServiceStatus};
 use crate::console::Operator;
 use crate::memory::Memory;
@@ -299,11 +299,11 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
         let operator = &mut running.operator;
         operator.recorder.judge(true);
         let took_s = now_ns.saturating_sub(self.begun_ns) as f64 * 1e-9;
-        let word = outcome_word(outcome);
+        let code = outcome.code();
         let line = operator.recorder.last_line();
         let is_dry = self.clients.part().is_some_and(|part| part.dry_feed_min().is_some());
         let is_part = outcome == Outcome::Completed && !is_dry;
-        self.keeper.memory.end_program(word, is_part, line);
+        self.keeper.memory.end_program(code, is_part, line);
         let mut number = None;
         if let (Task::StandBy, Some(part)) = (self.session.task, self.clients.part()) {
             let config = self.session.config;
@@ -328,7 +328,7 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
                 run,
             }));
         }
-        operator.end_program(word, took_s, number);
+        operator.end_program(code, took_s, number);
     }
 
     /// A program that is repeated measures something and leaves nothing behind.

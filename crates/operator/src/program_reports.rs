@@ -166,7 +166,7 @@ mod tests {
             cycles_skipped: 0,
             run: ProgramReport {
                 program: "part.ngc".into(),
-                result: "faulted".into(),
+                result: protocol::Outcome::Faulted,
                 timed_out_step: None,
                 alarms: vec![alarm; 200],
                 warnings: Vec::new(),

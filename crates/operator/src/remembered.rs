@@ -3,7 +3,6 @@
 //! Lengths are in the unit of the machine, angles in degrees.
 
 use crate::console::Operator;
-use api::methods::entry;
 use config::Config;
 use machine::tables::Tables;
 use motion::canon::{Axis, LengthUnit, Position};
@@ -72,7 +71,7 @@ pub(super) fn journal(operator: &Operator, since: u64) -> Journal {
     let rest = &entries[behind..];
     let told = &rest[..rest.len().min(ENTRIES_MAX)];
     Journal {
-        entries: told.iter().cloned().map(entry).collect(),
+        entries: told.to_vec(),
         more: told.len() < rest.len(),
         last: operator.log().last(),
         on_disk: operator.log().last_on_disk(),

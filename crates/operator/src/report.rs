@@ -216,10 +216,10 @@ pub fn address(folder: &Path) -> String {
 pub struct ProgramReport {
     /// Path of the program.
     pub program: String,
-    /// `completed`, `stopped`, `faulted` or `timed out`.
-    pub result: String,
+    /// How it ended.
+    pub result: protocol::Outcome,
     /// The step that took too long, if one did.
-    pub timed_out_step: Option<String>,
+    pub timed_out_step: Option<protocol::Step>,
     /// Why, if it did not complete.
     pub alarms: Vec<Alarm>,
     /// What was wrong without stopping it.
@@ -257,17 +257,11 @@ impl ProgramReport {
     ) -> ProgramReport {
         let recorder = &operator.recorder;
         let (following_error_max_mm, following_error_max_line) = recorder.following_error_max();
-        let result = match outcome {
-            Some(Outcome::Completed) => "completed",
-            Some(Outcome::Stopped) => "stopped",
-            Some(Outcome::TimedOut(_)) => "timed out",
-            Some(Outcome::Faulted) | None => "faulted",
-        };
         ProgramReport {
             program: name.into(),
-            result: result.into(),
+            result: outcome.unwrap_or(Outcome::Faulted).code(),
             timed_out_step: match outcome {
-                Some(Outcome::TimedOut(step)) => Some(step.name().into()),
+                Some(Outcome::TimedOut(step)) => Some(step.code(true)),
                 _ => None,
             },
             alarms: operator.alarms_of_program().to_vec(),

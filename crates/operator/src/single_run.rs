@@ -123,9 +123,9 @@ pub fn run_and_report(job: Job<'_>, wire: Wire) -> anyhow::Result<ExitCode> {
     if ended.operator.needs_restart() {
         return Ok(ExitCode::from(session::EXIT_RESTART));
     }
-    Ok(match (session.signal.caught(), report.run.result.as_str()) {
+    Ok(match (session.signal.caught(), report.run.result) {
         (Some(signal), _) if report.run.alarms.is_empty() => ExitCode::from(signals::exit_code(signal)),
-        (None, "completed") => ExitCode::SUCCESS,
+        (None, protocol::Outcome::Completed) => ExitCode::SUCCESS,
         _ => ExitCode::FAILURE,
     })
 }

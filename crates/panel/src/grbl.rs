@@ -11,7 +11,7 @@ use crate::serve::Panel;
 use grbl::{Activity, Answer, Axis, Machine, Offsets, Order, Overrides, Session, Spindle, Status, TAKE_MAX};
 use protocol::params::{self, NoParams};
 use protocol::with_tokio::Client;
-use protocol::{ClientError, Described, Entry, Message, Method, Role, method};
+use protocol::{ClientError, Described, Entry, Message, Method, Outcome, Power, Role, WaitingFor, method};
 use std::collections::{BTreeMap, HashMap};
 use std::io;
 use std::sync::Arc;
@@ -369,12 +369,12 @@ impl Port {
     /// What is under way for longer goes on, as the machine is now.
     fn go_on(&mut self, status: &protocol::Status) {
         let Some((number, long, true)) = self.long else { return };
-        let job = status.job.as_deref();
+        let job = status.job;
         let alarm = || status.alarm.clone().unwrap_or_else(|| "it was stopped".into());
         let answer = match long {
             Long::Home => match job {
                 None => return,
-                Some("completed") => Ok(Answer::Done),
+                Some(Outcome::Completed) => Ok(Answer::Done),
                 Some(_) => Err(alarm()),
             },
             Long::Probe => {
@@ -386,13 +386,13 @@ impl Port {
                 }
             }
             Long::Unlock { ticks, is_on_ordered } => {
-                let power = status.power.as_str();
+                let power = status.power;
                 let has_alarm = status.alarm.is_some();
                 let next = match power {
                     _ if ticks >= UNLOCK_TICKS => Some(Err(alarm())),
-                    "on" if !has_alarm => Some(Ok(Answer::Done)),
+                    Power::On if !has_alarm => Some(Ok(Answer::Done)),
                     // Someone has to close it first.
-                    "estop, chain open" => Some(Err("the chain of the emergency stop is open".into())),
+                    Power::EstopOpen => Some(Err("the chain of the emergency stop is open".into())),
                     _ => None,
                 };
                 match next {
@@ -406,19 +406,19 @@ impl Port {
     }
 
     /// The next step of an unlock.
-    fn unlock(&mut self, number: u32, ticks: u32, is_on_ordered: bool, power: &str, has_alarm: bool) {
+    fn unlock(&mut self, number: u32, ticks: u32, is_on_ordered: bool, power: Power, has_alarm: bool) {
         let (none, asked) = (NoParams {}, Asked::Begun(number));
         let mut is_on = is_on_ordered;
         let waits = match power {
-            "estop" => {
+            Power::Estop => {
                 self.ask::<method::EstopReset>(&none, asked);
                 true
             }
-            "alarm" | "on" | "off" if power == "alarm" || has_alarm => {
+            Power::Alarm | Power::On | Power::Off if power == Power::Alarm || has_alarm => {
                 self.ask::<method::Acknowledge>(&none, asked);
                 true
             }
-            "off" if !is_on_ordered => {
+            Power::Off if !is_on_ordered => {
                 self.ask::<method::On>(&none, asked);
                 is_on = true;
                 true
@@ -449,20 +449,20 @@ impl Port {
     }
 
     fn status(&self, status: &protocol::Status) -> Status {
-        let power = status.power.as_str();
+        let power = status.power;
         let alarm = status.alarm.clone();
-        let alarm = alarm.or_else(|| power.starts_with("estop").then(|| "emergency stop".to_owned()));
+        let alarm = alarm.or_else(|| power.is_estop().then(|| "emergency stop".to_owned()));
         // What goes on by itself is no wait of somebody.
         let waiting = status.waiting.as_ref();
-        let waiting = waiting.filter(|waiting| matches!(waiting.what.as_str(), "operator" | "tool-change"));
-        let activity = match status.activity.as_str() {
-            "running" if waiting.is_some() => Activity::Held,
-            "running" | "checking" => Activity::Running,
-            "held" | "away" | "returning" => Activity::Held,
-            "homing" => Activity::Homing,
-            "jogging" => Activity::Jogging,
-            "stopping" => Activity::Stopping,
-            _ => Activity::Idle,
+        let waiting = waiting.filter(|waiting| matches!(waiting.what, WaitingFor::Operator | WaitingFor::ToolChange));
+        let activity = match status.activity {
+            protocol::Activity::Running if waiting.is_some() => Activity::Held,
+            protocol::Activity::Running | protocol::Activity::Checking => Activity::Running,
+            protocol::Activity::Held | protocol::Activity::Away | protocol::Activity::Returning => Activity::Held,
+            protocol::Activity::Homing => Activity::Homing,
+            protocol::Activity::Jogging => Activity::Jogging,
+            protocol::Activity::Stopping => Activity::Stopping,
+            protocol::Activity::Idle => Activity::Idle,
         };
         let three = |values: &[f64]| [0, 1, 2].map(|axis| values.get(axis).copied().unwrap_or_default());
         let percent = |percent: f64| percent.round().clamp(0.0, 999.0) as u16;
@@ -470,7 +470,7 @@ impl Port {
         let is_closed = |joint: &usize| switches.lower.contains(joint) || switches.upper.contains(joint);
         let spindle = status.spindle.as_ref();
         Status {
-            is_ready: power == "on" && status.homed.len() >= self.joints && alarm.is_none(),
+            is_ready: power == Power::On && status.homed.len() >= self.joints && alarm.is_none(),
             alarm,
             activity,
             position_mm: three(&status.position_mm),

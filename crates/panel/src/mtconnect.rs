@@ -22,7 +22,8 @@ use protocol::limits::{LETTERS, WORK_SYSTEMS};
 use protocol::params::{self, NoParams};
 use protocol::with_tokio::Client;
 use protocol::{
-    ClientError, Described, Entry, Followed, Message, Role, StateChange, Status, StatusAxis, Subscribed, Tools, method,
+    Activity, ClientError, Described, Entry, Followed, Message, Outcome, Power, Role, Severity, StateChange, Status,
+    StatusAxis, Subscribed, Tools, WaitingFor, method,
 };
 use sha2::{Digest, Sha256};
 use std::collections::HashMap;
@@ -351,7 +352,7 @@ fn tool_table(told: &Tools) -> Vec<Tool> {
 
 /// The state of the control in the words of MTConnect; `were`: positions of a moment ago, none where they are not known.
 fn facts(status: &Status, were: &[f64], measured: &Measured) -> Facts {
-    let homing = status.activity == "homing";
+    let homing = status.activity == Activity::Homing;
     let axes_now = status.axes.iter().map(|axis| {
         let place = LETTERS
             .iter()
@@ -378,16 +379,16 @@ fn facts(status: &Status, were: &[f64], measured: &Measured) -> Facts {
             motion,
         }
     });
-    let mode = match status.mode.as_str() {
-        "auto" if status.single_block => Mode::SemiAutomatic,
-        "auto" => Mode::Automatic,
-        "mdi" => Mode::Mdi,
-        _ => Mode::Manual,
+    let mode = match status.mode {
+        protocol::Mode::Auto if status.single_block => Mode::SemiAutomatic,
+        protocol::Mode::Auto => Mode::Automatic,
+        protocol::Mode::Mdi => Mode::Mdi,
+        protocol::Mode::Manual => Mode::Manual,
     };
     let program = status.program.as_ref();
     Facts {
-        is_emergency_stop: status.power.starts_with("estop"),
-        is_powered: status.power == "on",
+        is_emergency_stop: status.power.is_estop(),
+        is_powered: status.power == Power::On,
         mode,
         execution: execution(status),
         single_block: status.single_block,
@@ -416,24 +417,24 @@ fn facts(status: &Status, were: &[f64], measured: &Measured) -> Facts {
 }
 
 fn execution(status: &Status) -> Execution {
-    match status.activity.as_str() {
-        "held" if status.single_block => Execution::Interrupted,
-        "held" => Execution::FeedHold,
-        "away" | "returning" => Execution::Interrupted,
-        "stopping" => Execution::Stopped,
-        "running" => match status.waiting.as_ref().map(|waiting| waiting.what.as_str()) {
+    match status.activity {
+        Activity::Held if status.single_block => Execution::Interrupted,
+        Activity::Held => Execution::FeedHold,
+        Activity::Away | Activity::Returning => Execution::Interrupted,
+        Activity::Stopping => Execution::Stopped,
+        Activity::Running => match status.waiting.as_ref().map(|waiting| waiting.what) {
             None => Execution::Active,
             // M1 counts where it stops at all; which of both it is the text of the program knows.
-            Some("operator") => Execution::ProgramStopped,
-            Some("tool-change") => Execution::Wait(WaitFor::ToolLoad),
-            Some("feed") => Execution::FeedHold,
-            Some("dwell" | "probe") => Execution::Active,
+            Some(WaitingFor::Operator) => Execution::ProgramStopped,
+            Some(WaitingFor::ToolChange) => Execution::Wait(WaitFor::ToolLoad),
+            Some(WaitingFor::Feed) => Execution::FeedHold,
+            Some(WaitingFor::Dwell | WaitingFor::Probe) => Execution::Active,
             Some(_) => Execution::Wait(WaitFor::Other),
         },
-        _ if status.alarm.is_some() || status.power.starts_with("estop") => Execution::Stopped,
-        "idle" if status.mode == "auto" => {
-            match status.program.as_ref().and_then(|program| program.result.as_deref()) {
-                Some("completed") => Execution::Completed,
+        _ if status.alarm.is_some() || status.power.is_estop() => Execution::Stopped,
+        Activity::Idle if status.mode == protocol::Mode::Auto => {
+            match status.program.as_ref().and_then(|program| program.result) {
+                Some(Outcome::Completed) => Execution::Completed,
                 Some(_) => Execution::Stopped,
                 None => Execution::Ready,
             }
@@ -446,7 +447,7 @@ fn execution(status: &Status) -> Execution {
 fn alarm(status: &Status) -> Option<Alarm> {
     let text = status.alarm.clone()?;
     let records = status.messages.iter().rev().filter_map(|entry| entry.alarm.as_ref());
-    let record = records.into_iter().find(|record| record.severity != "warning");
+    let record = records.into_iter().find(|record| record.severity != Severity::Warning);
     let code = record.map_or_else(|| "alarm".to_owned(), |record| record.code.clone());
     let of_joint = |joint: usize| {
         status
@@ -510,9 +511,9 @@ mod tests {
             unit: "mm".into(),
         };
         let mut state = json!(Status {
-            power: "on".into(),
-            activity: "running".into(),
-            mode: "auto".into(),
+            power: Power::On,
+            activity: Activity::Running,
+            mode: protocol::Mode::Auto,
             program: Some(StatusProgram {
                 name: "p.ngc".into(),
                 ..StatusProgram::default()
@@ -543,27 +544,30 @@ mod tests {
             Execution::Interrupted
         );
         assert_eq!(execution(json!({ "activity": "returning" })), Execution::Interrupted);
-        let waiting = |what: &str| {
+        let waiting = |what: WaitingFor| {
             let waiting = Waiting {
-                what: what.into(),
+                what,
                 ..Waiting::default()
             };
             json!({ "waiting": waiting })
         };
-        assert_eq!(execution(waiting("operator")), Execution::ProgramStopped);
-        assert_eq!(execution(waiting("tool-change")), Execution::Wait(WaitFor::ToolLoad));
-        assert_eq!(execution(waiting("input")), Execution::Wait(WaitFor::Other));
-        assert_eq!(execution(waiting("feed")), Execution::FeedHold);
-        assert_eq!(execution(waiting("dwell")), Execution::Active);
-        let idle = |result: Option<&str>| {
+        assert_eq!(execution(waiting(WaitingFor::Operator)), Execution::ProgramStopped);
+        assert_eq!(
+            execution(waiting(WaitingFor::ToolChange)),
+            Execution::Wait(WaitFor::ToolLoad)
+        );
+        assert_eq!(execution(waiting(WaitingFor::Input)), Execution::Wait(WaitFor::Other));
+        assert_eq!(execution(waiting(WaitingFor::Feed)), Execution::FeedHold);
+        assert_eq!(execution(waiting(WaitingFor::Dwell)), Execution::Active);
+        let idle = |result: Option<Outcome>| {
             let program = StatusProgram {
-                result: result.map(str::to_owned),
+                result,
                 ..StatusProgram::default()
             };
             json!({ "activity": "idle", "program": program })
         };
-        assert_eq!(execution(idle(Some("completed"))), Execution::Completed);
-        assert_eq!(execution(idle(Some("stopped"))), Execution::Stopped);
+        assert_eq!(execution(idle(Some(Outcome::Completed))), Execution::Completed);
+        assert_eq!(execution(idle(Some(Outcome::Stopped))), Execution::Stopped);
         assert_eq!(execution(idle(None)), Execution::Ready);
         assert_eq!(
             execution(json!({ "activity": "idle", "power": "estop" })),
@@ -608,7 +612,7 @@ mod tests {
         let of = |code: &str, joint: Option<usize>| {
             let record = AlarmRecord {
                 code: code.into(),
-                severity: "stop".into(),
+                severity: Severity::Stop,
                 joint,
                 ..AlarmRecord::default()
             };

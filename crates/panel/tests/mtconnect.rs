@@ -2,8 +2,8 @@
 
 use panel::{Control, Counts, Guest, Listener, Settings, serve};
 use protocol::{
-    Described, DescribedAxis, Overrides, Parts, Pin, PinDirection, PinType, Pins, Status, StatusAxis, StatusProgram,
-    Tool, Tools,
+    Activity, Described, DescribedAxis, Mode, Overrides, Parts, Pin, PinDirection, PinType, Pins, Power, Status,
+    StatusAxis, StatusProgram, Tool, Tools,
 };
 use serde_json::{Value, json};
 use std::io::{self, BufRead, BufReader, Read, Write};
@@ -88,9 +88,9 @@ fn state(x: f64) -> Status {
         ..StatusAxis::default()
     };
     Status {
-        power: "on".into(),
-        activity: "running".into(),
-        mode: "auto".into(),
+        power: Power::On,
+        activity: Activity::Running,
+        mode: Mode::Auto,
         program: Some(StatusProgram {
             name: "p.ngc".into(),
             ..StatusProgram::default()

@@ -11,6 +11,7 @@
 //! |---|---|
 //! | which methods there are, with parameters and answers of each | `method.rs` |
 //! | what parameters and answers hold | `params.rs`; `answers/` |
+//! | what fields of answers can say | `codes.rs` |
 //! | words and bounds of parameters | `limits.rs` |
 //! | which role may do what | `role.rs` |
 //! | lines of JSON-RPC, and errors | `rpc.rs` |
@@ -19,6 +20,7 @@
 
 pub mod answers;
 pub mod client;
+pub mod codes;
 pub mod limits;
 pub mod method;
 pub mod params;
@@ -30,10 +32,11 @@ pub mod with_tokio;
 
 pub use answers::*;
 pub use client::{Client, ClientError, Followed, Sender};
+pub use codes::{Activity, LastResult, Mode, Next, Outcome, Power, Reaction, Severity, State, Step, WaitingFor};
 pub use method::Method;
 pub use role::{Remote, Role};
 pub use rpc::{Message, RpcError};
 
 /// Version of what is served: the first number changes when something is gone or means something else, the second when something is
 /// new.
-pub const API_VERSION: &str = "2.6";
+pub const API_VERSION: &str = "3.0";

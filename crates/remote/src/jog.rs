@@ -10,7 +10,7 @@ use clap::Args;
 use host::signals::{StopSignal, exit_code};
 use host::terminal::{alarm as alarm_text, say};
 use motion::canon::Axis;
-use protocol::{JogOutlook, Status, method, params};
+use protocol::{JogOutlook, State, Status, method, params};
 use rt::joint_jog::HOLDS_S;
 use serde_json::json;
 use std::process::ExitCode;
@@ -65,9 +65,9 @@ pub fn jog(args: &JogArgs) -> anyhow::Result<ExitCode> {
         let status = client.ask::<method::Status>(&params::NoParams {})?;
         let rests = status.velocity_mm_s == 0.0;
         // A machine that is away from its path is so also when nobody jogs.
-        match status.state.as_str() {
-            "jogging" => {}
-            "away" if !rests || endless && signal.caught().is_none() => {}
+        match status.state {
+            State::Jogging => {}
+            State::Away if !rests || endless && signal.caught().is_none() => {}
             _ => break,
         }
         // A key that is let go; at the end of the way, too, so that what is ordered next need not wait.
@@ -112,9 +112,9 @@ fn end_of(client: &mut Client) -> anyhow::Result<Status> {
 /// Whether nothing is to come of a jog: at rest, and where something has stopped the machine, its cause is there.
 fn is_settled(status: &Status) -> bool {
     status.velocity_mm_s == 0.0
-        && match status.state.as_str() {
-            "jogging" | "stopping" => false,
-            "faulted" | "estop" => status.alarm.is_some(),
+        && match status.state {
+            State::Jogging | State::Stopping => false,
+            State::Faulted | State::Estop => status.alarm.is_some(),
             _ => true,
         }
 }
@@ -219,19 +219,19 @@ mod tests {
 
     #[test]
     fn a_jog_is_over_at_rest_and_where_the_cause_of_a_stop_is_told() {
-        let status = |state: &str, velocity_mm_s: f64, alarm: Option<&str>| Status {
-            state: state.into(),
+        let status = |state: State, velocity_mm_s: f64, alarm: Option<&str>| Status {
+            state,
             velocity_mm_s,
             alarm: alarm.map(str::to_owned),
             ..Status::default()
         };
-        for state in ["ready", "away", "disabled", "held"] {
+        for state in [State::Ready, State::Away, State::Disabled, State::Held] {
             assert!(is_settled(&status(state, 0.0, None)), "{state}");
             assert!(!is_settled(&status(state, 0.1, None)), "{state}");
         }
-        assert!(!is_settled(&status("jogging", 0.0, None)));
-        assert!(!is_settled(&status("stopping", 0.0, Some("upper limit switch"))));
-        for state in ["faulted", "estop"] {
+        assert!(!is_settled(&status(State::Jogging, 0.0, None)));
+        assert!(!is_settled(&status(State::Stopping, 0.0, Some("upper limit switch"))));
+        for state in [State::Faulted, State::Estop] {
             assert!(!is_settled(&status(state, 0.0, None)), "{state}");
             assert!(is_settled(&status(state, 0.0, Some("upper limit switch"))), "{state}");
         }
@@ -253,7 +253,7 @@ mod tests {
         assert_eq!(cut(&JogOutlook::default(), 400.0), None);
         let mut status = Status {
             position_mm: vec![1.0, 205.0, 0.0],
-            state: "ready".into(),
+            state: State::Ready,
             ..Status::default()
         };
         assert_eq!(words(&outlook, &status), "Y at rest at 205.000 mm, its soft limit");

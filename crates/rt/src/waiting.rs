@@ -4,6 +4,7 @@
 
 use motion::canon::Input;
 use motion::element::Action;
+use protocol::WaitingFor;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 /// What a program waits for.
@@ -76,19 +77,18 @@ impl Waiting {
     }
 
     /// One word for programs.
-    pub fn word(self) -> &'static str {
+    pub fn code(self) -> WaitingFor {
         match self {
-            Waiting::Operator => "operator",
-            Waiting::ToolChange { .. } => "tool-change",
-            Waiting::SpindleSpeed => "spindle-speed",
-            Waiting::Input { .. } => "input",
-            Waiting::SpindleOrient => "spindle-orient",
-            Waiting::UserCommand { .. } => "user-command",
-            Waiting::Probe => "probe",
-            Waiting::Dwell => "dwell",
-            Waiting::Feed => "feed",
-            Waiting::Queue => "queue",
-            Waiting::Return => "operator",
+            Waiting::Operator | Waiting::Return => WaitingFor::Operator,
+            Waiting::ToolChange { .. } => WaitingFor::ToolChange,
+            Waiting::SpindleSpeed => WaitingFor::SpindleSpeed,
+            Waiting::Input { .. } => WaitingFor::Input,
+            Waiting::SpindleOrient => WaitingFor::SpindleOrient,
+            Waiting::UserCommand { .. } => WaitingFor::UserCommand,
+            Waiting::Probe => WaitingFor::Probe,
+            Waiting::Dwell => WaitingFor::Dwell,
+            Waiting::Feed => WaitingFor::Feed,
+            Waiting::Queue => WaitingFor::Queue,
         }
     }
 

@@ -3,15 +3,11 @@
 //! In:  the machine file; what the operator shows and the journal keeps. Out: the same as [`protocol`] has it.
 
 use crate::orders;
-use ::machine::journal;
 use ::machine::state_file;
 use config::{AxisMap, Config};
 use motion::canon::LengthUnit;
 use motion::kinematics::Transform;
-use protocol::{
-    Acknowledged, AlarmRecord, Described, DescribedAxis, DescribedJoint, Entry, EntryKind, LastProgram, Parts,
-    ProgramRecord, StatusProgram, Waiting,
-};
+use protocol::{Described, DescribedAxis, DescribedJoint, LastProgram, Parts, StatusProgram};
 
 /// Unit of positions of an axis.
 pub(super) fn unit(map: &AxisMap) -> &'static str {
@@ -70,17 +66,7 @@ impl From<orders::ShownProgram> for StatusProgram {
             lines: of.lines,
             planned_time_s: of.planned_time_s,
             dry_run: of.dry_run,
-            result: of.result.map(str::to_owned),
-        }
-    }
-}
-
-impl From<orders::Waiting> for Waiting {
-    fn from(of: orders::Waiting) -> Waiting {
-        Waiting {
-            what: of.what.to_owned(),
-            text: of.text,
-            release: of.release.to_owned(),
+            result: of.result,
         }
     }
 }
@@ -94,53 +80,4 @@ pub(super) fn parts(state_file::Parts { count, target }: state_file::Parts) -> P
 pub(super) fn last_program(of: state_file::LastProgram) -> LastProgram {
     let state_file::LastProgram { name, line, result } = of;
     LastProgram { name, line, result }
-}
-
-/// An entry of the journal.
-pub fn entry(of: journal::Entry) -> Entry {
-    Entry {
-        seq: of.seq,
-        unix_s: of.unix_s,
-        time_s: of.time_s,
-        kind: match of.kind {
-            journal::Kind::Alarm => EntryKind::Alarm,
-            journal::Kind::Warning => EntryKind::Warning,
-            journal::Kind::Note => EntryKind::Note,
-        },
-        text: of.text,
-        alarm: of.alarm.map(alarm),
-        program: of.program.map(program),
-        acknowledges: of.acknowledges.map(|(seqs, how)| (seqs, acknowledged(how))),
-    }
-}
-
-fn acknowledged(journal::Acknowledged { unix_s, by }: journal::Acknowledged) -> Acknowledged {
-    Acknowledged { unix_s, by }
-}
-
-fn alarm(of: journal::AlarmRecord) -> AlarmRecord {
-    AlarmRecord {
-        code: of.code,
-        severity: of.severity,
-        reaction: of.reaction,
-        first_cause: of.first_cause,
-        joint: of.joint,
-        node: of.node,
-        program: of.program,
-        line: of.line,
-        state: of.state,
-        acknowledged: of.acknowledged.map(acknowledged),
-    }
-}
-
-fn program(of: journal::ProgramRecord) -> ProgramRecord {
-    ProgramRecord {
-        name: of.name,
-        begun_unix_s: of.begun_unix_s,
-        result: of.result,
-        took_s: of.took_s,
-        line: of.line,
-        deviation_max_mm: of.deviation_max_mm,
-        report: of.report,
-    }
 }

@@ -3,7 +3,7 @@
 //! `GOLDEN=write cargo test -p isocnc-api golden` writes that.
 
 use super::*;
-use crate::orders::{self, MESSAGES, OrderInbox, Shown, ShownProgram, ShownText, Waiting};
+use crate::orders::{self, MESSAGES, OrderInbox, Shown, ShownProgram, ShownText};
 use crate::rpc::to_hex;
 use crate::server::subscription::State as Told;
 use ::machine::journal::{Acknowledged, AlarmRecord, Entry, Kind, ProgramRecord};
@@ -12,6 +12,7 @@ use bus::service::{Diagnose, Mailbox, MailboxFull, MailboxReply, NetworkLive, No
 use hal_pins::scope::Sampler;
 use hal_pins::{Hal, Output};
 use program::text::Text as ProgramText;
+use protocol::{Activity, LastResult, Mode, Next, Outcome, Power, Reaction, Severity, Step, Waiting, WaitingFor};
 use serde_json::json;
 use std::fmt::Write;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
@@ -176,14 +177,14 @@ impl Rig {
             Entry {
                 alarm: Some(AlarmRecord {
                     code: "J-203".into(),
-                    severity: "stop".into(),
-                    reaction: "stops".into(),
+                    severity: Severity::Stop,
+                    reaction: Reaction::ControlledStop,
                     first_cause: 2,
                     joint: Some(1),
                     node: Some("y-drive".into()),
                     program: Some("part.ngc".into()),
                     line: Some(7),
-                    state: "running".into(),
+                    state: State::Running,
                     acknowledged: Some(how.clone()),
                 }),
                 ..entry(2, Kind::Alarm, "alarm: joint 1")
@@ -192,7 +193,7 @@ impl Rig {
                 program: Some(ProgramRecord {
                     name: "part.ngc".into(),
                     begun_unix_s: 1e9,
-                    result: Some("faulted".into()),
+                    result: Some(Outcome::Faulted),
                     took_s: Some(12.0),
                     line: Some(7),
                     deviation_max_mm: None,
@@ -207,10 +208,10 @@ impl Rig {
         ];
         messages.truncate(MESSAGES);
         self.inbox.show(Shown {
-            step: "program",
-            power: "on",
-            activity: "running",
-            mode: "auto",
+            step: Step::Program,
+            power: Power::On,
+            activity: Activity::Running,
+            mode: Mode::Auto,
             program: Some(ShownProgram {
                 name: "part.ngc".into(),
                 revision: 5,
@@ -218,23 +219,23 @@ impl Rig {
                 planned_time_s: 61.5,
                 dry_run: true,
                 outline: None,
-                result: Some("stopped"),
+                result: Some(Outcome::Stopped),
             }),
             text: Some(ShownText {
                 revision: 5,
                 text: Arc::new(ProgramText::from("G21\nG0 X1\n(last)\nM2\n".as_bytes().to_vec())),
             }),
-            job: Some("completed"),
+            job: Some(Outcome::Completed),
             mdi: vec!["G0 X1".into(), "G0 X2".into()],
             waiting: Some(Waiting {
-                what: "tool-change",
+                what: WaitingFor::ToolChange,
                 text: "put in tool 7".into(),
-                release: "isocnc tool-changed",
+                release: "isocnc tool-changed".into(),
             }),
             codes: vec!["G0".into(), "G54".into()],
             work_offset: vec![1.0, -2.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
             work_rotation_degrees: 0.5,
-            next: Some("isocnc home"),
+            next: Some(Next::Home),
             block_delete: true,
             tool: 7,
             alarm: Some("x-drive lost".into()),
@@ -248,7 +249,7 @@ impl Rig {
             last_program: Some(LastProgram {
                 name: "part.ngc".into(),
                 line: 7,
-                result: Some("interrupted".into()),
+                result: Some(LastResult::Interrupted),
             }),
         });
     }
@@ -331,8 +332,8 @@ fn answers_are_the_same_to_the_octet() {
 impl Rig {
     fn show_idle(&mut self) {
         self.inbox.show(Shown {
-            activity: "idle",
-            power: "off",
+            activity: Activity::Idle,
+            power: Power::Off,
             ..Shown::default()
         });
     }

@@ -8,7 +8,7 @@ use crate::errands::Errand;
 use crate::rpc::{RpcError, code, to_hex};
 use files::read::TEXT_MAX;
 use machine::state::State;
-use protocol::{Doctor, Errors, FileError, FileWritten, MachineFile, OrdersTaken, Times};
+use protocol::{Activity, Doctor, Errors, FileError, FileWritten, MachineFile, OrdersTaken, Power, Times};
 use rt::times::Histogram;
 use serde::Serialize;
 use serde_json::json;
@@ -165,7 +165,7 @@ impl Methods {
         let state = self.live.snapshot().state;
         let shown = self.operator.shown();
         // What has been ordered and not begun shows there; a control that runs one program shows nothing.
-        let is_idle = shown.power != "switching" && ["", "idle"].contains(&shown.activity);
+        let is_idle = shown.power != Power::Switching && shown.activity == Activity::Idle;
         if !is_idle || !RESTING.contains(&state) {
             let what = format!(
                 "the machine is {}: it must rest, and nothing be under way",

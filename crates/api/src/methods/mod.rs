@@ -13,7 +13,6 @@ mod pin_values;
 mod pins;
 pub mod table;
 
-pub use described::entry;
 pub use pins::{pin, value_json};
 
 use super::control::{Control, NAME_MAX, Needs, Who};
@@ -335,7 +334,7 @@ impl Methods {
             machine: self.network.machine.clone(),
             file: self.network.file.clone(),
             pid: std::process::id(),
-            state: format!("{:?}", live.state).to_lowercase(),
+            state: live.state,
             cycles: live.cycles,
             cycles_skipped: live.cycles_skipped,
             late_max_us: live.late_max_ns as f64 / 1e3,
@@ -359,15 +358,15 @@ impl Methods {
             coolant: self.coolant(),
             external: self.external(),
             overrides: self.overrides(),
-            step: text(shown.step),
-            power: text(shown.power),
-            next: shown.next.map(text),
-            mode: text(shown.mode),
-            activity: text(shown.activity),
-            job: shown.job.map(text),
+            step: shown.step,
+            power: shown.power,
+            next: shown.next,
+            mode: shown.mode,
+            activity: shown.activity,
+            job: shown.job,
             program: shown.program.map(StatusProgram::from),
             mdi: shown.mdi,
-            waiting: shown.waiting.map(protocol::Waiting::from),
+            waiting: shown.waiting,
             codes: shown.codes,
             tool: shown.tool,
             work_offset_mm: shown.work_offset,
@@ -385,7 +384,7 @@ impl Methods {
             alarm: shown.alarm,
             forced: self.forced(),
             obstruction: shown.obstruction,
-            messages: shown.messages.into_iter().map(described::entry).collect(),
+            messages: shown.messages,
             control: self.control.shown((self.now_ns)()),
             parts: described::parts(shown.parts),
             runs_left: shown.runs_left,

@@ -15,7 +15,7 @@ use config::{self, Protocol};
 use host::terminal::table;
 use machine::faults::silenced;
 use protocol::params::NoParams;
-use protocol::{Status, method};
+use protocol::{State, Status, method};
 use serde_json::json;
 use std::io::{self, Write};
 use std::path::PathBuf;
@@ -169,7 +169,7 @@ fn who(node: &NodeView) -> String {
 
 /// Whether the control can do nothing any more.
 fn is_silenced(status: Option<&Status>) -> bool {
-    status.is_some_and(|status| status.state == "silenced")
+    status.is_some_and(|status| status.state == State::Silenced)
 }
 
 /// What is wrong, in sentences.

@@ -76,7 +76,7 @@ fn view() -> NetworkView {
 
 fn status() -> Status {
     Status {
-        state: "booting".into(),
+        state: protocol::State::Booting,
         pid: 77,
         late_max_us: 12.5,
         cycles_skipped: 2,
@@ -194,7 +194,7 @@ fn without_a_control_it_says_so_and_finds_no_trouble() {
     assert!(troubles(&view, None).is_empty());
     // All that is known of a silenced network is from before.
     let silenced = Status {
-        state: "silenced".into(),
+        state: protocol::State::Silenced,
         ..Status::default()
     };
     let said = machine::faults::silenced(true, false);

@@ -34,7 +34,10 @@ impl Fake {
             boot: self.boot,
             is_ready: !self.is_running(),
             remote: Remote::Run,
-            state: if self.is_running() { "running" } else { "ready" }.into(),
+            state: match self.is_running() {
+                true => protocol::State::Running,
+                false => protocol::State::Ready,
+            },
             journal: self.journal.len() as u64,
             order: self.orders.last().cloned(),
             ..State::default()

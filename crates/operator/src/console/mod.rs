@@ -311,7 +311,7 @@ impl Operator {
     }
 
     /// It is over. `report`: number of its report.
-    pub fn end_program(&mut self, result: &str, took_s: f64, report: Option<u64>) {
+    pub fn end_program(&mut self, result: protocol::Outcome, took_s: f64, report: Option<u64>) {
         let Some(ProgramBegun { name, unix_s, .. }) = self.program.take() else {
             return;
         };
@@ -319,7 +319,7 @@ impl Operator {
             program: Some(ProgramRecord {
                 name: name.clone(),
                 begun_unix_s: unix_s,
-                result: Some(result.to_owned()),
+                result: Some(result),
                 took_s: Some(took_s),
                 line: Some(self.recorder.last_line()),
                 deviation_max_mm: self.recorder.deviation().map(|deviation| deviation.actual_max_mm),
@@ -370,14 +370,14 @@ impl Operator {
         let line = self.live().line;
         AlarmRecord {
             code: code.to_owned(),
-            severity: reaction.severity().to_owned(),
-            reaction: reaction.name().to_owned(),
+            severity: reaction.severity(),
+            reaction,
             first_cause: if first || !stands { seq } else { self.alarms.first_cause },
             joint: None,
             node: None,
             program: self.program.as_ref().map(|program| program.name.clone()),
             line: Some(line).filter(|line| *line > 0 && self.program.is_some()),
-            state: self.state.name().to_owned(),
+            state: self.state,
             acknowledged: None,
         }
     }
@@ -590,13 +590,9 @@ impl Operator {
         std::mem::take(&mut self.signals.stop_pressed)
     }
 
-    /// What is under way, in words.
-    pub fn step_name(&self) -> &'static str {
-        match self.step() {
-            Step::Network if !self.names.has_network => "start",
-            Step::ShutDown if !self.names.has_network => "shut-down",
-            step => step.name(),
-        }
+    /// What is under way, as clients are told.
+    pub fn step_code(&self) -> protocol::Step {
+        self.step().code(self.names.has_network)
     }
 
     /// Whether what the machine shows is what came of all orders given.

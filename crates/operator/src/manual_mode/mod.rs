@@ -178,7 +178,7 @@ pub(super) fn joints(what: Jogged, config: &Config) -> Result<u64, String> {
 }
 
 fn not_now(operator: &Operator) -> String {
-    let (state, step) = (operator.live().state.name(), operator.step_name());
+    let (state, step) = (operator.live().state, operator.step_code());
     format!("not while the machine is {state} ({step})")
 }
 

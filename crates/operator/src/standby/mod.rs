@@ -18,7 +18,7 @@ mod tests_days;
 mod wishes;
 
 pub(super) use self::check::Part;
-pub(super) use self::clients::{Clients, outcome_word};
+pub(super) use self::clients::Clients;
 use crate::console::level;
 use crate::operator_loop::{LoopTask, Running};
 use crate::progress::told;

@@ -19,9 +19,9 @@ export function t(key: Key, values: Record<string, string | number> = {}): strin
   return MESSAGES[language][key].replace(/\{(\w+)\}/g, (_, name: string) => String(values[name] ?? ""));
 }
 
-/** A word of the control that has a translation here, else as it is. */
-export function word(group: string, value: string): string {
-  return (MESSAGES[language] as Record<string, string>)[`${group}-${value.replace(/[ ,]+/g, "-")}`] ?? value;
+/** A code of the control that has a word here, else as it is. */
+export function word(group: string, code: string): string {
+  return (MESSAGES[language] as Record<string, string>)[`${group}-${code.replace(/_/g, "-")}`] ?? code;
 }
 
 /** Another language holds from the next page on. */

@@ -1,6 +1,6 @@
 /** Orders as buttons give them, and which of them the control would take at the moment. */
 import { ALWAYS, type Store, order } from "./store";
-import type { Status } from "./types";
+import type { Next, Power, Status } from "./types";
 
 /** Whether it would not be sent, or refused by the control: the button is dim then. The control itself decides, and says why. */
 export function refuses({ status, connected, age }: Store, what: string): boolean {
@@ -22,7 +22,7 @@ export function refuses({ status, connected, age }: Store, what: string): boolea
     case "skip":
       return !["operator", "dwell", "input"].includes(waiting?.for ?? "");
     case "reset":
-      return !["estop", "estop, chain open", "alarm"].includes(power);
+      return !isEstop(power) && power !== "alarm";
     case "jog":
       return !on || !["idle", "jogging", "held", "away"].includes(activity);
     case "home":
@@ -43,23 +43,29 @@ export function jointCount(status: Status): number {
   return new Set(status.axes.flatMap((axis) => axis.joints)).size;
 }
 
-/** After an emergency stop or an alarm. */
-export function reset(status: Status): Promise<unknown> {
-  return order(status.power.startsWith("estop") ? "estop.reset" : "alarm.acknowledge");
+export function isEstop(power: Power | null): boolean {
+  return power === "estop" || power === "estop_open";
 }
 
+/** After an emergency stop or an alarm. */
+export function reset(status: Status): Promise<unknown> {
+  return order(isEstop(status.power) ? "estop.reset" : "alarm.acknowledge");
+}
+
+interface Step {
+  method: "on" | "estop.reset" | "alarm.acknowledge" | "home";
+  word: "power-on" | "reset" | "acknowledge" | "home-all";
+}
+
+/** Next steps that a button does. */
+const STEPS: Partial<Record<Next, Step>> = {
+  power_on: { method: "on", word: "power-on" },
+  reset_estop: { method: "estop.reset", word: "reset" },
+  acknowledge: { method: "alarm.acknowledge", word: "acknowledge" },
+  home: { method: "home", word: "home-all" },
+};
+
 /** What the control says is the next step, as an order of the panel. */
-export function nextStep(status: Status): { method: "on" | "estop.reset" | "alarm.acknowledge" | "home"; word: "power-on" | "reset" | "acknowledge" | "home-all" } | null {
-  switch (status.next) {
-    case "isocnc on":
-      return { method: "on", word: "power-on" };
-    case "isocnc estop reset":
-      return { method: "estop.reset", word: "reset" };
-    case "isocnc alarm acknowledge":
-      return { method: "alarm.acknowledge", word: "acknowledge" };
-    case "isocnc home":
-      return { method: "home", word: "home-all" };
-    default:
-      return null;
-  }
+export function nextStep({ next }: Status): Step | null {
+  return next === null ? null : (STEPS[next] ?? null);
 }

@@ -2,7 +2,7 @@
 import { useEffect, useState } from "preact/hooks";
 import { type Key, dateAndTime, fixed, language, setLanguage, t, timeOfDay, word } from "./i18n";
 import { keys } from "./keys";
-import { nextStep, refuses, reset } from "./orders";
+import { isEstop, nextStep, refuses, reset } from "./orders";
 import { StartButton } from "./start";
 import { ask, clientName, connection, controlOf, dismiss, getStore, logIn, order, say, setStore, tellRefused, token, useStatus, useStore } from "./store";
 import type { Entry } from "./types";
@@ -46,7 +46,7 @@ export function StateBar() {
       <div class={`state ${look}`} data-testid="state" data-state={state} role="status" aria-live="polite" aria-label={t("state")}>
         <Icon name={icon} />
         <b>{state ? word("state", state) : "–"}</b>
-        {power === "estop, chain open" && <span>{t("chain-open")}</span>}
+        {power === "estop_open" && <span>{t("chain-open")}</span>}
       </div>
       <div class="mode" data-testid="mode" data-mode={mode ?? ""} title={t("mode")}>
         {mode ? word("mode", mode) : ""}
@@ -258,7 +258,7 @@ function Alarm() {
   const power = useStatus((s) => s.power);
   const step = useStatus((s) => nextStep(s));
   const entry = useStatus((s) => [...s.messages].reverse().find((one) => one.kind === "alarm" && !one.alarm?.acknowledged)) ?? null;
-  const estop = power?.startsWith("estop");
+  const estop = isEstop(power);
   return (
     <div class={alarm || estop ? "alarm shown" : "alarm"} data-testid="alarm" role="alert" aria-live="assertive">
       {(alarm || estop) && (
@@ -284,7 +284,7 @@ export function about(entry: Entry): string {
   if (!alarm) return "";
   const parts = [dateOrTime(entry.unix_s)];
   if (alarm.line !== null && alarm.program !== null) parts.push(t("alarm-at", { line: alarm.line, program: alarm.program }));
-  parts.push(t("alarm-reaction", { reaction: inWords(alarm.reaction) }));
+  parts.push(t("alarm-reaction", { reaction: word("reaction", alarm.reaction) }));
   if (alarm.acknowledged) parts.push(t("acknowledged-by", { by: alarm.acknowledged.by, time: timeOfDay(alarm.acknowledged.unix_s) }));
   return parts.join(" · ");
 }
@@ -333,7 +333,7 @@ async function resume(): Promise<void> {
 
 /** What the program waits for a person to do. Not closed by a key that moves the machine. */
 export function ToolDialogue() {
-  const waits = useStatus((s) => (s.waiting?.for === "tool-change" ? s.waiting.text : null));
+  const waits = useStatus((s) => (s.waiting?.for === "tool_change" ? s.waiting.text : null));
   const now = useStatus((s) => s.tool);
   const [tool, setTool] = useState<{ length: number; diameter: number; remark: string; unit: string } | null>(null);
   const wanted = Number(/tool (\d+)/.exec(waits ?? "")?.[1] ?? 0);

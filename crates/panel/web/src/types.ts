@@ -8,6 +8,9 @@ export interface Acknowledged {
   unix_s: number;
 }
 
+/** What is going on. */
+export type Activity = "idle" | "checking" | "homing" | "jogging" | "running" | "held" | "away" | "returning" | "stopping";
+
 /** What an alarm or a warning is about. */
 export interface AlarmRecord {
   /** When someone has acknowledged it, and how. */
@@ -25,11 +28,11 @@ export interface AlarmRecord {
   /** The program that was under way. */
   program: string | null;
   /** What the machine does about it. */
-  reaction: string;
-  /** `warning`, `stop`, `quick stop`, `emergency stop` or `silenced`. */
-  severity: string;
+  reaction: Reaction;
+  /** How grave it is. */
+  severity: Severity;
   /** State of the machine before it. */
-  state: string;
+  state: State;
 }
 
 /** A channel of an oscilloscope. */
@@ -259,9 +262,12 @@ export interface LastProgram {
   line: number;
   /** Its path, or the name that its client gave it. */
   name: string;
-  /** `loaded`, `completed`, `stopped`, `faulted`, `timed out` or `interrupted`; null: it is under way. */
-  result: string | null;
+  /** What became of it; null: it is under way. */
+  result: LastResult | null;
 }
+
+/** What became of the program that was loaded or begun last. */
+export type LastResult = "loaded" | "completed" | "stopped" | "faulted" | "timed_out" | "interrupted";
 
 /** Limit switches that are closed, by joint. */
 export interface LimitSwitches {
@@ -393,8 +399,14 @@ export interface Metrics {
   text: string;
 }
 
+/** Whose orders the machine follows, or followed last. */
+export type Mode = "manual" | "mdi" | "auto";
+
 /** The network and its nodes, as `isocnc bus status --json` prints them. */
 export type Network = Record<string, unknown>;
+
+/** The next step of the operator. Its word is what to type, if a command does it. */
+export type Next = "power_on" | "power_off" | "home" | "reset_estop" | "close_chain" | "acknowledge" | "jog_off_switch" | "load_program" | "start_program" | "start_again" | "hold_then_jog" | "resume" | "resume_or_stop" | "return" | "return_or_stop" | "wait_or_stop" | "wait_or_hold" | "wait" | "wait_for_rest" | "let_rest" | "bus_state" | "status" | "nothing" | "run_control" | "run_without_program";
 
 /** Carried out. */
 export type Nothing = Record<string, never>;
@@ -427,6 +439,9 @@ export interface OrdersTaken {
   /** How many. */
   taken: number;
 }
+
+/** How a program, or an order that takes time, ended. */
+export type Outcome = "completed" | "stopped" | "faulted" | "timed_out";
 
 /** What is known of a program before it runs. */
 export interface Outlook {
@@ -526,6 +541,9 @@ export interface Pins {
   pins: Pin[];
 }
 
+/** Whether the machine can move. */
+export type Power = "starting" | "estop_open" | "estop" | "alarm" | "off" | "switching" | "on" | "ending";
+
 /** A program that begins, or is over. */
 export interface ProgramRecord {
   /** When it began, seconds since 1970, UTC. */
@@ -539,10 +557,13 @@ export interface ProgramRecord {
   /** Number of its report. */
   report: number | null;
   /** How it ended; null: it begins here. */
-  result: string | null;
+  result: Outcome | null;
   /** From begin to end, s. */
   took_s: number | null;
 }
+
+/** What the machine does about a fault, the mildest first. */
+export type Reaction = "count" | "warn" | "controlled_stop" | "quick_stop" | "emergency_stop" | "silence";
 
 /** How much quicker than motion a program is planned. */
 export interface RealTimeFactor {
@@ -584,12 +605,12 @@ export interface Report {
   program: string;
   /** How much quicker than motion it was planned when it was checked. */
   real_time_factor: RealTimeFactor;
-  /** `completed`, `stopped`, `faulted` or `timed out`. */
-  result: string;
+  /** How it ended. */
+  result: Outcome;
   /** Cycles of this in which the machine stood because its plan came late. */
   starved_cycles: number;
   /** The step that took too long, if one did. */
-  timed_out_step: string | null;
+  timed_out_step: Step | null;
   /** From begin to end, s. */
   took_s: number;
   /** What was wrong without stopping it. */
@@ -658,6 +679,9 @@ export interface ScopePart {
 /** How far an oscilloscope is. */
 export type ScopeState = "waiting" | "recording" | "done";
 
+/** How grave a fault is, by what the machine does about it. */
+export type Severity = "info" | "warning" | "stop" | "quick_stop" | "emergency_stop" | "silenced";
+
 /** The block that is skipped. */
 export interface Skipped {
   /** What it waited for. */
@@ -686,10 +710,13 @@ export interface Spindle {
   speed_rpm: number;
 }
 
+/** What the machine is doing. A pin shows the numbers: a new state comes behind the others. */
+export type State = "booting" | "disabled" | "enabling" | "ready" | "homing" | "running" | "held" | "stopping" | "disabling" | "faulted" | "shutting_down" | "down" | "jogging" | "silenced" | "estop" | "away" | "returning";
+
 /** How everything is. */
 export interface Status {
-  /** What is under way: `idle`, `running`, ... */
-  activity: string;
+  /** What is under way. */
+  activity: Activity;
   /** Why the machine stopped by itself; stands until it is acknowledged or another program begins. */
   alarm: string | null;
   /** Version of the methods. */
@@ -726,8 +753,8 @@ export interface Status {
   held_at_mm: number[] | null;
   /** Joints that know where they are. */
   homed: number[];
-  /** How the last order that takes time ended: `completed`, `stopped`, `faulted` or `timed out`; null: it has not. */
-  job: string | null;
+  /** How the last order that takes time ended; null: it has not. */
+  job: Outcome | null;
   /** The program that was loaded or begun last, by an earlier control as well. */
   last_program: LastProgram | null;
   /** Greatest lateness of a cycle, us. */
@@ -742,10 +769,10 @@ export interface Status {
   mdi: string[];
   /** The last entries of the journal, the newest last. */
   messages: Entry[];
-  /** Whose orders the machine follows, or followed last: those given by hand, typed lines, or those of a program. */
-  mode: "manual" | "mdi" | "auto";
+  /** Whose orders the machine follows, or followed last. */
+  mode: Mode;
   /** What to do next for a program to run; null: it could be started. */
-  next: string | null;
+  next: Next | null;
   /** What ended the last jog, if something was in its way. */
   obstruction: string | null;
   /** M1 stops. */
@@ -758,8 +785,8 @@ export interface Status {
   pid: number;
   /** Where the machine is, in machine coordinates, mm and degrees. */
   position_mm: number[];
-  /** Whether the machine can move: `starting`, `off`, `on`, ... */
-  power: string;
+  /** Whether the machine can move. */
+  power: Power;
   /** The program that runs or is about to; otherwise the one that was loaded last. */
   program: StatusProgram | null;
   /** Why the time is not known, or on what it rests. */
@@ -772,10 +799,10 @@ export interface Status {
   single_block: boolean;
   /** The first spindle; null: the machine has none. */
   spindle: Spindle | null;
-  /** State of the cycle: `disabled`, `ready`, `running`, ... */
-  state: string;
-  /** Step of the sequence, in words. */
-  step: string;
+  /** State of the cycle. */
+  state: State;
+  /** Step of the sequence. */
+  step: Step;
   /** What is left to the end of the piece of path under way, mm and degrees. */
   to_go_mm: number[] | null;
   /** Tool in the spindle; 0: none. */
@@ -812,11 +839,14 @@ export interface StatusProgram {
   name: string;
   /** Planned time, s. */
   planned_time_s: number;
-  /** How it ended: `completed`, `stopped`, `faulted` or `timed out`; null: it has not. */
-  result: string | null;
+  /** How it ended; null: it has not. */
+  result: Outcome | null;
   /** Another one for each text that is loaded; 0: there is no text. */
   revision: number;
 }
+
+/** Step of the sequence from power-on to power-off. */
+export type Step = "start" | "network_boot" | "standing_by" | "switching_on" | "homing" | "program" | "stop" | "switching_off" | "network_shut_down" | "shut_down" | "done";
 
 /** The whole state, for a new subscriber. */
 export interface Subscribed {
@@ -898,13 +928,16 @@ export interface UploadGrown {
 
 /** What a machine that waits waits for. */
 export interface Waiting {
-  /** `operator`, `tool-change`, `spindle-speed`, ... */
-  for: string;
+  /** What. */
+  for: WaitingFor;
   /** What releases it. */
   release: string;
   /** The same in words. */
   text: string;
 }
+
+/** What a machine that waits waits for. */
+export type WaitingFor = "operator" | "tool_change" | "spindle_speed" | "input" | "spindle_orient" | "user_command" | "probe" | "dwell" | "feed" | "queue";
 
 /** A work system. */
 export interface WorkSystem {

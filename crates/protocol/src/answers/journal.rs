@@ -47,10 +47,10 @@ pub enum EntryKind {
 pub struct AlarmRecord {
     /// Stays the same from version to version, like `J-203`.
     pub code: String,
-    /// `warning`, `stop`, `quick stop`, `emergency stop` or `silenced`.
-    pub severity: String,
+    /// How grave it is.
+    pub severity: Severity,
     /// What the machine does about it.
-    pub reaction: String,
+    pub reaction: Reaction,
     /// Number of the entry of the first cause; its own if it is that.
     pub first_cause: u64,
     /// Number of the joint.
@@ -62,7 +62,7 @@ pub struct AlarmRecord {
     /// Its line.
     pub line: Option<u32>,
     /// State of the machine before it.
-    pub state: String,
+    pub state: State,
     /// When someone has acknowledged it, and how.
     pub acknowledged: Option<Acknowledged>,
 }
@@ -84,7 +84,7 @@ pub struct ProgramRecord {
     /// When it began, seconds since 1970, UTC.
     pub begun_unix_s: f64,
     /// How it ended; null: it begins here.
-    pub result: Option<String>,
+    pub result: Option<Outcome>,
     /// From begin to end, s.
     pub took_s: Option<f64>,
     /// Line that it had reached.

@@ -19,6 +19,7 @@ pub use pins::*;
 pub use programs::*;
 pub use status::*;
 
+use crate::codes::{Activity, LastResult, Mode, Next, Outcome, Power, Reaction, Severity, State, Step, WaitingFor};
 use crate::limits::LETTERS;
 use crate::role::Role;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};

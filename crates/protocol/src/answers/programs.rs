@@ -123,10 +123,10 @@ pub struct Report {
     pub cycles_skipped: u64,
     /// Its path, or the name that its client gave it.
     pub program: String,
-    /// `completed`, `stopped`, `faulted` or `timed out`.
-    pub result: String,
+    /// How it ended.
+    pub result: Outcome,
     /// The step that took too long, if one did.
-    pub timed_out_step: Option<String>,
+    pub timed_out_step: Option<Step>,
     /// Why, if it did not complete.
     pub alarms: Vec<ReportAlarm>,
     /// What was wrong without stopping it.

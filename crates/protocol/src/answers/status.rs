@@ -15,8 +15,8 @@ pub struct Status {
     pub file: String,
     /// Process of the control.
     pub pid: u32,
-    /// State of the cycle: `disabled`, `ready`, `running`, ...
-    pub state: String,
+    /// State of the cycle.
+    pub state: State,
     /// Cycles since the start.
     pub cycles: u64,
     /// Cycles whose date had passed before they began.
@@ -54,17 +54,16 @@ pub struct Status {
     /// Where the overrides stand.
     #[serde(rename = "override")]
     pub overrides: Overrides,
-    /// Step of the sequence, in words.
-    pub step: String,
-    /// Whether the machine can move: `starting`, `off`, `on`, ...
-    pub power: String,
-    /// Whose orders the machine follows, or followed last: those given by hand, typed lines, or those of a program.
-    #[schemars(extend("enum" = ["manual", "mdi", "auto"]))]
-    pub mode: String,
-    /// What is under way: `idle`, `running`, ...
-    pub activity: String,
-    /// How the last order that takes time ended: `completed`, `stopped`, `faulted` or `timed out`; null: it has not.
-    pub job: Option<String>,
+    /// Step of the sequence.
+    pub step: Step,
+    /// Whether the machine can move.
+    pub power: Power,
+    /// Whose orders the machine follows, or followed last.
+    pub mode: Mode,
+    /// What is under way.
+    pub activity: Activity,
+    /// How the last order that takes time ended; null: it has not.
+    pub job: Option<Outcome>,
     /// The program that runs or is about to; otherwise the one that was loaded last.
     pub program: Option<StatusProgram>,
     /// The line of MDI under way, and those that wait after it.
@@ -100,7 +99,7 @@ pub struct Status {
     /// Variables that are forced.
     pub forced: Vec<Forced>,
     /// What to do next for a program to run; null: it could be started.
-    pub next: Option<String>,
+    pub next: Option<Next>,
     /// What ended the last jog, if something was in its way.
     pub obstruction: Option<String>,
     /// The last entries of the journal, the newest last.
@@ -213,16 +212,16 @@ pub struct StatusProgram {
     pub planned_time_s: f64,
     /// It runs dry, or has.
     pub dry_run: bool,
-    /// How it ended: `completed`, `stopped`, `faulted` or `timed out`; null: it has not.
-    pub result: Option<String>,
+    /// How it ended; null: it has not.
+    pub result: Option<Outcome>,
 }
 
 /// What a machine that waits waits for.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Waiting {
-    /// `operator`, `tool-change`, `spindle-speed`, ...
+    /// What.
     #[serde(rename = "for")]
-    pub what: String,
+    pub what: WaitingFor,
     /// The same in words.
     pub text: String,
     /// What releases it.
@@ -265,8 +264,8 @@ pub struct LastProgram {
     pub name: String,
     /// Line that it had reached.
     pub line: u32,
-    /// `loaded`, `completed`, `stopped`, `faulted`, `timed out` or `interrupted`; null: it is under way.
-    pub result: Option<String>,
+    /// What became of it; null: it is under way.
+    pub result: Option<LastResult>,
 }
 
 /// Who has control.

@@ -19,7 +19,7 @@ use host::terminal;
 use operator::program_reports::StandByReport;
 use protocol::limits::SIM_FAULTS;
 use protocol::params::{self, NoParams};
-use protocol::{DescribedAxis, Method, Nothing, Outlook, Overrides, method};
+use protocol::{DescribedAxis, Method, Nothing, Outlook, Overrides, State, method};
 use serde::Serialize;
 use serde_json::json;
 use std::io::Read;
@@ -291,7 +291,7 @@ fn resume(args: &OrderArgs) -> anyhow::Result<ExitCode> {
     }
     // It sets out once the hand rests.
     let give_up = Instant::now() + SETS_OUT;
-    while client.ask::<method::Status>(&NoParams {})?.state == "away" && Instant::now() < give_up {
+    while client.ask::<method::Status>(&NoParams {})?.state == State::Away && Instant::now() < give_up {
         std::thread::sleep(LOOK);
     }
     wait(&mut client, &args.control, Lasting::Return, &signal)
@@ -640,7 +640,7 @@ fn reset_estop(args: &ControlArgs) -> anyhow::Result<ExitCode> {
     client.ask::<method::EstopReset>(&NoParams {})?;
     for _ in 0..RESET_LOOKS {
         let status = client.ask::<method::Status>(&NoParams {})?;
-        if status.state != "estop" {
+        if status.state != State::Estop {
             print(args, &status, "reset; drives stay off: isocnc on");
             return Ok(ExitCode::SUCCESS);
         }

@@ -3,7 +3,7 @@
 use super::{ControlArgs, StatusArgs, ask, connect, overrides, print};
 use crate::progress;
 use host::terminal;
-use protocol::{Direction, Forced, Parts, Status, method, params};
+use protocol::{Direction, Forced, LastResult, Parts, State, Status, Step, method, params};
 use serde_json::json;
 use std::io::Write;
 use std::process::ExitCode;
@@ -20,7 +20,7 @@ pub fn status(args: &StatusArgs) -> anyhow::Result<ExitCode> {
     }
     let status = ask::<method::Status>(&args.control, &params::NoParams {})?;
     print(&args.control, &status, &words(&status));
-    Ok(match status.state == "silenced" {
+    Ok(match status.state == State::Silenced {
         true => ExitCode::FAILURE,
         false => ExitCode::SUCCESS,
     })
@@ -130,9 +130,9 @@ fn words(status: &Status) -> String {
         lines.push(format!("mdi       {}", status.mdi.join(" | ")));
     }
     if let Some(program) = &status.program {
-        let progress = match &program.result {
-            Some(result) => result.clone(),
-            None if status.step != "program" => "loaded".to_owned(),
+        let progress = match program.result {
+            Some(result) => result.to_string(),
+            None if status.step != Step::Program => "loaded".to_owned(),
             None => {
                 let how_far = progress::words(status);
                 let more = match status.runs_left {
@@ -163,14 +163,17 @@ fn words(status: &Status) -> String {
         ));
     }
     if let Some(last) = status.last_program.as_ref().filter(|_| status.program.is_none()) {
-        let (name, result) = (&last.name, last.result.as_deref().unwrap_or("unknown"));
-        lines.push(match result {
-            "loaded" | "completed" => format!("last      {name}: {result}"),
-            "interrupted" => format!(
+        let name = &last.name;
+        lines.push(match last.result {
+            Some(result @ (LastResult::Loaded | LastResult::Completed)) => format!("last      {name}: {result}"),
+            Some(LastResult::Interrupted) => format!(
                 "last      {name}: interrupted, as the control ended in its midst; line {} was reached",
                 last.line
             ),
-            _ => format!("last      {name}: {result}, line {} was reached", last.line),
+            result => {
+                let result = result.map_or("unknown", LastResult::name);
+                format!("last      {name}: {result}, line {} was reached", last.line)
+            }
         });
     }
     if let Some(parts) = parts_words(&status.parts) {
@@ -191,16 +194,16 @@ fn words(status: &Status) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use protocol::{Overrides, StatusProgram};
+    use protocol::{Next, Outcome, Overrides, Power, StatusProgram};
 
     #[test]
     fn a_status_reads_as_sentences() {
         let mut status = Status {
             machine: "mill3".into(),
             file: "mill3.toml".into(),
-            state: "disabled".into(),
-            step: "standing by".into(),
-            power: "off".into(),
+            state: State::Disabled,
+            step: Step::StandingBy,
+            power: Power::Off,
             overrides: Overrides {
                 feed_percent: 100.0,
                 rapid_percent: 100.0,
@@ -225,9 +228,9 @@ mod tests {
             ..StatusProgram::default()
         });
         assert!(words(&status).contains("\nprogram   /p.ngc: loaded\n"));
-        status.next = Some("isocnc on".into());
+        status.next = Some(Next::PowerOn);
         assert!(words(&status).contains("\npower     off\nnext      isocnc on\n"));
-        status.step = "program".into();
+        status.step = Step::Program;
         status.alarm = Some("x-drive lost".into());
         let said = words(&status);
         assert!(
@@ -254,7 +257,7 @@ mod tests {
             "\nFORCED    door_closed = 1 in logic cell: isocnc logic force --program cell --release door_closed\n";
         assert!(words(&status).contains(forced));
         if let Some(program) = &mut status.program {
-            program.result = Some("stopped".into());
+            program.result = Some(Outcome::Stopped);
         }
         assert!(words(&status).contains("/p.ngc: stopped\n"));
     }

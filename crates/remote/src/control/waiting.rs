@@ -9,7 +9,7 @@ use host::signals::{StopSignal, exit_code};
 use host::terminal::{self, StatusLine};
 use machine::faults::SILENCED;
 use protocol::params::NoParams;
-use protocol::{Method, Status, method};
+use protocol::{Activity, Method, Mode, Outcome, State, Status, Step, method};
 use serde::Serialize;
 use serde_json::json;
 use std::process::ExitCode;
@@ -115,7 +115,7 @@ pub(super) fn wait(
                 drop(line);
                 print(
                     args,
-                    &json!({ "step": "done", "state": "down" }),
+                    &json!({ "step": Step::Done, "state": State::Down }),
                     "at rest, drives are off",
                 );
                 return Ok(ExitCode::SUCCESS);
@@ -150,31 +150,31 @@ pub(super) fn wait(
 
 /// What came of an order: done, or why not; `None`: neither yet.
 fn end_of(order: Lasting, status: &Status) -> Option<Result<String, String>> {
-    let (step, state) = (status.step.as_str(), status.state.as_str());
-    if state == "silenced" {
+    let (step, state) = (status.step, status.state);
+    if state == State::Silenced {
         return Some(Err(terminal::alarm(SILENCED).to_string()));
     }
     // A control that was started for one program ends with it.
-    let is_over = step == "done";
-    let job = status.job.as_deref();
+    let is_over = step == Step::Done;
+    let job = status.job;
     // Comes a moment behind the state: whoever looks next shall not be told of what is over.
-    let activity = status.activity.as_str();
+    let activity = status.activity;
     let lasts = match order {
         // What waits rests as well.
         Lasting::Hold => match state {
-            "running" => status.waiting.is_none(),
-            _ => state == "held" && activity == "running",
+            State::Running => status.waiting.is_none(),
+            _ => state == State::Held && activity == Activity::Running,
         },
-        Lasting::Return => state == "returning" || state == "held" && activity == "returning",
+        Lasting::Return => state == State::Returning || state == State::Held && activity == Activity::Returning,
         // There may never have been a job: a program that was being checked is none yet.
-        Lasting::Stop => !matches!(step, "standing by" | "done"),
+        Lasting::Stop => !matches!(step, Step::StandingBy | Step::Done),
         _ => job.is_none() && !is_over,
     };
     if lasts {
         return None;
     }
     let drives = match state {
-        "ready" | "jogging" => "drives are on",
+        State::Ready | State::Jogging => "drives are on",
         _ => "drives are off",
     };
     let alarm = status.alarm.as_deref();
@@ -183,26 +183,26 @@ fn end_of(order: Lasting, status: &Status) -> Option<Result<String, String>> {
         Some(Err(alarm.unwrap_or(words)))
     };
     match order {
-        Lasting::Off if matches!(state, "ready" | "jogging") => None,
-        Lasting::Stop if matches!(state, "jogging" | "stopping") => None,
+        Lasting::Off if matches!(state, State::Ready | State::Jogging) => None,
+        Lasting::Stop if matches!(state, State::Jogging | State::Stopping) => None,
         Lasting::Off | Lasting::Stop => Some(Ok(format!("at rest, {drives}"))),
         Lasting::Hold => match state {
-            "running" | "held" | "away" => Some(Ok(format!("at rest on the path; {GOES_ON}"))),
+            State::Running | State::Held | State::Away => Some(Ok(format!("at rest on the path; {GOES_ON}"))),
             // Of a jog.
-            "ready" | "jogging" => Some(Ok("comes to rest".into())),
+            State::Ready | State::Jogging => Some(Ok("comes to rest".into())),
             _ => failed(format!("no program is held: the machine is {state} ({step})")),
         },
         Lasting::Return => match state {
-            "held" => Some(Ok(format!("on the path again; {GOES_ON}"))),
+            State::Held => Some(Ok(format!("on the path again; {GOES_ON}"))),
             _ => failed(format!("not back on the path: the machine is {state} ({step})")),
         },
         Lasting::On | Lasting::Home | Lasting::Program | Lasting::Mdi => match job {
-            Some("completed") => Some(Ok(match order {
+            Some(Outcome::Completed) => Some(Ok(match order {
                 Lasting::Home => format!("homed; {drives}"),
                 Lasting::Program | Lasting::Mdi => format!("completed; {drives}"),
                 Lasting::On | Lasting::Off | Lasting::Stop | Lasting::Hold | Lasting::Return => drives.to_owned(),
             })),
-            Some("stopped") => failed(format!("stopped before its end; {drives}")),
+            Some(Outcome::Stopped) => failed(format!("stopped before its end; {drives}")),
             _ => failed(format!("given up: the machine is {state} ({step})")),
         },
     }
@@ -213,11 +213,11 @@ fn on_the_way(status: &Status) -> String {
     if let Some(waiting) = &status.waiting {
         return format!("waits: {}; {}", waiting.text, waiting.release);
     }
-    match (status.step.as_str(), status.mode.as_str(), &status.program) {
-        ("program", "mdi", _) => status.state.clone(),
-        ("program", _, Some(program)) => format!("line {} of {}  {}", status.line, program.lines, status.state),
-        ("program", _, None) => format!("line {}  {}", status.line, status.state),
-        (step, _, _) => step.to_owned(),
+    match (status.step, status.mode, &status.program) {
+        (Step::Program, Mode::Mdi, _) => status.state.to_string(),
+        (Step::Program, _, Some(program)) => format!("line {} of {}  {}", status.line, program.lines, status.state),
+        (Step::Program, _, None) => format!("line {}  {}", status.line, status.state),
+        (step, _, _) => step.to_string(),
     }
 }
 
@@ -229,8 +229,8 @@ mod tests {
     fn whoever_waits_hears_that_the_control_is_silenced() {
         for order in [Lasting::On, Lasting::Home, Lasting::Stop, Lasting::Program] {
             let silenced = Status {
-                step: "program".into(),
-                state: "silenced".into(),
+                step: Step::Program,
+                state: State::Silenced,
                 ..Status::default()
             };
             let ended = end_of(order, &silenced);
@@ -241,60 +241,66 @@ mod tests {
 
     #[test]
     fn an_order_ends_when_it_is_carried_out_or_has_failed() {
-        let status = |step: &str, state: &str, job: Option<&str>| Status {
-            step: step.into(),
-            state: state.into(),
-            job: job.map(str::to_owned),
+        let status = |step: Step, state: State, job: Option<Outcome>| Status {
+            step,
+            state,
+            job,
             ..Status::default()
         };
         let end = |order, step, state, job| {
             let end = end_of(order, &status(step, state, job))?;
             Some(end.map_err(|said| console::strip_ansi_codes(&said).into_owned()))
         };
-        let by = "standing by";
+        let by = Step::StandingBy;
         let done = |said: &str| Some(Ok(said.to_owned()));
         let failed = |said: &str| Some(Err(said.to_owned()));
-        assert_eq!(end(Lasting::On, "switching drives on", "enabling", None), None);
-        assert_eq!(end(Lasting::On, by, "ready", Some("completed")), done("drives are on"));
-        assert_eq!(end(Lasting::Home, "homing", "ready", None), None);
+        assert_eq!(end(Lasting::On, Step::SwitchingOn, State::Enabling, None), None);
         assert_eq!(
-            end(Lasting::Home, by, "ready", Some("completed")),
+            end(Lasting::On, by, State::Ready, Some(Outcome::Completed)),
+            done("drives are on")
+        );
+        assert_eq!(end(Lasting::Home, Step::Homing, State::Ready, None), None);
+        assert_eq!(
+            end(Lasting::Home, by, State::Ready, Some(Outcome::Completed)),
             done("homed; drives are on")
         );
         assert_eq!(
-            end(Lasting::Home, by, "disabled", Some("stopped")),
+            end(Lasting::Home, by, State::Disabled, Some(Outcome::Stopped)),
             failed("stopped before its end; drives are off")
         );
-        assert_eq!(end(Lasting::Off, by, "ready", Some("completed")), None);
+        assert_eq!(end(Lasting::Off, by, State::Ready, Some(Outcome::Completed)), None);
         assert_eq!(
-            end(Lasting::Off, by, "disabled", Some("completed")),
+            end(Lasting::Off, by, State::Disabled, Some(Outcome::Completed)),
             done("at rest, drives are off")
         );
         assert_eq!(
-            end(Lasting::Stop, by, "ready", Some("stopped")),
+            end(Lasting::Stop, by, State::Ready, Some(Outcome::Stopped)),
             done("at rest, drives are on")
         );
         assert_eq!(
-            end(Lasting::Stop, "done", "down", None),
+            end(Lasting::Stop, Step::Done, State::Down, None),
             done("at rest, drives are off")
         );
-        assert_eq!(end(Lasting::Program, "program", "running", None), None);
+        assert_eq!(end(Lasting::Program, Step::Program, State::Running, None), None);
         assert_eq!(
-            end(Lasting::Program, by, "ready", Some("completed")),
+            end(Lasting::Program, by, State::Ready, Some(Outcome::Completed)),
             done("completed; drives are on")
         );
         assert_eq!(
-            end(Lasting::On, by, "disabled", Some("timed out")),
+            end(Lasting::On, by, State::Disabled, Some(Outcome::TimedOut)),
             failed("given up: the machine is disabled (standing by)")
         );
-        for (order, before) in [(Lasting::Hold, "running"), (Lasting::Return, "returning")] {
-            let mut behind = status("program", "held", None);
-            behind.activity = before.into();
+        for (order, before) in [
+            (Lasting::Hold, Activity::Running),
+            (Lasting::Return, Activity::Returning),
+        ] {
+            let mut behind = status(Step::Program, State::Held, None);
+            behind.activity = before;
             assert_eq!(end_of(order, &behind), None);
-            behind.activity = "held".into();
+            behind.activity = Activity::Held;
             assert!(end_of(order, &behind).is_some_and(|end| end.is_ok()));
         }
-        let mut over = status(by, "faulted", Some("faulted"));
+        let mut over = status(by, State::Faulted, Some(Outcome::Faulted));
         over.alarm = Some("x-drive lost".into());
         let said = end_of(Lasting::Program, &over)
             .and_then(Result::err)

@@ -8,7 +8,7 @@
 use super::link::News;
 use protocol::client::Followed;
 use protocol::params::{self, NoParams};
-use protocol::{Method, Status, method};
+use protocol::{Method, State, Status, method};
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use rt::joint_jog::HOLDS_S;
 use serde_json::Value;
@@ -167,7 +167,7 @@ impl App {
             acts.push(take_control(false));
         }
         let status = self.status();
-        let is_jogging = matches!(status.state.as_str(), "jogging" | "away") && status.velocity_mm_s != 0.0;
+        let is_jogging = matches!(status.state, State::Jogging | State::Away) && status.velocity_mm_s != 0.0;
         let Some(jog) = &mut self.jog else { return acts };
         let is_over = match jog.is_step {
             // It may take a moment until it is told of.
@@ -401,7 +401,7 @@ mod tests {
         };
         let status = Status {
             axes: ["X", "Y", "Z"].map(axis).to_vec(),
-            state: "ready".into(),
+            state: State::Ready,
             overrides: Overrides {
                 feed_percent: 100.0,
                 ..Overrides::default()

@@ -5,8 +5,8 @@
 use super::app::{App, SILENT_MS};
 use crate::control::forced_words;
 use crate::progress;
-use protocol::Status;
 use protocol::limits::LETTERS;
+use protocol::{Status, Step};
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Modifier, Style};
@@ -96,8 +96,8 @@ fn heading(app: &App, now_ms: u64) -> String {
     format!(
         " {}  {}  {}  {}  control: {control}",
         status.machine,
-        status.power.to_uppercase(),
-        status.mode.to_uppercase(),
+        status.power.name().to_uppercase(),
+        status.mode.name().to_uppercase(),
         status.activity,
     )
 }
@@ -189,7 +189,7 @@ fn program_lines(app: &App, program: &[(u32, String)], rows: u16) -> Vec<Line<'s
         None => "load one with: isocnc program load FILE".into(),
         Some(of) => match &of.result {
             Some(result) => format!("{result}; {} lines", of.lines),
-            None if status.step != "program" => format!("loaded, {} lines", of.lines),
+            None if status.step != Step::Program => format!("loaded, {} lines", of.lines),
             None => format!("line {line} of {}, {}", of.lines, progress::words(status)),
         },
     })];
@@ -261,7 +261,10 @@ mod tests {
     use super::super::link::News;
     use super::*;
     use protocol::client::Followed;
-    use protocol::{Control, Coolant, Entry, LimitSwitches, Overrides, Spindle, StatusAxis, StatusProgram};
+    use protocol::{
+        Activity, Control, Coolant, Entry, LimitSwitches, Mode, Overrides, Power, Spindle, State, StatusAxis,
+        StatusProgram,
+    };
     use ratatui::Terminal;
     use ratatui::backend::TestBackend;
     use serde_json::{Value, json};
@@ -289,11 +292,11 @@ mod tests {
         };
         let status = Status {
             machine: "mill3".into(),
-            power: "on".into(),
-            mode: "auto".into(),
-            activity: "running".into(),
-            state: "running".into(),
-            step: "program".into(),
+            power: Power::On,
+            mode: Mode::Auto,
+            activity: Activity::Running,
+            state: State::Running,
+            step: Step::Program,
             axes: vec![axis("X", &[0]), axis("Y", &[1, 2]), axis("Z", &[3])],
             position_mm: vec![10.5, -2.25, 3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
             work_offset_mm: vec![10.0, 0.0, -7.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],

@@ -6,7 +6,6 @@ mod obey;
 mod shown;
 
 use executed::Executed;
-pub(crate) use shown::outcome_word;
 
 use super::check::{Checked, Part, Subject, examine};
 use super::streamed::Streamed;
@@ -21,7 +20,7 @@ use config::Config;
 use gcode::{InForce, Modes};
 use host::capabilities;
 use host::capabilities::Work;
-use machine::permission::{ACKNOWLEDGE, Activity, Power, Wish, permit};
+use machine::permission::{Activity, Next, Power, Wish, permit};
 use machine::sequence::{Job, Step};
 use machine::state::State;
 use machine::tables::{Tables, lock};
@@ -30,7 +29,7 @@ use motion::canon::Position;
 use program::text::{Reader, Text};
 use program::tool_path::{record_octets, trace};
 use program::{Begin, Doubt, Overview, home};
-use protocol::{Kept, Outlook, PathBegun, RealTimeFactor, SlowStretch};
+use protocol::{Kept, Mode, Outlook, PathBegun, RealTimeFactor, SlowStretch};
 use serde_json::{Value, json};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, mpsc};
@@ -67,25 +66,6 @@ enum Typed {
     Line(String),
     /// Lines for a text that grows, and whether they are to have been executed.
     Lines(String, bool),
-}
-
-/// Whose orders the machine follows.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-enum Mode {
-    #[default]
-    Manual,
-    Mdi,
-    Auto,
-}
-
-impl Mode {
-    const fn name(self) -> &'static str {
-        match self {
-            Mode::Manual => "manual",
-            Mode::Mdi => "mdi",
-            Mode::Auto => "auto",
-        }
-    }
 }
 
 /// Serves the clients of one session.
@@ -517,7 +497,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         }
         permit(wish, &condition).map_err(|refusal| match operator.alarm() {
             // The first cause says more than that there is one.
-            Some(alarm) if refusal.next == ACKNOWLEDGE => format!("{}; {}", alarm.cause, refusal.next),
+            Some(alarm) if refusal.next == Next::Acknowledge => format!("{}; {}", alarm.cause, refusal.next),
             // It is told as it comes, and over only once the machine rests.
             Some(_) if wish == Wish::Acknowledge && condition.power == Power::On => {
                 "the machine comes to rest for the alarm: wait until it has, then isocnc alarm acknowledge".into()

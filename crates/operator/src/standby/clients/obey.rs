@@ -5,7 +5,7 @@
 use super::super::check::Subject;
 use super::super::wishes::{is_told, moves, wish};
 use super::executed::Executed;
-use super::{Answer, Clients, MDI_MAX, Mode, Then, Typed, Unsettled};
+use super::{Answer, Clients, MDI_MAX, Then, Typed, Unsettled};
 use crate::console::Operator;
 use crate::manual_mode;
 use crate::remembered;
@@ -19,7 +19,7 @@ use machine::state::State;
 use machine::tables::lock;
 use motion::canon::Axis;
 use program::{Change, changed};
-use protocol::{Lines, Nothing, Offsets, Resumed, Skipped};
+use protocol::{Lines, Mode, Nothing, Offsets, Resumed, Skipped};
 use rt::shared::{Command, Snapshot};
 use rt::waiting::Waiting;
 use rt::way_back::SLOW_MM;

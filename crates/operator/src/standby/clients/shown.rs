@@ -5,7 +5,7 @@ use super::{Clients, Typed};
 use crate::console::Operator;
 use crate::standby::check::Part;
 use crate::table_writer::Keeper;
-use api::orders::{MESSAGES, Shown, ShownProgram, ShownText, Waiting};
+use api::orders::{MESSAGES, Shown, ShownProgram, ShownText};
 use config::BusKind;
 use machine::permission::{Activity, Condition, Power, Wish, permit};
 use machine::sequence::{Outcome, Step};
@@ -13,6 +13,7 @@ use machine::state::State;
 use machine::tables::lock;
 use motion::canon::Axis;
 use program::{Overview, modes_at_start};
+use protocol::Waiting;
 use std::sync::Arc;
 
 impl Clients<'_, '_> {
@@ -90,7 +91,7 @@ impl Clients<'_, '_> {
             lines: overview.lines,
             planned_time_s: overview.time_s,
             outline: Some(overview.outline.clone()).filter(|_| is_last && is_under_way),
-            result: last.filter(|_| is_last).map(outcome_word),
+            result: last.filter(|_| is_last).map(Outcome::code),
         };
         let mut mdi = Vec::new();
         let line = self
@@ -107,10 +108,10 @@ impl Clients<'_, '_> {
             (tables.block_delete, tables.tool_in_spindle())
         };
         Shown {
-            step: operator.step_name(),
-            power: condition.power.name(),
-            activity: condition.activity.name(),
-            mode: self.mode.name(),
+            step: operator.step_code(),
+            power: condition.power,
+            activity: condition.activity,
+            mode: self.mode,
             program: match (program, self.given) {
                 (Some(part), _) => Some(shown_program(&part.name, &part.overview, has_run(part))),
                 (None, Some((name, overview))) => Some(shown_program(name, overview, true)),
@@ -120,12 +121,12 @@ impl Clients<'_, '_> {
                 revision: part.revision,
                 text: Arc::clone(&part.text),
             }),
-            job: operator.job_outcome().filter(|_| is_settled).map(outcome_word),
+            job: operator.job_outcome().filter(|_| is_settled).map(Outcome::code),
             mdi,
             waiting: live.waiting.map(|waiting| Waiting {
-                what: waiting.word(),
+                what: waiting.code(),
                 text: waiting.text(),
-                release: waiting.release(),
+                release: waiting.release().to_owned(),
             }),
             codes: in_force.codes,
             work_offset: in_force.work_offset,
@@ -181,13 +182,4 @@ struct ShownModes {
     codes: Vec<String>,
     work_offset: Vec<f64>,
     work_rotation_degrees: f64,
-}
-
-pub(crate) fn outcome_word(outcome: Outcome) -> &'static str {
-    match outcome {
-        Outcome::Completed => "completed",
-        Outcome::Stopped => "stopped",
-        Outcome::Faulted => "faulted",
-        Outcome::TimedOut(_) => "timed out",
-    }
 }

@@ -8,7 +8,7 @@ import { Button, Card } from "../ui";
 /** Typing rests for so long before the text is checked. */
 const PAUSE_MS = 400;
 /** States in which the file may be changed. */
-const RESTS = ["booting", "disabled", "ready", "faulted", "estop"];
+const RESTS: readonly string[] = ["booting", "disabled", "ready", "faulted", "estop"];
 
 export function FileEditor() {
   const [file, setFile] = useState<MachineFile | null>(null);
