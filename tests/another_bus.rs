@@ -42,7 +42,7 @@ fn alarm_of(go_wrong: impl FnOnce(&mut SimMachine)) -> String {
         go_wrong(run.net().machine_mut());
         let stopped = run.run_until(10_000, |run| run.control.state() == State::Faulted)?;
         assert!(stopped, "{:#?}", run.operator.journal());
-        Ok(run.operator.alarm().expect("an alarm").cause.clone())
+        Ok(run.operator.alarm().expect("an alarm").cause.text.clone())
     })
     .expect("a run")
 }

@@ -384,7 +384,7 @@ fn a_part_that_was_left_by_hand_comes_out_as_the_one_that_was_not() {
             run.operator
                 .live()
                 .waiting
-                .is_some_and(|waiting| waiting.release().contains("resume"))
+                .is_some_and(|waiting| waiting.release().text.contains("resume"))
         );
         assert!(run.operator.live().line >= MIDST);
         let way = way_back(run);
@@ -498,7 +498,7 @@ fn mains_that_fail_stop_the_part_and_take_the_tool_out_of_the_work() {
             assert_eq!(end[..2], rest[..2]);
             assert!((end[2] - rest[2] - retract_mm).abs() < 1e-9, "{rest:?} {end:?}");
             let _ = run.run_until(500, |_| false).unwrap();
-            let cause = &run.operator.alarms()[0].cause;
+            let cause = &run.operator.alarms()[0].cause.text;
             assert_eq!(cause, "the mains have failed (iocontrol.0.mains-ok)");
             run.hal.set("iocontrol.0.mains-ok", true).unwrap();
             // Drives without power rest where they are, but for what is left of a following error.

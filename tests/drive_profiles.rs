@@ -291,7 +291,7 @@ fn a_drive_shows_its_safety_circuit_where_its_profile_says() {
         rehearse(&config, PART.as_bytes(), NetConfig::clean(3), |run| {
             let outcome = run.run(CYCLES_MAX).expect("an end");
             assert_eq!(outcome, Outcome::Faulted, "{}", journal(run));
-            let cause = &run.operator.alarms()[0].cause;
+            let cause = &run.operator.alarms()[0].cause.text;
             assert!(cause.contains("emergency stop: the safety circuit (STO)"), "{cause}");
             Ok(())
         })

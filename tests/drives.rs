@@ -264,7 +264,7 @@ fn every_fault_that_can_be_asked_for_stops_the_machine_in_words() {
                 "{kind}: {}",
                 journal(run)
             );
-            Ok(run.operator.alarms()[0].cause.clone())
+            Ok(run.operator.alarms()[0].cause.text.clone())
         });
         let cause = cause.expect("a machine that can be rehearsed");
         assert!(cause.to_lowercase().contains(&words.to_lowercase()), "{kind}: {cause}");

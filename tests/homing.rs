@@ -310,7 +310,12 @@ fn fails(config: &Config, cause: &str, joints: &[usize], then: impl FnOnce(&mut 
         then(run);
         let began_s = run.operator.live().elapsed_s;
         assert_eq!(run.run(CYCLES_MAX).expect("an end"), Outcome::Faulted);
-        let causes: Vec<&str> = run.operator.alarms().iter().map(|alarm| alarm.cause.as_str()).collect();
+        let causes: Vec<&str> = run
+            .operator
+            .alarms()
+            .iter()
+            .map(|alarm| alarm.cause.text.as_str())
+            .collect();
         assert_eq!(causes, [cause]);
         for (at_mm, now_mm) in at_rest.iter().zip(loads(run)) {
             assert!((at_mm - now_mm).abs() < 0.02, "{at_rest:?}");
@@ -354,7 +359,7 @@ fn a_switch_that_stays_closed_is_an_alarm() {
         reach(run, "faulted", |run| run.control.state() == State::Faulted);
         assert!(!is_homed(run, LEFT) && !is_homed(run, RIGHT));
         assert_eq!(run.run(CYCLES_MAX).expect("an end"), Outcome::Faulted);
-        let cause = &run.operator.alarms()[0].cause;
+        let cause = &run.operator.alarms()[0].cause.text;
         assert_eq!(
             cause,
             "axis Y (joint 1): not homed: the home switch does not open when the joint leaves it"
@@ -385,7 +390,7 @@ fn a_drive_that_fails_while_another_joint_homes_stops_both() {
         assert_eq!(run.run(CYCLES_MAX).expect("an end"), Outcome::Faulted);
         let alarms = run.operator.alarms();
         assert!(
-            alarms.len() == 1 && alarms[0].cause.starts_with("axis Y (joint 1): drive fault"),
+            alarms.len() == 1 && alarms[0].cause.text.starts_with("axis Y (joint 1): drive fault"),
             "{alarms:?}"
         );
         assert_no_limit_was_broken(run);

@@ -137,7 +137,12 @@ fn fails(text: &str, message: &str, rests_mm: f64) {
         let power = run.net().machine().drive_state(3);
         assert_eq!(power, Some(cia402::State::OperationEnabled));
         assert_eq!(run.run(CYCLES_MAX).expect("an end"), Outcome::Faulted);
-        let causes: Vec<&str> = run.operator.alarms().iter().map(|alarm| alarm.cause.as_str()).collect();
+        let causes: Vec<&str> = run
+            .operator
+            .alarms()
+            .iter()
+            .map(|alarm| alarm.cause.text.as_str())
+            .collect();
         assert_eq!(causes, [shown.as_str()]);
         let commands = commands(run);
         assert_within_limits(&commands);

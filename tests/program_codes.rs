@@ -146,7 +146,7 @@ fn an_angle_that_is_not_reached_is_a_fault_that_says_so() {
             assert!(!bit(run, "spindle.0.locked").get());
             run.operator
                 .alarm()
-                .map(|alarm| alarm.cause.clone())
+                .map(|alarm| alarm.cause.text.clone())
                 .unwrap_or_default()
         })
     };
@@ -686,7 +686,7 @@ fn a_second_spindle_turns_by_its_number_and_is_waited_for() {
         let cause = run
             .operator
             .alarm()
-            .map(|alarm| alarm.cause.clone())
+            .map(|alarm| alarm.cause.text.clone())
             .unwrap_or_default();
         assert!(cause.contains("spindle.1.at-speed"), "{cause}");
         run.run_until(1000, |_| false).expect("a good program");

@@ -105,7 +105,7 @@ fn set_sto(run: &mut Rehearsal<'_>, open: bool, faults: bool) {
 fn cause(run: &Rehearsal<'_>) -> String {
     run.operator
         .alarm()
-        .map(|alarm| alarm.cause.clone())
+        .map(|alarm| alarm.cause.text.clone())
         .unwrap_or_default()
 }
 

@@ -330,7 +330,7 @@ fn client(control: &Control) -> Client {
 
 fn refusal(answer: Result<Value, ClientError>) -> String {
     match answer {
-        Err(ClientError::Refused(error)) => error.message,
+        Err(ClientError::Refused(error)) => error.message.text,
         other => panic!("{other:?}"),
     }
 }

@@ -39,7 +39,7 @@ fn raw(control: &Control) -> UnixStream {
 
 fn refusal<A: std::fmt::Debug>(answer: Result<A, ClientError>) -> (i32, String) {
     match answer {
-        Err(ClientError::Refused(error)) => (error.code, error.message),
+        Err(ClientError::Refused(error)) => (error.code, error.message.text),
         other => panic!("{other:?}"),
     }
 }

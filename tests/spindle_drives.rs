@@ -104,7 +104,7 @@ fn a_fault_of_its_drive_stops_the_machine_on_its_path() {
             });
             assert!(over.expect("an end") && stopping, "{mode}:\n{}", journal(run));
             assert_eq!(run.operator.outcome(), Some(Outcome::Faulted), "{mode}");
-            let cause = &run.operator.alarms()[0].cause;
+            let cause = &run.operator.alarms()[0].cause.text;
             assert!(cause.starts_with("spindle: drive fault 2310h"), "{mode}: {cause}");
             Ok(())
         })

@@ -154,7 +154,7 @@ fn a_fault_lets_nothing_begin_before_it_is_acknowledged() {
         );
         reach(run, "faulted", |run| run.operator.step() == Step::StandBy);
         assert_eq!(run.operator.program_outcome(), Some(Outcome::Faulted));
-        let cause = run.operator.alarm().expect("an alarm").cause.clone();
+        let cause = run.operator.alarm().expect("an alarm").cause.text.clone();
         assert!(cause.contains("axis X"), "{cause}");
         assert!(!begin(run));
         run.operator.acknowledge();
@@ -436,7 +436,7 @@ fn pins_that_are_cut_short_stop_the_machine_and_kill_nobody() {
         (&status["program"]["result"], &status["state"]),
         (&"faulted".into(), &"faulted".into())
     );
-    let alarm = status["alarm"].as_str().unwrap();
+    let alarm = status["alarm"]["text"].as_str().unwrap();
     assert!(alarm.contains("the pins was cut short by another process"), "{alarm}");
     kill(Pid::from_raw(control.process.id() as i32), Signal::SIGTERM).unwrap();
     assert_eq!(testing::end(&mut control.process).code(), Some(143));

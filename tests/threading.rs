@@ -78,7 +78,11 @@ fn finish(run: &mut Rehearsal<'_>) -> Vec<Seen> {
 }
 
 fn causes(run: &Rehearsal<'_>) -> Vec<String> {
-    run.operator.alarms().iter().map(|alarm| alarm.cause.clone()).collect()
+    run.operator
+        .alarms()
+        .iter()
+        .map(|alarm| alarm.cause.text.clone())
+        .collect()
 }
 
 /// No joint was commanded beyond what it is planned with.

@@ -130,7 +130,7 @@ fn a_day_at_the_machine() {
     let waiting = control.wait_for("the wait for a tool", |status| {
         status["waiting"]["for"] == "tool_change"
     });
-    assert_eq!(waiting["waiting"]["text"], "put tool 5 into the spindle");
+    assert_eq!(waiting["waiting"]["what"]["text"], "put tool 5 into the spindle");
     control.ask(&["tool-changed"]).unwrap();
     control.wait_for("the change", |status| {
         status["tool"] == 5 && status["job"] == "completed"
@@ -277,10 +277,13 @@ fn the_chain_and_limit_switches_stop_the_machine_and_say_how_to_go_on() {
         "{said}"
     );
     let stopped = control.wait_for("the stop", |status| {
-        status["alarm"].is_string() && status["power"] == "alarm"
+        status["alarm"].is_object() && status["power"] == "alarm"
     });
     assert!(
-        stopped["alarm"].as_str().unwrap().contains("upper limit switch"),
+        stopped["alarm"]["text"]
+            .as_str()
+            .unwrap()
+            .contains("upper limit switch"),
         "{stopped}"
     );
     control.ask(&["alarm", "acknowledge"]).unwrap();

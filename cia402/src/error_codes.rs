@@ -93,15 +93,16 @@ const TEXTS: [(u16, &str); 83] = [
 ///
 /// RT: two or three binary searches in a constant table.
 pub fn error_text(code: u16) -> &'static str {
-    [code, code & 0xFF00, code & 0xF000]
+    error_entry(code).map_or("code unknown to the profile", |entry| entry.1)
+}
+
+/// The entry of the profile that an error code has its meaning from: its own code, and its text.
+pub fn error_entry(code: u16) -> Option<(u16, &'static str)> {
+    let codes = [code, code & 0xFF00, code & 0xF000];
+    let mut entries = codes
         .into_iter()
-        .find_map(|code| {
-            TEXTS
-                .binary_search_by_key(&code, |row| row.0)
-                .ok()
-                .map(|row| TEXTS[row].1)
-        })
-        .unwrap_or("code unknown to the profile")
+        .map(|code| TEXTS.binary_search_by_key(&code, |row| row.0));
+    entries.find_map(Result::ok).map(|row| TEXTS[row])
 }
 
 #[cfg(test)]

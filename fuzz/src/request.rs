@@ -59,11 +59,11 @@ pub fn run(octets: &[u8]) {
     for (number, line) in octets.split(|octet| *octet == b'\n').enumerate() {
         let ticket = number as u64;
         match rpc::parse(line) {
-            Err(error) => assert!(!error.1.message.is_empty()),
+            Err(error) => assert!(!error.1.message.text.is_empty()),
             Ok(request) => {
                 let answer = methods.call(&mut callers[number % 2], &request, ticket);
                 if let Some(Err(error)) = &answer {
-                    assert!(!error.message.is_empty() && error.code < 0, "{error:?}");
+                    assert!(!error.message.text.is_empty() && error.code < 0, "{error:?}");
                 }
             }
         }

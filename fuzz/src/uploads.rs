@@ -36,7 +36,7 @@ pub fn run(octets: &[u8]) {
                         assert!(count <= *size);
                     }
                     (None, Ok(_)) => panic!("a part of nothing was taken"),
-                    (_, Err(why)) => assert!(!why.message.is_empty()),
+                    (_, Err(why)) => assert!(!why.message.text.is_empty()),
                 }
             }
             3 => {

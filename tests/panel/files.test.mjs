@@ -54,51 +54,49 @@ test("English and German have the same words, all of which are used", () => {
   assert.ok(Object.keys(en).length > 100);
 });
 
-/** Rows of a table of a page. */
-function rows(page) {
-  const lines = readFileSync(join(root, "docs", page), "utf8").split("\n");
-  return lines.filter((line) => line.startsWith("| ")).map((line) => line.slice(1, -1).split(" | ").map((cell) => cell.trim()));
+/** What the control says, by code: the page is made of its sources. */
+function sentences() {
+  const lines = readFileSync(join(root, "docs/messages.md"), "utf8").split("\n");
+  const rows = lines.filter((line) => line.startsWith("| `")).map((line) => line.slice(2, -2).split(" | "));
+  return new Map(rows.map(([code, sentence]) => [code.slice(1, -1), sentence]));
 }
 
-/** Texts of a source: string literals of the function behind this line, with numbers as their values. */
-function literals(file, from) {
-  const text = readFileSync(join(root, file), "utf8");
-  const begin = text.indexOf(from);
-  assert.ok(begin >= 0, `${file}: ${from}`);
-  const body = text.slice(begin, text.indexOf("\n    }\n", begin));
-  return [...body.matchAll(/"([^"]+)"/g)].map(([, said]) => said.replace("{input}", "digital input 3").replace(/\{\w+\}/g, "7"));
-}
+const places = (text) => [...text.matchAll(/\{([\w-]+)(?::\.\d+)?\}/g)].map(([, name]) => name);
 
-test("what the control says of alarms, of waits and of orders that it refuses has its German", async (context) => {
+test("each code of the control has its German, with no other values than the code has", () => {
+  const said = sentences();
+  const [de, en, buttons] = ["control-de", "control-en", "en"].map((name) => JSON.parse(readFileSync(join(panel, `web/src/messages/${name}.json`), "utf8")));
+  assert.ok(said.size > 380, `${said.size}`);
+  assert.deepEqual([...said.keys()].filter((code) => !de[code]), []);
+  for (const [language, table] of Object.entries({ de, en })) {
+    for (const [code, own] of Object.entries(table)) {
+      assert.ok(said.has(code), `${language}: the control never says ${code}`);
+      assert.deepEqual(places(own).filter((name) => !places(said.get(code)).includes(name)), [], `${language}: ${code}`);
+      for (const [, button] of own.matchAll(/\{@([\w-]+)\}/g)) assert.ok(buttons[button], `${language}: ${code}: no button ${button}`);
+      assert.doesNotMatch(own, /isocnc (on|off|home|stop|hold|resume|skip|estop|alarm)\b/, `${language}: ${code}: the panel has buttons`);
+    }
+  }
+  // Digits behind the decimal sign are those of the control, where it says how many.
+  for (const [code, own] of Object.entries(de)) {
+    for (const [place, name] of own.matchAll(/\{(\w+):\.\d+\}/g)) assert.ok(said.get(code).includes(place) || !said.get(code).includes(`{${name}:`), `${code}: ${place}`);
+  }
+});
+
+test("a message is said in German with all that it contains, and in English where there is no German", async (context) => {
   if (!existsSync(join(panel, "web/node_modules"))) return context.skip("npm ci has not been run in crates/panel/web");
   const { build } = createRequire(join(panel, "web/package.json"))("esbuild");
   const built = await build({ entryPoints: [join(panel, "web/src/control-words.ts")], bundle: true, format: "esm", write: false });
-  const { inGerman } = await import(`data:text/javascript;base64,${Buffer.from(built.outputFiles[0].contents).toString("base64")}`);
-
-  const alarms = rows("alarms.md").filter(([code]) => /^[A-Z]-\d/.test(code)).map(([, text]) => text);
-  const states = rows("states.md").flatMap(([order, ...cells]) => [...cells, ...(order.startsWith("`") ? [`order: ${order.slice(1, -1)}`] : [])]);
-  const orders = states.filter((cell) => cell.includes(": "));
-  const waits = ["text(self) -> String", "release(self) -> &"].flatMap((from) => literals("crates/rt/src/waiting.rs", `pub fn ${from}`));
-  const codes = [...readFileSync(join(root, "cia402/src/error_codes.rs"), "utf8").matchAll(/\(0x[\dA-F]{4}, "([^"]+)"\)/g)].map(([, text]) => `x-drive: drive fault 8611h: ${text}`);
-  const said = [...alarms, ...orders, ...waits, ...codes];
-  assert.ok(alarms.length > 50 && orders.length > 100 && waits.length > 20 && codes.length > 80, `${[alarms, orders, waits, codes].map((all) => all.length)}`);
-
-  // Names of a machine, and commands, which become names of buttons.
-  const names = /^(x-drive|cell\.st:12:7|cell\.st|lubrication|no pressure|spindle\.0\.at-speed|isocnc (on|home|resume|estop reset|alarm acknowledge|program load FILE|bus state))$/;
-  for (const whole of new Set(said)) {
-    // The panel shows how the machine is: words.ts.
-    const text = whole.replace(": isocnc status tells how the machine is", "");
-    const unknown = [];
-    const german = inGerman(text, (part) => unknown.push(part));
-    assert.deepEqual(unknown.filter((part) => !names.test(part)), [], text);
-    assert.ok(german !== text || unknown.length > 0, text);
-    assert.doesNotMatch(german, /\{(?!max_iterations)|undefined/, text);
-    // No value of a sentence has taken the rest of another one.
-    assert.doesNotMatch(german.replace(/\w+(\.[\w-]+)+/g, "pin"), /\b(the|is|its|it|and|of|to|not|beyond|by|than)\b/, text);
-    // Its numbers are told.
-    const numbers = (words) => (words.match(/\d+/g) ?? []).sort();
-    assert.deepEqual(numbers(german), numbers(text), text);
-  }
+  globalThis.localStorage = { getItem: () => "de" };
+  const { inWords } = await import(`data:text/javascript;base64,${Buffer.from(built.outputFiles[0].contents).toString("base64")}`);
+  const error = { code: "fault.following_error", params: { error: 2.1, limit: 2 }, text: "following error 2.100 mm above 2.000 mm" };
+  const place = { code: "joint.of_axis", params: { axis: "X", joint: 0 }, text: "axis X (joint 0)" };
+  const at = { code: "fault.at", params: { place, what: error }, text: `${place.text}: ${error.text}` };
+  assert.equal(inWords({ code: "alarm", params: { cause: at }, text: `alarm: ${at.text}` }), "Alarm: Achse X (Gelenk 0): Schleppfehler 2,100 mm, erlaubt sind 2,000 mm");
+  const next = { code: "next.power_on", text: "isocnc on" };
+  assert.equal(inWords({ code: "refused.drives_off", params: { next }, text: "drives are off: isocnc on" }), "die Antriebe sind aus: „Antriebe ein“");
+  assert.equal(inWords({ code: "logic.iterations", text: "" }), "die Schleife hat mehr Durchläufe als erlaubt und endet: mehr erlaubt {max_iterations := n}");
+  assert.equal(inWords({ code: "text", params: {}, text: "MDI: G0 X1" }), "MDI: G0 X1");
+  assert.equal(inWords({ code: "of.a-newer-control", params: { next }, text: "do: isocnc on; now" }), "do: „Antriebe ein“; now");
 });
 
 test("what is committed is what the sources give", (context) => {

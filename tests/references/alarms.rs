@@ -4,7 +4,7 @@ use super::faults::{FAULTS, OF_DRIVES, OF_HOMING, OF_LINKS, OF_SPINDLES, example
 use super::source::{Variant, covers, variants};
 use super::{check, code, head, row};
 use isocnc::machine::faults::{Fault, Reaction, UNWATCHED_CODE, silenced};
-use isocnc::operator::console::UNWATCHED;
+use isocnc::operator::console::unwatched;
 
 /// What the comment of the variant says that a value has.
 fn cause(known: &[Variant], value: &impl std::fmt::Debug) -> String {
@@ -41,7 +41,7 @@ fn the_alarms() {
                 Fault::LinkFailed { error } => cause(&links, error),
                 other => cause(&faults, other),
             };
-            let said = fault.text(
+            let said = fault.message(
                 |_| "x-drive".into(),
                 |_| "x-drive".into(),
                 |_, text| text.map_or("cell.st", |_| "lubrication: no pressure").into(),
@@ -52,9 +52,9 @@ fn the_alarms() {
             // By what the machine has.
             let said = match fault {
                 Fault::CycleHung => [(true, false), (false, true), (true, true)]
-                    .map(|(network, steps)| silenced(network, steps).to_owned())
+                    .map(|(network, steps)| silenced(network, steps).text)
                     .to_vec(),
-                _ => vec![said],
+                _ => vec![said.text],
             };
             for said in said {
                 text += &row(&[fault.code(), &said, &cause, &name, words(fault.reaction())]);
@@ -63,7 +63,7 @@ fn the_alarms() {
         let hung = "The time-out thread does not look any more.";
         text + &row(&[
             UNWATCHED_CODE,
-            UNWATCHED,
+            &unwatched().text,
             hung,
             "",
             "stop on the path, drives off, network down, exit code 3",

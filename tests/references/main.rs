@@ -20,6 +20,7 @@ mod components;
 mod drive_profiles;
 mod faults;
 mod machine_file;
+mod messages;
 mod pins;
 mod socket;
 mod source;

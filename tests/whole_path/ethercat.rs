@@ -241,7 +241,7 @@ fn another_main_device_is_told_of_and_nothing_starts_beside_it() {
             assert_eq!(run.control.state(), State::Booting);
             hear_other(run);
             assert_eq!(finish(run), Outcome::Faulted);
-            let cause = &run.operator.alarms()[0].cause;
+            let cause = &run.operator.alarms()[0].cause.text;
             assert!(
                 cause.starts_with("another main device is on the wire: 20:01:02:03:04:05"),
                 "{cause}"

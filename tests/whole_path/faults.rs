@@ -26,7 +26,7 @@ fn a_drive_that_warns_stops_the_machine_in_order() {
         run.run_until(200, |_| false).expect("a good program");
         run.net().machine_mut().drive_injected(2).expect("a drive").warning = true;
         assert_eq!(finish(run), Outcome::Faulted);
-        let first = &run.operator.alarms()[0].cause;
+        let first = &run.operator.alarms()[0].cause.text;
         assert!(first.starts_with("axis Y (joint 1): the drive warns"), "{first}");
         assert_powerless(run);
     });
@@ -39,7 +39,7 @@ fn a_following_error_above_the_limit_stops_the_machine_and_names_the_axis() {
     config.joints[1].following_error_mm = 0.05;
     rehearse_on(&config, NetConfig::clean(10), PART, |run| {
         assert_eq!(finish(run), Outcome::Faulted);
-        let cause = &run.operator.alarms()[0].cause;
+        let cause = &run.operator.alarms()[0].cause.text;
         assert!(
             cause.starts_with("axis Y (joint 1): ") && cause.contains("ollowing error"),
             "{cause}"
@@ -64,7 +64,7 @@ fn a_fault_during_homing_ends_it_and_is_named() {
             let now_ns = run.now_ns();
             run.net().at(now_ns, disturbance);
             assert_eq!(finish(run), Outcome::Faulted);
-            let first = &run.operator.alarms()[0].cause;
+            let first = &run.operator.alarms()[0].cause.text;
             assert!(first.starts_with(cause), "{first}");
             assert_eq!(commands(run), [[0.0; 3]; 0]);
             assert_powerless(run);
@@ -99,7 +99,7 @@ fn a_command_above_a_limit_stops_the_machine_and_names_joint_order_value_and_lim
         reach_state(run, State::Stopping);
         reach_state(run, State::Faulted);
         run.run_until(10, |_| false).expect("a good program");
-        let cause = run.operator.alarms()[0].cause.clone();
+        let cause = run.operator.alarms()[0].cause.text.clone();
         assert!(cause.starts_with("axis X (joint 0): commanded jerk "), "{cause}");
         assert!(cause.contains(&format!("above its limit, {limit:.1} mm/s³")), "{cause}");
     });

@@ -204,7 +204,7 @@ fn holds(ethercat: bool, at: At, wrong: Wrong) {
         } else {
             assert!(faulted, "{name}: {:?}\n{}", run.control.state(), journal(run));
             assert!(
-                alarms[0].cause.starts_with("axis X (joint 0): command"),
+                alarms[0].cause.text.starts_with("axis X (joint 0): command"),
                 "{name}: {alarms:?}"
             );
         }
@@ -301,7 +301,7 @@ fn a_wrong_plan_leaves_no_wrong_set_point() {
                 .run_until(60_000, |run| run.control.state() == State::Faulted)
                 .expect("no end");
             assert!(faulted, "wrong {wrong}: {:?}\n{}", run.control.state(), journal(run));
-            let cause = run.operator.alarms()[0].cause.clone();
+            let cause = run.operator.alarms()[0].cause.text.clone();
             assert!(
                 cause.starts_with("axis X (joint 0): command") && cause.ends_with(": line 3"),
                 "{wrong}: {cause}"

@@ -53,7 +53,12 @@ fn many_overruns_are_told_of_and_too_many_stop_the_machine_on_the_path() {
             let told = journal(run)
                 .matches("warning: 6 of the last 1000 cycles were skipped")
                 .count();
-            let alarms: Vec<String> = run.operator.alarms().iter().map(|alarm| alarm.cause.clone()).collect();
+            let alarms: Vec<String> = run
+                .operator
+                .alarms()
+                .iter()
+                .map(|alarm| alarm.cause.text.clone())
+                .collect();
             (told, alarms, run.operator.late_cycles())
         })
     };

@@ -227,7 +227,11 @@ fn stops_in_order(run: &mut Rehearsal<'_>, alive: &[usize], disturb: impl FnOnce
         );
     }
     assert_powerless(run);
-    run.operator.alarms().iter().map(|alarm| alarm.cause.clone()).collect()
+    run.operator
+        .alarms()
+        .iter()
+        .map(|alarm| alarm.cause.text.clone())
+        .collect()
 }
 
 #[test]

@@ -139,7 +139,12 @@ fn a_program_from_elsewhere_is_refused_before_anything_moves() {
         for (at_mm, before_mm) in loads(run).into_iter().zip(before) {
             assert!((at_mm - before_mm).abs() < 0.01, "moved from {before_mm} to {at_mm}");
         }
-        assert!(run.operator.alarms()[0].cause.starts_with("axis X (joint 0): command"));
+        assert!(
+            run.operator.alarms()[0]
+                .cause
+                .text
+                .starts_with("axis X (joint 0): command")
+        );
     });
 }
 

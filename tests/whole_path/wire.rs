@@ -160,7 +160,12 @@ fn a_node_lost_while_the_drives_are_off_wants_an_acknowledge() {
         run.net().at(now_ns, Disturbance::Unplug { node: 10 });
         reach_state(run, State::Faulted);
         assert_eq!(finish(run), Outcome::Faulted);
-        let causes: Vec<&str> = run.operator.alarms().iter().map(|alarm| alarm.cause.as_str()).collect();
+        let causes: Vec<&str> = run
+            .operator
+            .alarms()
+            .iter()
+            .map(|alarm| alarm.cause.text.as_str())
+            .collect();
         assert_eq!(causes, ["io (node 10): lost, it does not answer any more"]);
     });
 }
@@ -185,6 +190,7 @@ fn another_managing_node_is_told_of_and_nothing_starts_beside_it() {
             assert!(
                 run.operator.alarms()[0]
                     .cause
+                    .text
                     .starts_with("another managing node is on the wire: 02:00:00:00:00:09")
             );
             assert_eq!(commands(run), [[0.0; 3]; 0]);
@@ -256,7 +262,7 @@ fn a_chained_drive_that_dies_stops_the_machine_and_is_named() {
         let now_ns = run.now_ns();
         run.net().at(now_ns, Disturbance::Unplug { node: 2 });
         assert_eq!(finish(run), Outcome::Faulted);
-        let cause = run.operator.alarms()[0].cause.clone();
+        let cause = run.operator.alarms()[0].cause.text.clone();
         assert!(cause.contains("y-drive"), "{cause}");
         assert_within_limits(&commands(run), true);
     });

@@ -8,6 +8,7 @@
 
 use super::rpc::{RpcError, code};
 use super::server::ClientId;
+use protocol::message;
 use rt::joint_jog::HOLDS_S;
 use serde_json::json;
 
@@ -159,15 +160,22 @@ impl Control {
         }
         let Who { process, name, .. } = &holder.who;
         let since_s = now_ns.saturating_sub(holder.since_ns) / 1_000_000_000;
-        let (what, next) = match holder.taken {
-            true => (
-                format!("has had control for {since_s} s"),
-                "wait until it lets it go, or take it over: --take-over, control.take {\"force\": true}",
+        let told = match holder.taken {
+            true => message!(
+                "refused.control_taken",
+                "{holder} (process {process}) has had control for {since} s: wait until it lets it go, or take it over: --take-over, \
+                 control.take {{\"force\": true}}; hold, stop and estop are taken from everyone",
+                holder = name,
+                process = *process,
+                since = since_s
             ),
-            false => ("is jogging".into(), "wait until it has ended"),
+            false => message!(
+                "refused.other_jogs",
+                "{holder} (process {process}) is jogging: wait until it has ended; hold, stop and estop are taken from everyone",
+                holder = name,
+                process = *process
+            ),
         };
-        let always = "hold, stop and estop are taken from everyone";
-        let told = format!("{name} (process {process}) {what}: {next}; {always}");
         let data = json!({ "holder": name, "process": process, "since_s": since_s });
         Err(RpcError::new(code::NO_CONTROL, told).with_data(data))
     }
@@ -212,7 +220,7 @@ mod tests {
         control.permit(1, || who(1), Needs::ControlForJog, 0).unwrap();
         let refused = order(&mut control, 2, S / 5 - 1).unwrap_err();
         assert!(
-            refused.message.starts_with("client 1 (process 101) is jogging"),
+            refused.message.text.starts_with("client 1 (process 101) is jogging"),
             "{refused}"
         );
         order(&mut control, 1, 1).unwrap();
@@ -229,6 +237,7 @@ mod tests {
         assert!(
             refused
                 .message
+                .text
                 .starts_with("client 1 (process 101) has had control for 12 s: wait"),
             "{refused}"
         );

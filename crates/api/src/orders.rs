@@ -16,7 +16,7 @@ use nix::sys::eventfd::{EfdFlags, EventFd};
 use program::Change;
 use program::outline::Outline;
 use program::text::Text;
-use protocol::{Activity, Mode, Next, Outcome, Power, Step, Waiting};
+use protocol::{Activity, Message, Mode, Next, Outcome, Power, Step, Waiting};
 use rt::joint_jog::JogMotion;
 use serde::Serialize;
 use serde_json::Value;
@@ -173,9 +173,9 @@ pub struct Shown {
     /// Tool in the spindle, 0: none.
     pub tool: u32,
     /// Why the machine stopped by itself; stands until it is acknowledged or another program begins.
-    pub alarm: Option<String>,
+    pub alarm: Option<Message>,
     /// What ended the last jog, if something was in its way.
-    pub obstruction: Option<String>,
+    pub obstruction: Option<Message>,
     /// The last entries of the journal, the newest last.
     pub messages: Vec<Entry>,
     /// Parts made, and wanted.

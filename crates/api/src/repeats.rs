@@ -243,7 +243,7 @@ mod tests {
         // He goes, too: he never was who ordered it.
         assert!(repeats.gone(2) && !repeats.gone(1) && !repeats.gone(3));
         assert!(
-            matches!(see(&mut repeats, "a", 4), Seen::Answered(Err(error)) if error.message.contains("did not begin"))
+            matches!(see(&mut repeats, "a", 4), Seen::Answered(Err(error)) if error.message.text.contains("did not begin"))
         );
         // It had begun all the same.
         repeats.answered(1, &Ok(json!(true)));
@@ -263,6 +263,7 @@ mod tests {
                 .see("x", "home", &none, 0, 0)
                 .unwrap_err()
                 .message
+                .text
                 .contains("no more are remembered")
         );
         assert!(matches!(repeats.see("7", "home", &none, 0, 0), Ok(Seen::Answered(_))));

@@ -227,13 +227,7 @@ fn is_id(id: &Value) -> bool {
 pub fn answer(id: &Value, result: Result<Value, RpcError>) -> String {
     let message = match result {
         Ok(result) => json!({ "jsonrpc": "2.0", "id": id, "result": result }),
-        Err(RpcError { code, message, data }) => {
-            let mut error = json!({ "code": code, "message": message });
-            if let Some(data) = data {
-                error["data"] = data;
-            }
-            json!({ "jsonrpc": "2.0", "id": id, "error": error })
-        }
+        Err(error) => json!({ "jsonrpc": "2.0", "id": id, "error": error.to_json() }),
     };
     format!("{message}\n")
 }
@@ -329,7 +323,7 @@ mod tests {
     #[test]
     fn parameters_say_what_was_expected() {
         let params = |text: &str| Params(serde_json::from_str(text).unwrap());
-        let message = |result: Result<u64, RpcError>| result.unwrap_err().message;
+        let message = |result: Result<u64, RpcError>| result.unwrap_err().message.text;
         let expected = "parameter \"node\": expected a whole number from 1 to 239";
         assert_eq!(
             message(params("{}").number("node", 1, 239)),
@@ -348,7 +342,11 @@ mod tests {
             assert!(params(&format!("{{\"v\":{value}}}")).octets("v", 2).is_err(), "{value}");
         }
         assert_eq!(
-            params(r#"{"nod":1}"#).only(&["node", "index"]).unwrap_err().message,
+            params(r#"{"nod":1}"#)
+                .only(&["node", "index"])
+                .unwrap_err()
+                .message
+                .text,
             "unknown parameter \"nod\": known are node, index"
         );
         assert!(params("{}").only(&[]).is_ok());

@@ -479,10 +479,11 @@ mod tests {
         let mut rig = rig();
         let mut refusal = |wanted: &Wanted| rig.scopes.begin(1, wanted, 1, None, 0).unwrap_err();
         let unknown = refusal(&wanted(&["a.cuont"], None));
-        assert_eq!(unknown.message, "no pin or net 'a.cuont'; did you mean 'a.count'?");
+        assert_eq!(unknown.message.text, "no pin or net 'a.cuont'; did you mean 'a.count'?");
         assert!(
             refusal(&wanted(&["a.on"], Some("b>1")))
                 .message
+                .text
                 .contains("no pin or net 'b'")
         );
         let too_long = Wanted {
@@ -490,15 +491,16 @@ mod tests {
             before_percent: 50.0,
             ..wanted(&["a.on"], Some("a.count>1"))
         };
-        assert!(refusal(&too_long).message.contains("values would have to be kept"));
+        assert!(refusal(&too_long).message.text.contains("values would have to be kept"));
         let no_length = Wanted {
             seconds: Some(f64::NAN),
             ..wanted(&["a.on"], None)
         };
-        assert!(refusal(&no_length).message.contains("expected a length"));
+        assert!(refusal(&no_length).message.text.contains("expected a length"));
         assert!(
             refusal(&wanted(&["a.on"; 32], Some("a.count>1")))
                 .message
+                .text
                 .contains("32 in all")
         );
         assert!(
@@ -518,7 +520,7 @@ mod tests {
         let refusal = |scopes: &mut Scopes, client| {
             let error = scopes.begin(client, &on, 1, None, 0).unwrap_err();
             assert_eq!(error.code, code::REFUSED);
-            error.message
+            error.message.text
         };
         assert!(refusal(&mut rig.scopes, 1).contains("this client has 2 scopes"));
         assert!(refusal(&mut rig.scopes, 2).contains("clients of this control have 3 scopes"));

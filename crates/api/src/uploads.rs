@@ -275,6 +275,7 @@ mod tests {
                 .commit(1, number, &SUM, 0)
                 .unwrap_err()
                 .message
+                .text
                 .contains("1 of 3 octets")
         );
         assert!(uploads.whole(1, number, 0).is_err());
@@ -294,6 +295,7 @@ mod tests {
                 .commit(1, number, &SUM, 0)
                 .unwrap_err()
                 .message
+                .text
                 .contains("sha256")
         );
         assert!(uploads.append(1, number, 3, b"", 0).is_err(), "given up");
@@ -304,7 +306,7 @@ mod tests {
     #[test]
     fn size_and_number_are_limited_and_what_nobody_goes_on_with_goes() {
         let mut uploads = Uploads::default();
-        let refused = |answer: Result<u64, RpcError>| answer.unwrap_err().message;
+        let refused = |answer: Result<u64, RpcError>| answer.unwrap_err().message.text;
         assert!(refused(uploads.begin(1, "huge", PROGRAM_MAX + 1, 0)).contains("at the most"));
         for name in ["", "a\nb", &"n".repeat(NAME_MAX + 1)] {
             assert!(refused(uploads.begin(1, name, 1, 0)).contains("\"name\""));
@@ -337,7 +339,11 @@ mod tests {
         }
         let number = uploads.begin(9, "part", 3, 10_000_000_000).unwrap();
         assert_eq!(uploads.append(9, number, 0, b"abc", 10_000_000_000), Ok(3));
-        let told = uploads.append(1, slow[0], 1, b"x", 10_000_000_000).unwrap_err().message;
+        let told = uploads
+            .append(1, slow[0], 1, b"x", 10_000_000_000)
+            .unwrap_err()
+            .message
+            .text;
         assert!(told.contains("begin it again"), "{told}");
         assert_eq!(uploads.append(2, slow[1], 2, b"x", 10_000_000_000), Ok(3));
     }

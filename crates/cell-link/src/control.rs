@@ -24,7 +24,7 @@ pub enum Refused {
 impl From<ClientError> for Refused {
     fn from(error: ClientError) -> Refused {
         match error {
-            ClientError::Refused(refused) => Refused::ByControl(refused.message),
+            ClientError::Refused(refused) => Refused::ByControl(refused.message.text),
             error => Refused::Gone(error.to_string()),
         }
     }

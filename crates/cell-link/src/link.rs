@@ -489,7 +489,7 @@ impl<'a> Teller<'a> {
             program: status.program.as_ref().map(|program| program.name.clone()),
             done_percent: status.done_percent,
             remaining_s: status.remaining_s,
-            alarm: status.alarm.clone(),
+            alarm: status.alarm.as_ref().map(ToString::to_string),
             parts: status.parts.count,
             journal: self.told,
             order: self.shared.ledger().last().map(|line| line.state.clone()),

@@ -9,7 +9,7 @@ use crate::control::{Control, Refused};
 use protocol::params::Hex;
 use protocol::{
     Acknowledged, Activity, AlarmRecord, Control as Holder, Described, DescribedAxis, DescribedJoint, Entry, EntryKind,
-    Journal, Mode, Outcome, Outlook, Parts, Power, ProgramRecord, State, Status, StatusProgram, Tool, Tools,
+    Journal, Message, Mode, Outcome, Outlook, Parts, Power, ProgramRecord, State, Status, StatusProgram, Tool, Tools,
     UploadBegun, UploadGrown,
 };
 use serde_json::{Value, json};
@@ -142,7 +142,7 @@ impl Machine {
             activity,
             mode: self.mode,
             homed: if self.is_homed { vec![0] } else { Vec::new() },
-            alarm: self.alarm.clone(),
+            alarm: self.alarm.as_deref().map(Message::from),
             parts: Parts {
                 count: self.parts,
                 target: None,

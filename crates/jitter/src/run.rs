@@ -327,7 +327,7 @@ impl Measured<'_> {
         }
         if !window.was_open() {
             let cause = match (ended.operator.alarms().first(), ended.operator.outcome()) {
-                (Some(alarm), _) => alarm.cause.clone(),
+                (Some(alarm), _) => alarm.cause.text.clone(),
                 (None, _) if signal.caught().is_some() => SIGNAL.into(),
                 (None, Some(Outcome::TimedOut(step))) => format!("{} took too long", step.code(true)),
                 (None, Some(Outcome::Completed | Outcome::Stopped | Outcome::Faulted) | None) => {
@@ -358,7 +358,7 @@ impl Measured<'_> {
             .operator
             .alarms()
             .iter()
-            .map(|alarm| alarm.cause.clone())
+            .map(|alarm| alarm.cause.text.clone())
             .collect();
         round.control = ControlFigures {
             cycles: figures.cycles,

@@ -7,33 +7,39 @@
 //! begin late by the cycle thread.
 
 pub use super::fault_causes::{ForeignMaster, LinkFailure, LogicError, OrientFailure, SpeedNotReached};
+use super::fault_causes::{drive, homing, in_step};
 use super::overruns::CYCLES;
 use cia402::axis::AxisFault;
 use config::NodeIndex;
 use motion::rt::homing::HomingFailure;
 use motion::rt::{Order, SyncFault};
 pub use protocol::Reaction;
+use protocol::{Message, message};
 
-/// What every command says of a control whose cycle thread hung, where it does not know what leads the machine.
-pub const SILENCED: &str = "the control is silenced, because its cycle thread hung: nothing leads the machine any more, which stops by \
-                            itself; this control ends and has to be restarted";
-
-/// The same, by what the machine has: a network, joints with step pulses.
-pub const fn silenced(network: bool, steps: bool) -> &'static str {
+/// What is said of a control whose cycle thread hung, by what the machine has: a network, joints with step pulses. Without either,
+/// nobody knows what leads the machine.
+pub fn silenced(network: bool, steps: bool) -> Message {
     match (network, steps) {
-        (true, false) => {
+        (true, false) => message!(
+            "control.silenced_network",
             "the network is silenced, because the cycle thread hung: drives stop by themselves for want of frames; this control ends \
              and has to be restarted"
-        }
-        (false, true) => {
+        ),
+        (false, true) => message!(
+            "control.silenced_steps",
             "step pulses have ended, because the cycle thread hung: motors stand where the last cycle led them; this control ends and \
              has to be restarted"
-        }
-        (true, true) => {
+        ),
+        (true, true) => message!(
+            "control.silenced_network_and_steps",
             "network and step pulses are silenced, because the cycle thread hung: drives stop by themselves for want of frames; motors \
              stand where the last cycle led them; this control ends and has to be restarted"
-        }
-        (false, false) => SILENCED,
+        ),
+        (false, false) => message!(
+            "control.silenced",
+            "the control is silenced, because its cycle thread hung: nothing leads the machine any more, which stops by itself; this \
+             control ends and has to be restarted"
+        ),
     }
 }
 
@@ -197,11 +203,11 @@ pub const UNWATCHED_CODE: &str = "C-405";
 /// The same of a program that turned out to be wrong.
 pub const PROGRAM_CODE: &str = "P-601";
 
-/// Where in a program, if it was in one.
-fn in_line(line: u32) -> String {
+/// The same with its place in a program, if it was in one.
+fn in_line(what: Message, line: u32) -> Message {
     match line {
-        0 => String::new(),
-        line => format!(": line {line}"),
+        0 => what,
+        line => message!("fault.in_line", "{what}: line {line}", what = what, line = line),
     }
 }
 
@@ -341,37 +347,54 @@ impl Fault {
         )
     }
 
-    /// A sentence for the operator; `node`, `joint` and `external` name those of the machine file, `logic` a program, or says a text of it.
-    pub fn text(
+    /// What the operator is told; `node`, `joint` and `external` name those of the machine file, `logic` a program, or says a text of it.
+    pub fn message(
         &self,
-        node: impl Fn(NodeIndex) -> String,
-        joint: impl Fn(usize) -> String,
+        node: impl Fn(NodeIndex) -> Message,
+        joint: impl Fn(usize) -> Message,
         logic: impl Fn(usize, Option<u32>) -> String,
         external: impl Fn(usize) -> String,
-    ) -> String {
-        let sentence = self.sentence(logic, external);
+    ) -> Message {
+        let what = self.sentence(logic, external);
         match self.joint().map(joint).or_else(|| self.node().map(node)) {
-            Some(place) => format!("{place}: {sentence}"),
-            None => sentence,
+            Some(place) => message!("fault.at", "{place}: {what}", place = place, what = what),
+            None => what,
         }
     }
 
     /// The same without the joint or the node that it is about.
-    fn sentence(&self, logic: impl Fn(usize, Option<u32>) -> String, external: impl Fn(usize) -> String) -> String {
+    fn sentence(&self, logic: impl Fn(usize, Option<u32>) -> String, external: impl Fn(usize) -> String) -> Message {
+        let of_spindle = |what: Message| message!("fault.spindle", "spindle: {what}", what = what);
         match *self {
-            Fault::NodeLost { .. } => "lost, it does not answer any more".into(),
-            Fault::Drive { fault, .. } => fault.to_string(),
-            Fault::DriveWarning { .. } => "the drive warns (bit 7 of its statusword): look at its display".into(),
-            Fault::FollowingError { error_mm, limit_mm, .. } => {
-                format!("following error {error_mm:.3} mm above {limit_mm:.3} mm")
+            Fault::NodeLost { .. } => message!("fault.node_lost", "lost, it does not answer any more"),
+            Fault::Drive { fault, .. } => drive(fault),
+            Fault::DriveWarning { .. } => {
+                message!(
+                    "fault.drive_warning",
+                    "the drive warns (bit 7 of its statusword): look at its display"
+                )
             }
-            Fault::Homing { failure, .. } => format!("not homed: {}", failure.words()),
-            Fault::SoftLimit { position_mm, line, .. } => {
-                format!("command {position_mm:.3} mm beyond its travel{}", in_line(line))
-            }
-            Fault::IllegalCommand { line, .. } => format!(
-                "command that is NaN or far from where it stands: a defect of the planner{}",
-                in_line(line)
+            Fault::FollowingError { error_mm, limit_mm, .. } => message!(
+                "fault.following_error",
+                "following error {error:.3} mm above {limit:.3} mm",
+                error = error_mm,
+                limit = limit_mm
+            ),
+            Fault::Homing { failure, .. } => message!("fault.homing", "not homed: {why}", why = homing(failure)),
+            Fault::SoftLimit { position_mm, line, .. } => in_line(
+                message!(
+                    "fault.soft_limit",
+                    "command {position:.3} mm beyond its travel",
+                    position = position_mm
+                ),
+                line,
+            ),
+            Fault::IllegalCommand { line, .. } => in_line(
+                message!(
+                    "fault.illegal_command",
+                    "command that is NaN or far from where it stands: a defect of the planner"
+                ),
+                line,
             ),
             Fault::LimitExceeded {
                 order,
@@ -379,77 +402,165 @@ impl Fault {
                 limit,
                 line,
                 ..
-            } => {
-                let (unit, in_line) = (order.unit(), in_line(line));
-                format!("commanded {order} {value:.1} {unit} above its limit, {limit:.1} {unit}: a defect of the planner{in_line}")
+            } => in_line(limit_exceeded(order, value, limit), line),
+            Fault::OutOfStep { fault } => of_spindle(in_step(fault)),
+            Fault::SpindleDrive { fault } => of_spindle(drive(fault)),
+            Fault::SpindleLate { late } => of_spindle(late.message()),
+            Fault::SpindleOrient { failure } => of_spindle(failure.message()),
+            Fault::CountsLost { counts, .. } => of_spindle(counts_lost(counts)),
+            Fault::InputRange { object, raw, limit, .. } => input_range(object, raw, limit),
+            Fault::CyclesSkipped { cycles } => {
+                message!("fault.cycles_skipped", "{cycles} cycles left out", cycles = cycles)
             }
-            Fault::OutOfStep { fault } => format!("spindle: {fault}"),
-            Fault::SpindleDrive { fault } => format!("spindle: {fault}"),
-            Fault::SpindleLate { late } => format!("spindle: {late}"),
-            Fault::SpindleOrient { failure } => format!("spindle: {failure}"),
-            Fault::CountsLost { counts, .. } => format!(
-                "spindle: its encoder counted {} {} than whole turns between two indexes: look at its cable, its shield and \
-                 counts_per_turn",
-                counts.unsigned_abs(),
-                if counts < 0 { "less" } else { "more" }
+            Fault::ManyOverruns { cycles } => message!(
+                "fault.many_overruns",
+                "{cycles} of the last {of} cycles were skipped: `isocnc doctor` says what keeps this PC from real time",
+                cycles = cycles,
+                of = CYCLES
             ),
-            Fault::InputRange {
-                object: (index, sub),
-                raw,
-                limit,
-                ..
-            } => {
-                let (beyond, look_for) = match raw < limit {
-                    true => ("below raw_min,", "an open wire or a sensor without power"),
-                    false => ("above raw_max,", "a short circuit"),
-                };
-                format!("analog input 0x{index:04X}:{sub} reads {raw}, {beyond} {limit}: look for {look_for}")
-            }
-            Fault::CyclesSkipped { cycles } => format!("{cycles} cycles left out"),
-            Fault::ManyOverruns { cycles } => format!(
-                "{cycles} of the last {CYCLES} cycles were skipped: `isocnc doctor` says what keeps this PC from real time"
+            Fault::TooManyOverruns { cycles } => message!(
+                "fault.too_many_overruns",
+                "{cycles} of the last {of} cycles were skipped, more than rt.overruns_stop tolerates: `isocnc doctor` says what keeps \
+                 this PC from real time",
+                cycles = cycles,
+                of = CYCLES
             ),
-            Fault::TooManyOverruns { cycles } => format!(
-                "{cycles} of the last {CYCLES} cycles were skipped, more than rt.overruns_stop tolerates: `isocnc doctor` says what \
-                 keeps this PC from real time"
+            Fault::CycleHung => silenced(true, false),
+            Fault::PinsLost => message!(
+                "fault.pins_lost",
+                "the file of the pins was cut short by another process: pins are lost; end this control and start it again"
             ),
-            Fault::CycleHung => silenced(true, false).into(),
-            Fault::PinsLost => {
-                "the file of the pins was cut short by another process: pins are lost; end this control and start it again".into()
-            }
             Fault::ExternalLost {
-                component, cut_short, ..
-            } => {
-                let name = external(component);
-                let why = match cut_short {
-                    true => "its file was cut short by another process; end this control and start it again",
-                    false => "its process does not renew its heartbeat: it has died or hangs",
-                };
-                format!("external component {name}: {why}; its outputs have their safe values")
-            }
-            Fault::EmergencyStop { cause } => match cause {
-                EstopCause::Order => "emergency stop by order",
-                EstopCause::Chain => "emergency stop: the chain is open (iocontrol.0.emc-enable-in)",
-                EstopCause::Unwired => {
-                    "emergency stop: a net that the machine file calls \"unwired\" keeps the chain open; `isocnc check` names it"
-                }
-                EstopCause::Sto { .. } => "emergency stop: the safety circuit (STO) of its drive is open",
-            }
-            .into(),
-            Fault::LimitSwitch { above, .. } => format!(
-                "its {} limit switch has closed; it can be jogged the other way",
-                if above { "upper" } else { "lower" }
+                component,
+                cut_short: true,
+                ..
+            } => message!(
+                "fault.external_cut_short",
+                "external component {name}: its file was cut short by another process; end this control and start it again; its \
+                 outputs have their safe values",
+                name = external(component)
             ),
-            Fault::MainsLost => "the mains have failed (iocontrol.0.mains-ok)".into(),
-            Fault::ForeignMaster { sign } => format!("{sign}; disconnect it or end it"),
-            Fault::LinkFailed { error } => format!("network adapter: {error}"),
-            Fault::LogicError { task, error } => format!("{}:{error}", logic(task, None)),
-            Fault::LogicLate { task, scans } => format!(
-                "{}: {scans} scans in a row were not over when the next one was due; the program stands, its outputs have their safe \
-                 values; it restarts when you acknowledge",
-                logic(task, None)
+            Fault::ExternalLost {
+                component,
+                cut_short: false,
+                ..
+            } => message!(
+                "fault.external_lost",
+                "external component {name}: its process does not renew its heartbeat: it has died or hangs; its outputs have their \
+                 safe values",
+                name = external(component)
             ),
-            Fault::LogicAlarm { task, text } => logic(task, Some(text)),
+            Fault::EmergencyStop { cause } => cause.message(),
+            Fault::LimitSwitch { above: true, .. } => message!(
+                "fault.upper_limit_switch",
+                "its upper limit switch has closed; it can be jogged the other way"
+            ),
+            Fault::LimitSwitch { above: false, .. } => message!(
+                "fault.lower_limit_switch",
+                "its lower limit switch has closed; it can be jogged the other way"
+            ),
+            Fault::MainsLost => message!("fault.mains_lost", "the mains have failed (iocontrol.0.mains-ok)"),
+            Fault::ForeignMaster { sign } => {
+                message!(
+                    "fault.foreign_master",
+                    "{who}; disconnect it or end it",
+                    who = sign.message()
+                )
+            }
+            Fault::LinkFailed { error } => link_failed(error),
+            Fault::LogicError { task, error } => error.message(&logic(task, None)),
+            Fault::LogicLate { task, scans } => message!(
+                "fault.logic_late",
+                "{file}: {scans} scans in a row were not over when the next one was due; the program stands, its outputs have their \
+                 safe values; it restarts when you acknowledge",
+                file = logic(task, None),
+                scans = scans
+            ),
+            Fault::LogicAlarm { task, text } => logic(task, Some(text)).into(),
         }
+    }
+}
+
+impl EstopCause {
+    fn message(self) -> Message {
+        match self {
+            EstopCause::Order => message!("estop.order", "emergency stop by order"),
+            EstopCause::Chain => message!(
+                "estop.chain",
+                "emergency stop: the chain is open (iocontrol.0.emc-enable-in)"
+            ),
+            EstopCause::Unwired => message!(
+                "estop.unwired",
+                "emergency stop: a net that the machine file calls \"unwired\" keeps the chain open; `isocnc check` names it"
+            ),
+            EstopCause::Sto { .. } => message!(
+                "estop.sto",
+                "emergency stop: the safety circuit (STO) of its drive is open"
+            ),
+        }
+    }
+}
+
+/// The network adapter does not send or receive.
+pub fn link_failed(error: LinkFailure) -> Message {
+    message!("link.failed", "network adapter: {why}", why = error.message())
+}
+
+fn limit_exceeded(order: Order, value: f64, limit: f64) -> Message {
+    match order {
+        Order::Velocity => message!(
+            "fault.velocity_exceeded",
+            "commanded velocity {value:.1} mm/s above its limit, {limit:.1} mm/s: a defect of the planner",
+            value = value,
+            limit = limit
+        ),
+        Order::Acceleration => message!(
+            "fault.acceleration_exceeded",
+            "commanded acceleration {value:.1} mm/s² above its limit, {limit:.1} mm/s²: a defect of the planner",
+            value = value,
+            limit = limit
+        ),
+        Order::Jerk => message!(
+            "fault.jerk_exceeded",
+            "commanded jerk {value:.1} mm/s³ above its limit, {limit:.1} mm/s³: a defect of the planner",
+            value = value,
+            limit = limit
+        ),
+    }
+}
+
+fn counts_lost(counts: i64) -> Message {
+    let lost = counts.unsigned_abs();
+    match counts < 0 {
+        true => message!(
+            "fault.counts_less",
+            "its encoder counted {counts} less than whole turns between two indexes: look at its cable, its shield and counts_per_turn",
+            counts = lost
+        ),
+        false => message!(
+            "fault.counts_more",
+            "its encoder counted {counts} more than whole turns between two indexes: look at its cable, its shield and counts_per_turn",
+            counts = lost
+        ),
+    }
+}
+
+fn input_range((index, sub): (u16, u8), raw: i64, limit: i64) -> Message {
+    let object = format!("0x{index:04X}:{sub}");
+    match raw < limit {
+        true => message!(
+            "fault.input_below",
+            "analog input {object} reads {raw}, below raw_min, {limit}: look for an open wire or a sensor without power",
+            object = object.as_str(),
+            raw = raw,
+            limit = limit
+        ),
+        false => message!(
+            "fault.input_above",
+            "analog input {object} reads {raw}, above raw_max, {limit}: look for a short circuit",
+            object = object.as_str(),
+            raw = raw,
+            limit = limit
+        ),
     }
 }

@@ -211,11 +211,7 @@ mod tests {
             seq,
             unix_s: 1.75e9,
             time_s: seq as f64,
-            kind: Kind::Note,
-            text: format!("entry {seq}, \"quoted\"\n\u{e4}"),
-            alarm: None,
-            program: None,
-            acknowledges: None,
+            ..Entry::new(format!("entry {seq}, \"quoted\"\n\u{e4}").into())
         }
     }
 
@@ -264,7 +260,8 @@ mod tests {
             "{\"seq\":7,\"unix_s\":1.0,\"time_s\":2.0,\"kind\":\"note\",\"text\":\"x\"}\n",
         )
         .unwrap();
-        assert_eq!(opened(folder.path()).last, 7);
+        let before = opened(folder.path());
+        assert_eq!((before.last, before.entries[0].code.as_str()), (7, "text"));
     }
 
     #[test]

@@ -18,7 +18,7 @@
 // What is public here is so for the program and its tests, and says more than its name only where there is more to say.
 #![allow(missing_docs)]
 
-mod fault_causes;
+pub mod fault_causes;
 pub mod fault_order;
 pub mod faults;
 pub mod journal;

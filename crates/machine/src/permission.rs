@@ -4,6 +4,7 @@
 //!
 //! Power, homing and what is going on are three independent facts. The page `docs/states.md` is made of this table.
 
+use protocol::Message;
 pub use protocol::{Activity, Next, Power};
 use std::fmt;
 
@@ -80,6 +81,34 @@ impl Wish {
         Wish::Stop,
     ];
 
+    /// What the journal has of an order.
+    pub fn message(self) -> Message {
+        let code = match self {
+            Wish::On => "order.on",
+            Wish::Off => "order.off",
+            Wish::Estop => "order.estop",
+            Wish::EstopReset => "order.estop_reset",
+            Wish::Acknowledge => "order.acknowledge",
+            Wish::Home => "order.home",
+            Wish::Jog => "order.jog",
+            Wish::Mdi => "order.mdi",
+            Wish::TouchOff => "order.touch_off",
+            Wish::Set => "order.set",
+            Wish::Load => "order.load",
+            Wish::Start => "order.start",
+            Wish::Run => "order.run",
+            Wish::Hold => "order.hold",
+            Wish::Resume => "order.resume",
+            Wish::Skip => "order.skip",
+            Wish::Reverse => "order.reverse",
+            Wish::SingleBlock => "order.single_block",
+            Wish::OptionalStop => "order.optional_stop",
+            Wish::BlockDelete => "order.block_delete",
+            Wish::Stop => "order.stop",
+        };
+        Message::new(code, format_args!("order: {}", self.command()), [])
+    }
+
     /// The command that orders it.
     pub const fn command(self) -> &'static str {
         match self {
@@ -145,10 +174,19 @@ pub struct Condition {
 /// Why an order is not carried out, and what would help.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Refusal {
+    /// Code of the message.
+    code: &'static str,
     /// What is in the way.
     pub why: &'static str,
     /// The next step of the operator.
     pub next: Next,
+}
+
+impl Refusal {
+    /// Both, for whoever has ordered.
+    pub fn message(&self) -> Message {
+        Message::new(self.code, self, [("next", self.next.message().into())])
+    }
 }
 
 impl fmt::Display for Refusal {
@@ -162,25 +200,29 @@ impl fmt::Display for Refusal {
 /// # Errors
 /// Why it is not, and what would help.
 pub fn permit(wish: Wish, condition: &Condition) -> Result<(), Refusal> {
-    let refused = |why, next| Err(Refusal { why, next });
+    let refused = |code, why, next| Err(Refusal { code, why, next });
     let Condition { power, activity, .. } = *condition;
     if power == Power::Ending {
-        return refused("the control is ending", Next::RunControl);
+        return refused("refused.ending", "the control is ending", Next::RunControl);
     }
     if !condition.stands_by && !wish.is_for_one_program() {
-        return refused("this control was started for one program", Next::RunWithoutProgram);
+        return refused(
+            "refused.one_program",
+            "this control was started for one program",
+            Next::RunWithoutProgram,
+        );
     }
     match wish {
         Wish::Estop | Wish::SingleBlock | Wish::OptionalStop => Ok(()),
         Wish::EstopReset => match power {
             // A latch may hold the chain open that a reset closes.
             Power::Estop | Power::EstopOpen => Ok(()),
-            _ => refused("there is no emergency stop", Next::Nothing),
+            _ => refused("refused.no_estop", "there is no emergency stop", Next::Nothing),
         },
         Wish::Acknowledge => match power {
             Power::Alarm => Ok(()),
-            Power::Estop | Power::EstopOpen => refused("emergency stop", Next::ResetEstop),
-            _ => refused("there is nothing to acknowledge", Next::Status),
+            Power::Estop | Power::EstopOpen => refused("refused.estop", "emergency stop", Next::ResetEstop),
+            _ => refused("refused.no_alarm", "there is nothing to acknowledge", Next::Status),
         },
         Wish::On => match power {
             // They are, and nothing is in its way.
@@ -202,7 +244,7 @@ pub fn permit(wish: Wish, condition: &Condition) -> Result<(), Refusal> {
             needs(condition, false)?;
             match activity {
                 Activity::Jogging | Activity::Held | Activity::Away => Ok(()),
-                Activity::Running => refused("a program runs", Next::HoldThenJog),
+                Activity::Running => refused("refused.running", "a program runs", Next::HoldThenJog),
                 _ => is_idle(activity),
             }
         }
@@ -219,7 +261,7 @@ pub fn permit(wish: Wish, condition: &Condition) -> Result<(), Refusal> {
             is_idle(activity)?;
             match condition.loaded {
                 true => Ok(()),
-                false => refused("no program is loaded", Next::LoadProgram),
+                false => refused("refused.not_loaded", "no program is loaded", Next::LoadProgram),
             }
         }
         Wish::TouchOff => is_homed(condition).and_then(|()| is_idle(activity)),
@@ -231,26 +273,34 @@ pub fn permit(wish: Wish, condition: &Condition) -> Result<(), Refusal> {
         },
         Wish::Hold => match activity {
             Activity::Running | Activity::Jogging | Activity::Held | Activity::Away | Activity::Returning => Ok(()),
-            _ => refused("nothing runs that could be held", Next::Status),
+            _ => refused(
+                "refused.nothing_to_hold",
+                "nothing runs that could be held",
+                Next::Status,
+            ),
         },
         // What it waits for decides then.
         Wish::Skip => match activity {
             Activity::Running => Ok(()),
-            Activity::Held => refused("a program is held in its path", Next::Resume),
+            Activity::Held => refused("refused.held_in_path", "a program is held in its path", Next::Resume),
             _ => permit(Wish::Reverse, condition),
         },
         Wish::Resume | Wish::Reverse => match activity {
             Activity::Running | Activity::Held => Ok(()),
             Activity::Away if wish == Wish::Resume => Ok(()),
-            Activity::Away => refused("the machine is away from the path", Next::Return),
-            Activity::Returning => refused("the machine returns to the path", Next::WaitOrHold),
-            Activity::Stopping => refused("the program is being given up", Next::StartAgain),
-            _ => refused("no program runs or is held", Next::StartProgram),
+            Activity::Away => refused("refused.away", "the machine is away from the path", Next::Return),
+            Activity::Returning => refused("refused.returning", "the machine returns to the path", Next::WaitOrHold),
+            Activity::Stopping => refused("refused.given_up", "the program is being given up", Next::StartAgain),
+            _ => refused(
+                "refused.no_program_runs",
+                "no program runs or is held",
+                Next::StartProgram,
+            ),
         },
         Wish::Stop => match (power, activity) {
             // Of a machine at rest, spindle and coolant.
             (Power::Switching | Power::On, _) => Ok(()),
-            (_, Activity::Idle) => refused("there is nothing to stop", Next::PowerOff),
+            (_, Activity::Idle) => refused("refused.nothing_to_stop", "there is nothing to stop", Next::PowerOff),
             _ => Ok(()),
         },
     }
@@ -258,25 +308,32 @@ pub fn permit(wish: Wish, condition: &Condition) -> Result<(), Refusal> {
 
 /// Whether drives are on, or (`or_off`) can be switched on.
 fn needs(condition: &Condition, or_off: bool) -> Result<(), Refusal> {
-    let (why, next) = match condition.power {
+    let (code, why, next) = match condition.power {
         Power::On => return Ok(()),
         Power::Off if or_off => return Ok(()),
-        Power::Off => ("drives are off", Next::PowerOn),
-        Power::Switching => ("drives are being switched", Next::Wait),
-        Power::Starting if condition.network => ("the network is not operational yet", Next::BusState),
-        Power::Starting => ("the machine is still starting", Next::Wait),
-        Power::EstopOpen => ("emergency stop, and the chain is open", Next::CloseChain),
-        Power::Estop => ("emergency stop", Next::ResetEstop),
-        Power::Alarm => ("an alarm waits to be acknowledged", Next::Acknowledge),
-        Power::Ending => ("the control is ending", Next::RunControl),
+        Power::Off => ("refused.drives_off", "drives are off", Next::PowerOn),
+        Power::Switching => ("refused.switching", "drives are being switched", Next::Wait),
+        Power::Starting if condition.network => {
+            ("refused.network", "the network is not operational yet", Next::BusState)
+        }
+        Power::Starting => ("refused.starting", "the machine is still starting", Next::Wait),
+        Power::EstopOpen => (
+            "refused.estop_open",
+            "emergency stop, and the chain is open",
+            Next::CloseChain,
+        ),
+        Power::Estop => ("refused.estop", "emergency stop", Next::ResetEstop),
+        Power::Alarm => ("refused.alarm", "an alarm waits to be acknowledged", Next::Acknowledge),
+        Power::Ending => ("refused.ending", "the control is ending", Next::RunControl),
     };
-    Err(Refusal { why, next })
+    Err(Refusal { code, why, next })
 }
 
 fn is_homed(condition: &Condition) -> Result<(), Refusal> {
     match condition.homed {
         true => Ok(()),
         false => Err(Refusal {
+            code: "refused.not_homed",
             why: "not all joints are homed",
             next: Next::Home,
         }),
@@ -287,6 +344,7 @@ fn is_off_limits(condition: &Condition) -> Result<(), Refusal> {
     match condition.on_limit {
         false => Ok(()),
         true => Err(Refusal {
+            code: "refused.on_limit",
             why: "a limit switch is closed",
             next: Next::JogOffSwitch,
         }),
@@ -294,18 +352,22 @@ fn is_off_limits(condition: &Condition) -> Result<(), Refusal> {
 }
 
 fn is_idle(activity: Activity) -> Result<(), Refusal> {
-    let (why, next) = match activity {
+    let (code, why, next) = match activity {
         Activity::Idle => return Ok(()),
-        Activity::Checking => ("a program is being checked", Next::WaitOrStop),
-        Activity::Homing => ("joints are being homed", Next::WaitOrStop),
-        Activity::Jogging => ("something is moved by hand", Next::LetRest),
-        Activity::Running => ("a program runs", Next::WaitOrStop),
-        Activity::Held => ("a program is held", Next::ResumeOrStop),
-        Activity::Away => ("a program is held, away from its path", Next::ReturnOrStop),
-        Activity::Returning => ("the machine returns to the path", Next::WaitOrStop),
-        Activity::Stopping => ("the machine comes to rest", Next::WaitForRest),
+        Activity::Checking => ("refused.checking", "a program is being checked", Next::WaitOrStop),
+        Activity::Homing => ("refused.homing", "joints are being homed", Next::WaitOrStop),
+        Activity::Jogging => ("refused.jogging", "something is moved by hand", Next::LetRest),
+        Activity::Running => ("refused.running", "a program runs", Next::WaitOrStop),
+        Activity::Held => ("refused.held", "a program is held", Next::ResumeOrStop),
+        Activity::Away => (
+            "refused.held_away",
+            "a program is held, away from its path",
+            Next::ReturnOrStop,
+        ),
+        Activity::Returning => ("refused.returning", "the machine returns to the path", Next::WaitOrStop),
+        Activity::Stopping => ("refused.stopping", "the machine comes to rest", Next::WaitForRest),
     };
-    Err(Refusal { why, next })
+    Err(Refusal { code, why, next })
 }
 
 #[cfg(test)]
@@ -337,7 +399,7 @@ mod tests {
             for wish in Wish::ALL {
                 match permit(wish, &condition) {
                     Ok(()) => done += 1,
-                    Err(Refusal { why, next }) => {
+                    Err(Refusal { why, next, .. }) => {
                         refused += 1;
                         assert!(!why.is_empty() && !next.name().is_empty(), "{wish:?} {condition:?}");
                     }

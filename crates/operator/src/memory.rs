@@ -226,7 +226,7 @@ impl<'env> Memory<'env> {
                 self.failed = written.err();
             }
             if let Some(why) = self.failed.take() {
-                operator.add_entry(format!("warning: not kept: {why}"));
+                operator.add_warning(format!("not kept: {why}"));
             }
         }
     }
@@ -257,8 +257,8 @@ impl<'env> Memory<'env> {
                 Ok(()) => self.failed = None,
                 Err(why) => {
                     if self.failed.is_none() {
-                        operator.add_entry(format!(
-                            "warning: not kept: {why}; the machine remembers until this process ends"
+                        operator.add_warning(format!(
+                            "not kept: {why}; the machine remembers until this process ends"
                         ));
                     }
                     self.failed = Some(why);
@@ -301,7 +301,7 @@ impl<'env> Memory<'env> {
                     Err(why) => {
                         self.now.joints[joint].homed = false;
                         let joint = operator.joint_name(joint).to_owned();
-                        operator.add_entry(format!("warning: {joint}: to be homed: {why}"));
+                        operator.add_warning(format!("{joint}: to be homed: {why}"));
                     }
                 }
             }

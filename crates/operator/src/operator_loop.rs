@@ -355,7 +355,7 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
         let sight = ServiceStatus {
             state: live.state,
             cycles: live.cycles,
-            alarm: operator.alarm().map(|alarm| alarm.cause.as_str()),
+            alarm: operator.alarm().map(|alarm| alarm.cause.text.as_str()),
             program: match operator.step() {
                 Step::StandBy => None,
                 _ => self.program_name(),

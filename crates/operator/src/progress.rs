@@ -58,7 +58,7 @@ fn told_of(live: &Snapshot, lines: u32, planned_s: f64) -> String {
         live.line, live.elapsed_s
     );
     if let Some(waiting) = live.waiting {
-        return format!("{begin}  waits: {}; {}", waiting.text(), waiting.release());
+        return format!("{begin}  waits: {}; {}", waiting.message(), waiting.release());
     }
     let axis = |axis: Axis| live.position[axis];
     format!(
@@ -110,13 +110,9 @@ mod tests {
     fn alarms_are_told_as_such() {
         let entry = |kind, text: &str| Entry {
             seq: 1,
-            unix_s: 0.0,
             time_s: 1.5,
             kind,
-            text: text.into(),
-            alarm: None,
-            program: None,
-            acknowledges: None,
+            ..Entry::new(text.into())
         };
         assert_eq!(
             told(&entry(Kind::Note, "machine ready")),

@@ -24,11 +24,11 @@ pub(super) fn recall(folder: &Path, machine: &str, ports: &mut Ports, operator: 
     let desk = ports.desk();
     for (number, name) in desk.names().into_iter().enumerate() {
         match retain_file::open(folder, machine, name) {
-            Err(why) => operator.add_entry(format!("warning: {why}")),
+            Err(why) => operator.add_warning(why),
             Ok(Kept { variables, .. }) if variables.is_empty() => {}
             Ok(Kept { time_ns, variables, .. }) => {
                 for why in ports.recall(number, time_ns, &variables) {
-                    operator.add_entry(format!("warning: {}: {why}", desk.file(number)));
+                    operator.add_warning(format!("{}: {why}", desk.file(number)));
                 }
             }
         }

@@ -3,7 +3,7 @@
 //! In:  a machine, what it is there for, a wire, somebody who looks after it.
 //! Out: everything that is known of it at the end.
 
-use crate::console::{LOOK_AT_TOOL, Operator};
+use crate::console::{Operator, look_at_tool};
 use crate::journal_keeper;
 use crate::memory::{self, Memory};
 use crate::operator_loop::{LoopTask, OperatorLoop, Running};
@@ -41,6 +41,7 @@ use motion::cancel::Cancel;
 use motion::rt::Peaks;
 use program::text::Reader;
 use program::{Begin, Overview, check};
+use protocol::message;
 use rt::assemble::assemble;
 use rt::cycle::MotionController;
 use rt::cycle_stats;
@@ -443,7 +444,7 @@ fn remember<'a, B: CyclicBus>(
     }
     lock(session.tables).set_tool_in_spindle(remembered.tool);
     for warning in lock(session.tables).warnings() {
-        operator.add_entry(format!("warning: {warning}"));
+        operator.add_warning(warning);
     }
     judge_tool(&lock(session.tables), &remembered, &mut operator);
     let memory = Memory::new(config, remembered);
@@ -578,11 +579,11 @@ fn time_of_day() -> f64 {
 fn recall(folder: &Path, machine: &str, operator: &mut Operator) -> Remembered {
     let Opened { remembered, warning } = state_file::open(folder, machine);
     if let Some(warning) = warning {
-        operator.add_entry(format!("warning: {warning}"));
+        operator.add_warning(warning);
     }
     if let Some(program) = remembered.program.as_ref().filter(|program| program.result.is_none()) {
-        operator.add_entry(format!(
-            "warning: the control ended in mid-program: {}, line {} was reached",
+        operator.add_warning(format!(
+            "the control ended in mid-program: {}, line {} was reached",
             program.name, program.line
         ));
     }
@@ -593,13 +594,19 @@ fn recall(folder: &Path, machine: &str, operator: &mut Operator) -> Remembered {
 fn judge_tool(tables: &Tables, remembered: &Remembered, operator: &mut Operator) {
     let (in_table, last) = (tables.tool_in_spindle(), remembered.tool);
     if let Some(tool) = remembered.changing {
-        operator.add_entry(format!(
-            "warning: the control ended during the change to tool {tool}: {LOOK_AT_TOOL}"
+        operator.add_warning(message!(
+            "tool.change_interrupted",
+            "the control ended during the change to tool {tool}: {look}",
+            tool = tool,
+            look = look_at_tool()
         ));
     } else if last != 0 && in_table != last {
-        operator.add_entry(format!(
-            "warning: the tool table has tool {in_table} in the spindle (pocket 0), and the control has last seen tool {last} there: \
-             {LOOK_AT_TOOL}"
+        operator.add_warning(message!(
+            "tool.other_in_table",
+            "the tool table has tool {table} in the spindle (pocket 0), and the control has last seen tool {last} there: {look}",
+            table = in_table,
+            last = last,
+            look = look_at_tool()
         ));
     }
 }
@@ -613,7 +620,7 @@ fn open_journal(folder: &Path, operator: &mut Operator) -> anyhow::Result<OpenJo
         .log_mut()
         .keep(opened.entries, opened.last, keeper, Arc::clone(&kept));
     if let Some(warning) = opened.warning {
-        operator.add_entry(format!("warning: {warning}"));
+        operator.add_warning(warning);
     }
     Ok((opened.journal, entries, kept))
 }
@@ -638,7 +645,7 @@ fn end_with_thread<T>(cycle: &std::thread::ScopedJoinHandle<'_, T>, operator: &O
     }
     let cause = operator
         .alarm()
-        .map_or("the cycle thread hung", |alarm| alarm.cause.as_str());
+        .map_or("the cycle thread hung", |alarm| alarm.cause.text.as_str());
     let _ = writeln!(files::printed::stderr(), "isocnc: {cause}");
     std::process::exit(i32::from(EXIT_RESTART));
 }

@@ -174,9 +174,9 @@ impl<'scope, 'env> Keeper<'scope, 'env> {
         self.treated = self.writing;
         match &written {
             Err(cause) if self.failed.as_ref() != Some(cause) => {
-                operator.add_entry(format!("warning: not kept: {cause}"));
+                operator.add_warning(format!("not kept: {cause}"));
             }
-            Ok(()) if self.failed.is_some() => operator.add_entry("offsets and tools are kept again".into()),
+            Ok(()) if self.failed.is_some() => operator.add_entry("offsets and tools are kept again"),
             Ok(()) | Err(_) => {}
         }
         self.failed = written.err();

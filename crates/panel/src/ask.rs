@@ -28,7 +28,7 @@ pub(crate) fn connect(panel: &Panel, role: Role, name: &str) -> Result<Client, S
 /// It was refused, in the words of the control; or the control has ended.
 pub(crate) async fn ask<M: Method>(client: &mut Client, params: &M::Params) -> Result<M::Answer, String> {
     client.ask::<M>(params, WAIT).await.map_err(|error| match error {
-        ClientError::Refused(refused) => refused.message,
+        ClientError::Refused(refused) => refused.message.text,
         _ => "the control is ending, or serves too many".into(),
     })
 }

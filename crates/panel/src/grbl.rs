@@ -11,7 +11,7 @@ use crate::serve::Panel;
 use grbl::{Activity, Answer, Axis, Machine, Offsets, Order, Overrides, Session, Spindle, Status, TAKE_MAX};
 use protocol::params::{self, NoParams};
 use protocol::with_tokio::Client;
-use protocol::{ClientError, Described, Entry, Message, Method, Outcome, Power, Role, WaitingFor, method};
+use protocol::{ClientError, Described, Entry, Method, Outcome, Power, Received, Role, WaitingFor, method};
 use std::collections::{BTreeMap, HashMap};
 use std::io;
 use std::sync::Arc;
@@ -39,7 +39,7 @@ const UNLOCK_TICKS: u32 = 200;
 const FEED_PERCENT: [u16; 2] = [10, 120];
 const SPINDLE_PERCENT: [u16; 2] = [50, 120];
 /// What the message behind a probing move begins with.
-const PROBED: &str = "message: PRB ";
+const PROBED: &str = "PRB ";
 
 /// Serves senders, one after the other.
 pub(crate) async fn serve(listener: Listener, panel: Arc<Panel>) -> io::Result<()> {
@@ -322,14 +322,14 @@ impl Port {
     }
 
     /// The control has answered.
-    fn heard(&mut self, message: Message) -> Result<(), String> {
-        let Message::Answer { id: Some(id), result } = message else {
+    fn heard(&mut self, message: Received) -> Result<(), String> {
+        let Received::Answer { id: Some(id), result } = message else {
             return Ok(());
         };
         let Some(asked) = self.asked.remove(&id) else {
             return Ok(());
         };
-        match (asked, result.map_err(|error| error.message)) {
+        match (asked, result.map_err(|error| error.message.text)) {
             (Asked::Nothing, _) => {}
             (Asked::Control, result) => self.has_control = result.is_ok(),
             (Asked::Status(number), Ok(result)) => {
@@ -370,7 +370,10 @@ impl Port {
     fn go_on(&mut self, status: &protocol::Status) {
         let Some((number, long, true)) = self.long else { return };
         let job = status.job;
-        let alarm = || status.alarm.clone().unwrap_or_else(|| "it was stopped".into());
+        let alarm = || {
+            let alarm = status.alarm.as_ref().map(ToString::to_string);
+            alarm.unwrap_or_else(|| "it was stopped".into())
+        };
         let answer = match long {
             Long::Home => match job {
                 None => return,
@@ -378,7 +381,7 @@ impl Port {
                 Some(_) => Err(alarm()),
             },
             Long::Probe => {
-                let probed = |entry: &Entry| entry.text.strip_prefix(PROBED).map(str::to_owned);
+                let probed = |entry: &Entry| entry.told_by_program()?.strip_prefix(PROBED).map(str::to_owned);
                 let told = status.messages.iter().rev().find_map(probed);
                 match told.and_then(|told| self.probed(&told, status)) {
                     Some(answer) => Ok(answer),
@@ -450,11 +453,11 @@ impl Port {
 
     fn status(&self, status: &protocol::Status) -> Status {
         let power = status.power;
-        let alarm = status.alarm.clone();
+        let alarm = status.alarm.as_ref().map(ToString::to_string);
         let alarm = alarm.or_else(|| power.is_estop().then(|| "emergency stop".to_owned()));
         // What goes on by itself is no wait of somebody.
         let waiting = status.waiting.as_ref();
-        let waiting = waiting.filter(|waiting| matches!(waiting.what, WaitingFor::Operator | WaitingFor::ToolChange));
+        let waiting = waiting.filter(|waiting| matches!(waiting.r#for, WaitingFor::Operator | WaitingFor::ToolChange));
         let activity = match status.activity {
             protocol::Activity::Running if waiting.is_some() => Activity::Held,
             protocol::Activity::Running | protocol::Activity::Checking => Activity::Running,
@@ -489,7 +492,7 @@ impl Port {
             },
             limits: [0, 1, 2].map(|axis| self.joints_of[axis].iter().any(is_closed)),
             probe: false,
-            waiting: waiting.map(|waiting| waiting.text.clone()),
+            waiting: waiting.map(|waiting| waiting.what.to_string()),
         }
     }
 

@@ -22,7 +22,7 @@ use protocol::limits::{LETTERS, WORK_SYSTEMS};
 use protocol::params::{self, NoParams};
 use protocol::with_tokio::Client;
 use protocol::{
-    Activity, ClientError, Described, Entry, Followed, Message, Outcome, Power, Role, Severity, StateChange, Status,
+    Activity, ClientError, Described, Entry, Followed, Outcome, Power, Received, Role, Severity, StateChange, Status,
     StatusAxis, Subscribed, Tools, WaitingFor, method,
 };
 use sha2::{Digest, Sha256};
@@ -285,25 +285,25 @@ async fn observed(panel: &Arc<Panel>, pins: &Pins, mut client: Client) -> Result
     loop {
         let at = tokio::select! {
             message = client.message() => match message? {
-                Message::Answer { id, result: Err(refused) } if id == Some(subscribed) => {
+                Received::Answer { id, result: Err(refused) } if id == Some(subscribed) => {
                     return Err(ClientError::Refused(refused));
                 }
-                Message::Answer { id, result: Ok(tools) } if id == asked_tools => {
+                Received::Answer { id, result: Ok(tools) } if id == asked_tools => {
                     let tools = protocol::client::read(tools)?;
                     panel.mtconnect.with(|agent| agent.tools(tool_table(&tools), now()));
                     continue;
                 }
-                Message::Answer { id, result: Ok(values) } if id == asked_pins => {
+                Received::Answer { id, result: Ok(values) } if id == asked_pins => {
                     measured = read(&protocol::client::read(values)?);
                     now()
                 }
-                Message::Answer { id, result: Ok(whole) } if id == Some(subscribed) => {
+                Received::Answer { id, result: Ok(whole) } if id == Some(subscribed) => {
                     let whole: Subscribed = protocol::client::read(whole)?;
                     state = Some(Followed::new(whole.state));
                     moment(whole.unix_s)
                 }
-                Message::Answer { .. } => continue,
-                Message::Notification(news) => {
+                Received::Answer { .. } => continue,
+                Received::Notification(news) => {
                     let StateChange { unix_s, changed, .. } = protocol::client::read(news.params)?;
                     let Some(state) = &mut state else { continue };
                     before.clone_from(&state.status().position_mm);
@@ -422,7 +422,7 @@ fn execution(status: &Status) -> Execution {
         Activity::Held => Execution::FeedHold,
         Activity::Away | Activity::Returning => Execution::Interrupted,
         Activity::Stopping => Execution::Stopped,
-        Activity::Running => match status.waiting.as_ref().map(|waiting| waiting.what) {
+        Activity::Running => match status.waiting.as_ref().map(|waiting| waiting.r#for) {
             None => Execution::Active,
             // M1 counts where it stops at all; which of both it is the text of the program knows.
             Some(WaitingFor::Operator) => Execution::ProgramStopped,
@@ -445,7 +445,7 @@ fn execution(status: &Status) -> Execution {
 
 /// What stands, with its entry in the journal.
 fn alarm(status: &Status) -> Option<Alarm> {
-    let text = status.alarm.clone()?;
+    let text = status.alarm.as_ref()?.to_string();
     let records = status.messages.iter().rev().filter_map(|entry| entry.alarm.as_ref());
     let record = records.into_iter().find(|record| record.severity != Severity::Warning);
     let code = record.map_or_else(|| "alarm".to_owned(), |record| record.code.clone());
@@ -473,11 +473,7 @@ fn alarm(status: &Status) -> Option<Alarm> {
 }
 
 fn message(entries: &[Entry]) -> Option<String> {
-    let mut texts = entries
-        .iter()
-        .rev()
-        .filter_map(|entry| entry.text.strip_prefix("message: "));
-    texts.next().map(str::to_owned)
+    entries.iter().rev().find_map(Entry::told_by_program).map(str::to_owned)
 }
 
 /// 1 for G54 to 9 for G59.3.
@@ -546,7 +542,7 @@ mod tests {
         assert_eq!(execution(json!({ "activity": "returning" })), Execution::Interrupted);
         let waiting = |what: WaitingFor| {
             let waiting = Waiting {
-                what,
+                r#for: what,
                 ..Waiting::default()
             };
             json!({ "waiting": waiting })
@@ -616,13 +612,12 @@ mod tests {
                 joint,
                 ..AlarmRecord::default()
             };
-            let entry = |text: &str, alarm| Entry {
-                text: text.into(),
-                alarm,
-                ..Entry::default()
+            let stopped = Entry {
+                alarm: Some(record),
+                ..Entry::new("alarm: x".into())
             };
-            let messages = [entry("alarm: x", Some(record)), entry("message: look", None)];
-            told(json!({ "alarm": "x", "messages": messages }))
+            let looked = Entry::new(protocol::message!("message", "message: {text}", text = "look"));
+            told(json!({ "alarm": protocol::Message::from("x"), "messages": [stopped, looked] }))
         };
         assert_eq!(of("J-201", Some(2)).alarms[0].subject, Subject::Drive(1));
         assert_eq!(of("J-203", Some(0)).alarms[0].subject, Subject::Travel(0));

@@ -6,7 +6,7 @@ use crate::answers::{Fields, Status};
 use crate::limits::PART_MAX;
 use crate::method::{self, Method};
 use crate::params::{self, Hex};
-use crate::rpc::{Lines, Message, Notification, Requests, RpcError, given};
+use crate::rpc::{Lines, Notification, Received, Requests, RpcError, given};
 use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, poll};
 use nix::sys::socket::{MsgFlags, send};
@@ -208,12 +208,12 @@ impl Client {
         loop {
             match self.message_until(until)? {
                 None => return Err(self.broken(ErrorKind::WouldBlock.into())),
-                Some(Message::Notification(notification)) => self.notifications.push_back(notification),
-                Some(Message::Answer { result: Err(error), .. }) => return Err(ClientError::Refused(error)),
-                Some(Message::Answer { id: of, .. }) if of != Some(id) => {
+                Some(Received::Notification(notification)) => self.notifications.push_back(notification),
+                Some(Received::Answer { result: Err(error), .. }) => return Err(ClientError::Refused(error)),
+                Some(Received::Answer { id: of, .. }) if of != Some(id) => {
                     return Err(ClientError::bad("it belongs to another request"));
                 }
-                Some(Message::Answer { result: Ok(result), .. }) => return Ok(result),
+                Some(Received::Answer { result: Ok(result), .. }) => return Ok(result),
             }
         }
     }
@@ -265,9 +265,9 @@ impl Client {
         }
         loop {
             match self.message_until(until)? {
-                Some(Message::Notification(notification)) => return Ok(Some(notification)),
+                Some(Received::Notification(notification)) => return Ok(Some(notification)),
                 // Of a request that is not waited for.
-                Some(Message::Answer { .. }) => {}
+                Some(Received::Answer { .. }) => {}
                 None => return Ok(None),
             }
         }
@@ -277,16 +277,16 @@ impl Client {
     ///
     /// # Errors
     /// The control has gone, or says nothing.
-    pub fn message(&mut self) -> Result<Message, ClientError> {
+    pub fn message(&mut self) -> Result<Received, ClientError> {
         let until = Instant::now() + self.patience.unwrap_or(ANSWER_WAIT);
         let message = self.message_until(until)?;
         message.ok_or_else(|| self.broken(ErrorKind::WouldBlock.into()))
     }
 
-    fn message_until(&mut self, until: Instant) -> Result<Option<Message>, ClientError> {
+    fn message_until(&mut self, until: Instant) -> Result<Option<Received>, ClientError> {
         loop {
             if let Some(line) = self.lines.next_line() {
-                return Message::parse(&line).map(Some).map_err(ClientError::bad);
+                return Received::parse(&line).map(Some).map_err(ClientError::bad);
             }
             if self.lines.waiting() > ANSWER_MAX {
                 return Err(ClientError::bad("it is a line without an end"));
@@ -453,7 +453,9 @@ mod tests {
     fn changes_on_changes_give_the_status() {
         let mut followed = Followed::new(Status::default());
         let fields = |value: Value| value.as_object().cloned().unwrap();
-        followed.change(fields(json!({ "line": 7, "alarm": "x" }))).unwrap();
+        followed
+            .change(fields(json!({ "line": 7, "alarm": { "text": "x" } })))
+            .unwrap();
         followed.change(fields(json!({ "alarm": null }))).unwrap();
         assert_eq!((followed.status().line, &followed.status().alarm), (7, &None));
         assert!(followed.change(fields(json!({ "line": "seven" }))).is_err());

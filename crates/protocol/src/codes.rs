@@ -2,13 +2,14 @@
 //!
 //! In:  how the machine is. Out: what travels, `snake_case`; for people, the word that [`std::fmt::Display`] writes.
 
+use crate::message::Message;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// Enums of codes, each with its word for the operator beside it.
 macro_rules! codes {
-    ($($(#[$about:meta])* $name:ident { $($(#[$doc:meta])* $variant:ident = $word:literal,)+ })+) => {$(
+    ($($(#[$about:meta])* $name:ident $group:literal { $($(#[$doc:meta])* $variant:ident = $word:literal,)+ })+) => {$(
         $(#[$about])*
         #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
         #[serde(rename_all = "snake_case")]
@@ -30,6 +31,11 @@ macro_rules! codes {
                 serde_json::to_value(self).ok().and_then(|code| Some(code.as_str()?.to_owned())).unwrap_or_default()
             }
 
+            /// As a part of a sentence: its code is that of the enum, a dot and its own.
+            pub fn message(self) -> Message {
+                Message::new(&format!("{}.{}", $group, self.code()), self.name(), [])
+            }
+
             /// Word for the operator.
             pub const fn name(self) -> &'static str {
                 match self {
@@ -49,7 +55,7 @@ macro_rules! codes {
 codes! {
     /// What the machine is doing. A pin shows the numbers: a new state comes behind the others.
     #[repr(u8)]
-    State {
+    State "state" {
         /// The network is being brought up; no drive can be steered.
         #[default]
         Booting = "booting",
@@ -89,7 +95,7 @@ codes! {
     }
 
     /// Whether the machine can move.
-    Power {
+    Power "power" {
         /// The network is not up.
         #[default]
         Starting = "starting",
@@ -110,7 +116,7 @@ codes! {
     }
 
     /// What is going on.
-    Activity {
+    Activity "activity" {
         /// Nothing.
         #[default]
         Idle = "idle",
@@ -133,7 +139,7 @@ codes! {
     }
 
     /// Whose orders the machine follows, or followed last.
-    Mode {
+    Mode "mode" {
         /// Those given by hand.
         #[default]
         Manual = "manual",
@@ -144,7 +150,7 @@ codes! {
     }
 
     /// Step of the sequence from power-on to power-off.
-    Step {
+    Step "step" {
         /// The machine starts, without a network.
         #[default]
         Start = "start",
@@ -171,7 +177,7 @@ codes! {
     }
 
     /// How a program, or an order that takes time, ended.
-    Outcome {
+    Outcome "outcome" {
         /// It came to its end.
         #[default]
         Completed = "completed",
@@ -184,7 +190,7 @@ codes! {
     }
 
     /// What became of the program that was loaded or begun last.
-    LastResult {
+    LastResult "last_result" {
         /// It was loaded, and not begun.
         #[default]
         Loaded = "loaded",
@@ -201,7 +207,7 @@ codes! {
     }
 
     /// What a machine that waits waits for.
-    WaitingFor {
+    WaitingFor "waiting_for" {
         /// Whoever looks after it.
         #[default]
         Operator = "operator",
@@ -226,7 +232,7 @@ codes! {
     }
 
     /// What the machine does about a fault, the mildest first.
-    Reaction {
+    Reaction "reaction" {
         /// Counts it and goes on.
         #[default]
         Count = "counted",
@@ -245,7 +251,7 @@ codes! {
     }
 
     /// How grave a fault is, by what the machine does about it.
-    Severity {
+    Severity "severity" {
         /// It is counted.
         #[default]
         Info = "info",
@@ -262,7 +268,7 @@ codes! {
     }
 
     /// The next step of the operator. Its word is what to type, if a command does it.
-    Next {
+    Next "next" {
         /// Switch drives on.
         #[default]
         PowerOn = "isocnc on",

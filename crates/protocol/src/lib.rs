@@ -12,6 +12,7 @@
 //! | which methods there are, with parameters and answers of each | `method.rs` |
 //! | what parameters and answers hold | `params.rs`; `answers/` |
 //! | what fields of answers can say | `codes.rs` |
+//! | what the control says to people, by code | `message.rs` |
 //! | words and bounds of parameters | `limits.rs` |
 //! | which role may do what | `role.rs` |
 //! | lines of JSON-RPC, and errors | `rpc.rs` |
@@ -22,6 +23,7 @@ pub mod answers;
 pub mod client;
 pub mod codes;
 pub mod limits;
+pub mod message;
 pub mod method;
 pub mod params;
 pub mod role;
@@ -33,9 +35,10 @@ pub mod with_tokio;
 pub use answers::*;
 pub use client::{Client, ClientError, Followed, Sender};
 pub use codes::{Activity, LastResult, Mode, Next, Outcome, Power, Reaction, Severity, State, Step, WaitingFor};
+pub use message::{Message, Param};
 pub use method::Method;
 pub use role::{Remote, Role};
-pub use rpc::{Message, RpcError};
+pub use rpc::{Received, RpcError};
 
 /// Version of what is served: the first number changes when something is gone or means something else, the second when something is
 /// new.

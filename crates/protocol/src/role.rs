@@ -1,5 +1,6 @@
 //! What a client of the control, and the supervisor of a cell, may do at the machine.
 
+use crate::message;
 use crate::rpc::{RpcError, code};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -51,10 +52,11 @@ impl Role {
         if self >= needed {
             return Ok(());
         }
-        let what = format!(
-            "this asks for the role \"{}\", and this client has \"{}\": log in with a token of that role",
-            needed.name(),
-            self.name()
+        let what = message!(
+            "refused.role",
+            "this asks for the role \"{needed}\", and this client has \"{role}\": log in with a token of that role",
+            needed = needed.name(),
+            role = self.name()
         );
         let data = json!({ "role": self.name(), "needed": needed.name() });
         Err(RpcError::new(code::NOT_ALLOWED, what).with_data(data))
@@ -81,8 +83,9 @@ mod tests {
                 let refused = role.permit(needed).err();
                 assert_eq!(refused.is_some(), place > at);
                 assert!(
-                    refused
-                        .is_none_or(|error| error.code == code::NOT_ALLOWED && error.message.contains(needed.name()))
+                    refused.is_none_or(
+                        |error| error.code == code::NOT_ALLOWED && error.message.text.contains(needed.name())
+                    )
                 );
             }
             assert_eq!(json!(role), json!(role.name()));

@@ -1,8 +1,8 @@
 //! JSON-RPC 2.0, one message a line, as clients write and read it.
 //!
-//! In:  a request; octets of a line of the control. Out: its line; a [`Message`], or why the line is none.
+//! In:  a request; octets of a line of the control. Out: its line; a [`Received`], or why the line is none.
 
-use crate::Method;
+use crate::{Message, Method};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 use std::fmt;
@@ -38,28 +38,75 @@ pub mod code {
 pub struct RpcError {
     /// See [`code`].
     pub code: i32,
-    /// What is wrong, and what was expected.
-    pub message: String,
+    /// What is wrong, and what was expected. Its code and its values travel in the data.
+    pub message: Box<Message>,
     /// More of it, for programs.
     pub data: Option<Value>,
 }
 
 impl RpcError {
     /// An error with its text.
-    pub fn new(code: i32, message: impl Into<String>) -> RpcError {
+    pub fn new(code: i32, message: impl Into<Message>) -> RpcError {
         RpcError {
             code,
-            message: message.into(),
+            message: Box::new(message.into()),
             data: None,
         }
     }
 
-    /// The same with more of it, for programs.
+    /// As it travels: code and values of the message are members of the data.
+    pub fn to_json(&self) -> Value {
+        let mut error = json!({ "code": self.code, "message": self.message.text });
+        let mut data = match &self.data {
+            Some(Value::Object(data)) => data.clone(),
+            Some(_) | None => Map::new(),
+        };
+        if self.message.is_coded() {
+            data.insert("code".into(), json!(self.message.code));
+            if !self.message.params.is_empty() {
+                data.insert("params".into(), json!(self.message.params));
+            }
+        }
+        if !data.is_empty() {
+            error["data"] = Value::Object(data);
+        }
+        error
+    }
+
+    /// What has travelled.
+    fn read(error: &mut Value) -> RpcError {
+        let number = error["code"].as_i64().and_then(|code| i32::try_from(code).ok());
+        let mut message = Message::from(error["message"].as_str().unwrap_or("no reason given"));
+        let mut data = match error["data"].take() {
+            Value::Object(data) => data,
+            _ => Map::new(),
+        };
+        if let Some(Value::String(code)) = data.remove("code") {
+            message.code = code;
+            // Those of a newer control may be others.
+            let params = data.remove("params").map(serde_json::from_value);
+            message.params = params.and_then(Result::ok).unwrap_or_default();
+        }
+        RpcError {
+            code: number.unwrap_or(code::REFUSED),
+            message: Box::new(message),
+            data: Some(Value::Object(data)).filter(|data| *data != json!({})),
+        }
+    }
+
+    /// The same with more of it, for programs: members of an object.
     pub fn with_data(self, data: Value) -> RpcError {
         RpcError {
             data: Some(data),
             ..self
         }
+    }
+}
+
+impl From<Message> for RpcError {
+    /// It cannot be done now.
+    fn from(why: Message) -> RpcError {
+        RpcError::new(code::REFUSED, why)
     }
 }
 
@@ -72,7 +119,7 @@ impl From<String> for RpcError {
 
 impl fmt::Display for RpcError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.message)
+        f.write_str(&self.message.text)
     }
 }
 
@@ -111,7 +158,7 @@ pub fn given<P: Serialize>(params: &P) -> Value {
 
 /// What the control says.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Message {
+pub enum Received {
     /// To a request.
     Answer {
         /// Its number; `None`: the control could not read it.
@@ -132,33 +179,27 @@ pub struct Notification {
     pub params: Value,
 }
 
-impl Message {
+impl Received {
     /// Reads a line of the control.
     ///
     /// # Errors
     /// It is none; in words.
-    pub fn parse(line: &[u8]) -> Result<Message, String> {
+    pub fn parse(line: &[u8]) -> Result<Received, String> {
         let mut message: Value = serde_json::from_slice(line).map_err(|error| error.to_string())?;
         if let Some(method) = message.get("method") {
             let method = method.as_str().unwrap_or_default().to_owned();
             let params = message["params"].take();
-            return Ok(Message::Notification(Notification { method, params }));
+            return Ok(Received::Notification(Notification { method, params }));
         }
         let id = message["id"].as_u64();
         let result = match message.get_mut("error") {
-            Some(error) => {
-                let number = error["code"].as_i64().and_then(|code| i32::try_from(code).ok());
-                let text = error["message"].as_str().unwrap_or("no reason given");
-                let told = RpcError::new(number.unwrap_or(code::REFUSED), text);
-                let data = error.get("data").cloned();
-                Err(RpcError { data, ..told })
-            }
+            Some(error) => Err(RpcError::read(error)),
             None => match message.get_mut("result") {
                 Some(result) => Ok(result.take()),
                 None => return Err("it has no result".into()),
             },
         };
-        Ok(Message::Answer { id, result })
+        Ok(Received::Answer { id, result })
     }
 }
 
@@ -220,8 +261,8 @@ mod tests {
 
     #[test]
     fn what_the_control_says_is_an_answer_or_a_notification() {
-        let read = |line: &str| Message::parse(line.as_bytes());
-        let done = Message::Answer {
+        let read = |line: &str| Received::parse(line.as_bytes());
+        let done = Received::Answer {
             id: Some(3),
             result: Ok(json!({})),
         };
@@ -230,12 +271,12 @@ mod tests {
         let error = RpcError::new(code::NO_CONTROL, "no").with_data(json!({ "holder": "x" }));
         assert_eq!(
             told,
-            Ok(Message::Answer {
+            Ok(Received::Answer {
                 id: None,
                 result: Err(error)
             })
         );
-        let state = Message::Notification(Notification {
+        let state = Received::Notification(Notification {
             method: "state".into(),
             params: json!({ "changed": { "line": 7 } }),
         });
@@ -263,7 +304,7 @@ mod tests {
             let whole = text.rfind('\n').map_or(0, |end| end + 1);
             prop_assert_eq!(&all[..], &text.as_bytes()[..whole]);
             prop_assert_eq!(lines.waiting(), text.len() - whole);
-            let _ = Message::parse(text.as_bytes());
+            let _ = Received::parse(text.as_bytes());
         }
     }
 }

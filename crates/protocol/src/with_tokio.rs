@@ -5,7 +5,7 @@
 
 use crate::client::{ClientError, read};
 use crate::method::Method;
-use crate::rpc::{Message, Requests};
+use crate::rpc::{Received, Requests};
 use std::io;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -49,7 +49,7 @@ impl Client {
             let id = self.put::<M>(params);
             self.send().await?;
             loop {
-                if let Message::Answer { id: of, result } = self.message().await?
+                if let Received::Answer { id: of, result } = self.message().await?
                     && (of == Some(id) || result.is_err())
                 {
                     return read(result.map_err(ClientError::Refused)?);
@@ -80,10 +80,10 @@ impl Client {
     ///
     /// # Errors
     /// The control has gone.
-    pub async fn message(&mut self) -> Result<Message, ClientError> {
+    pub async fn message(&mut self) -> Result<Received, ClientError> {
         let line = self.answers.next_line().await.map_err(broken)?;
         let line = line.ok_or_else(|| ClientError::bad("the control has closed the connection"))?;
-        Message::parse(line.as_bytes()).map_err(ClientError::bad)
+        Received::parse(line.as_bytes()).map_err(ClientError::bad)
     }
 }
 

@@ -10,7 +10,7 @@ use clap::Args;
 use host::signals::{StopSignal, exit_code};
 use host::terminal::{alarm as alarm_text, say};
 use motion::canon::Axis;
-use protocol::{JogOutlook, State, Status, method, params};
+use protocol::{JogOutlook, Message, State, Status, method, params};
 use rt::joint_jog::HOLDS_S;
 use serde_json::json;
 use std::process::ExitCode;
@@ -134,7 +134,7 @@ fn words(outlook: &JogOutlook, status: &Status) -> String {
     if let Some(alarm) = &status.alarm {
         lines.push(alarm_text(format!("alarm: {alarm}")).to_string());
     }
-    lines.extend(status.obstruction.clone());
+    lines.extend(status.obstruction.as_ref().map(Message::to_string));
     let letter = outlook.axis.as_deref().unwrap_or_default();
     let axis = letter.chars().next().and_then(Axis::from_letter);
     let at = axis.and_then(|axis| status.position_mm.get(axis as usize));
@@ -222,7 +222,7 @@ mod tests {
         let status = |state: State, velocity_mm_s: f64, alarm: Option<&str>| Status {
             state,
             velocity_mm_s,
-            alarm: alarm.map(str::to_owned),
+            alarm: alarm.map(Message::from),
             ..Status::default()
         };
         for state in [State::Ready, State::Away, State::Disabled, State::Held] {

@@ -4,7 +4,7 @@
 
 use motion::canon::Input;
 use motion::element::Action;
-use protocol::WaitingFor;
+use protocol::{Message, WaitingFor, message};
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 /// What a program waits for.
@@ -92,38 +92,60 @@ impl Waiting {
         }
     }
 
-    /// A sentence for the operator.
-    pub fn text(self) -> String {
+    /// What the operator is told.
+    pub fn message(self) -> Message {
         match self {
-            Waiting::Operator => "the program has stopped (M0, M1)".into(),
-            Waiting::ToolChange { tool: 0 } => "take the tool out of the spindle".into(),
-            Waiting::ToolChange { tool } => format!("put tool {tool} into the spindle"),
-            Waiting::SpindleSpeed => "the spindle comes to its speed".into(),
-            Waiting::Input { input } => format!("{input} is to come (M66)"),
-            Waiting::SpindleOrient => "the spindle comes to its angle (M19)".into(),
-            Waiting::UserCommand { number } => format!("the command M{number} runs"),
-            Waiting::Probe => "a probing move is under way (G38)".into(),
-            Waiting::Dwell => "a dwell is under way (G4)".into(),
-            Waiting::Feed => "feed is held by an override at 0 %, motion.feed-hold or motion.adaptive-feed".into(),
-            Waiting::Queue => "the plan is behind".into(),
-            Waiting::Return => "the machine is away from the path on which the program is held".into(),
+            Waiting::Operator => message!("waiting.operator", "the program has stopped (M0, M1)"),
+            Waiting::ToolChange { tool: 0 } => message!("waiting.tool_out", "take the tool out of the spindle"),
+            Waiting::ToolChange { tool } => {
+                message!("waiting.tool_in", "put tool {tool} into the spindle", tool = tool)
+            }
+            Waiting::SpindleSpeed => message!("waiting.spindle_speed", "the spindle comes to its speed"),
+            Waiting::Input { input } => {
+                message!(
+                    "waiting.input",
+                    "{input} is to come (M66)",
+                    input = input_message(input)
+                )
+            }
+            Waiting::SpindleOrient => message!("waiting.spindle_orient", "the spindle comes to its angle (M19)"),
+            Waiting::UserCommand { number } => {
+                message!("waiting.user_command", "the command M{number} runs", number = number)
+            }
+            Waiting::Probe => message!("waiting.probe", "a probing move is under way (G38)"),
+            Waiting::Dwell => message!("waiting.dwell", "a dwell is under way (G4)"),
+            Waiting::Feed => message!(
+                "waiting.feed",
+                "feed is held by an override at 0 %, motion.feed-hold or motion.adaptive-feed"
+            ),
+            Waiting::Queue => message!("waiting.queue", "the plan is behind"),
+            Waiting::Return => message!(
+                "waiting.return",
+                "the machine is away from the path on which the program is held"
+            ),
         }
     }
 
     /// What releases it.
-    pub fn release(self) -> &'static str {
+    pub fn release(self) -> Message {
         match self {
-            Waiting::Operator => "isocnc resume",
-            Waiting::ToolChange { .. } => "isocnc tool-changed, or iocontrol.0.tool-changed",
-            Waiting::SpindleSpeed => "spindle.0.at-speed",
-            Waiting::Input { .. } => "the input, its time-out, or isocnc skip",
-            Waiting::SpindleOrient => "spindle.0.is-oriented, or its time-out",
-            Waiting::UserCommand { .. } => "its end, or its time limit",
-            Waiting::Probe => "the probe, or the end of the move",
-            Waiting::Dwell => "its time, or isocnc skip",
-            Waiting::Feed => "the override, or the switch",
-            Waiting::Queue => "by itself",
-            Waiting::Return => "isocnc resume returns, Z up first; isocnc resume again goes on",
+            Waiting::Operator => message!("release.operator", "isocnc resume"),
+            Waiting::ToolChange { .. } => message!(
+                "release.tool_change",
+                "isocnc tool-changed, or iocontrol.0.tool-changed"
+            ),
+            Waiting::SpindleSpeed => message!("release.spindle_speed", "spindle.0.at-speed"),
+            Waiting::Input { .. } => message!("release.input", "the input, its time-out, or isocnc skip"),
+            Waiting::SpindleOrient => message!("release.spindle_orient", "spindle.0.is-oriented, or its time-out"),
+            Waiting::UserCommand { .. } => message!("release.user_command", "its end, or its time limit"),
+            Waiting::Probe => message!("release.probe", "the probe, or the end of the move"),
+            Waiting::Dwell => message!("release.dwell", "its time, or isocnc skip"),
+            Waiting::Feed => message!("release.feed", "the override, or the switch"),
+            Waiting::Queue => message!("release.queue", "by itself"),
+            Waiting::Return => message!(
+                "release.return",
+                "isocnc resume returns, Z up first; isocnc resume again goes on"
+            ),
         }
     }
 
@@ -172,6 +194,14 @@ impl Waiting {
     }
 }
 
+/// An input of M66.
+pub fn input_message(input: Input) -> Message {
+    match input {
+        Input::Digital(index) => message!("input.digital", "digital input {index}", index = index),
+        Input::Analog(index) => message!("input.analog", "analog input {index}", index = index),
+    }
+}
+
 /// The latest of it, for any thread.
 #[derive(Debug, Default)]
 pub struct WaitingCell(AtomicU64);
@@ -216,7 +246,7 @@ mod tests {
         for waiting in all {
             cell.set(Some(waiting));
             assert_eq!(cell.get(), Some(waiting));
-            assert!(!waiting.text().is_empty() && !waiting.release().is_empty());
+            assert!(!waiting.message().text.is_empty() && !waiting.release().text.is_empty());
         }
         cell.set(None);
         assert_eq!(cell.get(), None);

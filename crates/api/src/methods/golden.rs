@@ -12,7 +12,9 @@ use bus::service::{Diagnose, Mailbox, MailboxFull, MailboxReply, NetworkLive, No
 use hal_pins::scope::Sampler;
 use hal_pins::{Hal, Output};
 use program::text::Text as ProgramText;
-use protocol::{Activity, LastResult, Mode, Next, Outcome, Power, Reaction, Severity, Step, Waiting, WaitingFor};
+use protocol::{
+    Activity, LastResult, Message, Mode, Next, Outcome, Power, Reaction, Severity, Step, Waiting, WaitingFor, message,
+};
 use serde_json::json;
 use std::fmt::Write;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
@@ -163,10 +165,7 @@ impl Rig {
             unix_s: 1e9 + 0.25,
             time_s: 3.5,
             kind,
-            text: text.into(),
-            alarm: None,
-            program: None,
-            acknowledges: None,
+            ..Entry::new(text.into())
         };
         let how = Acknowledged {
             unix_s: 1e9 + 1.0,
@@ -228,8 +227,8 @@ impl Rig {
             job: Some(Outcome::Completed),
             mdi: vec!["G0 X1".into(), "G0 X2".into()],
             waiting: Some(Waiting {
-                what: WaitingFor::ToolChange,
-                text: "put in tool 7".into(),
+                r#for: WaitingFor::ToolChange,
+                what: Message::new("waiting.tool_in", "put in tool 7", [("tool", 7.into())]),
                 release: "isocnc tool-changed".into(),
             }),
             codes: vec!["G0".into(), "G54".into()],
@@ -238,7 +237,7 @@ impl Rig {
             next: Some(Next::Home),
             block_delete: true,
             tool: 7,
-            alarm: Some("x-drive lost".into()),
+            alarm: Some(message!("node.lost", "{node} lost", node = "x-drive")),
             obstruction: Some("jog ended".into()),
             messages,
             parts: Parts {

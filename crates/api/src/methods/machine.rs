@@ -33,7 +33,7 @@ const RESTING: [State; 5] = [
 /// A look at this PC takes so long at the most.
 const DOCTOR_MAX: Duration = Duration::from_secs(30);
 
-fn refused(what: impl Into<String>) -> RpcError {
+fn refused(what: impl Into<protocol::Message>) -> RpcError {
     RpcError::new(code::REFUSED, what)
 }
 
@@ -237,7 +237,7 @@ mod tests {
         assert!(errors[0].line.is_some_and(|line| line > 0), "{errors:?}");
         let told = write(&path, &wrong, &sum(DEMO)).unwrap_err();
         assert!(
-            told.message.contains("machine.toml:") && told.data.is_some(),
+            told.message.text.contains("machine.toml:") && told.data.is_some(),
             "{}",
             told.message
         );
@@ -246,6 +246,7 @@ mod tests {
             write(&path, &changed, &sum("x"))
                 .unwrap_err()
                 .message
+                .text
                 .contains("meanwhile")
         );
         assert_eq!(std::fs::read_to_string(&path).unwrap(), DEMO);
@@ -256,6 +257,6 @@ mod tests {
         let before = std::fs::read_to_string(told.before).unwrap();
         assert_eq!(before, DEMO);
         std::fs::write(&path, "#".repeat(FILE_MAX + 1)).unwrap();
-        assert!(read(&path).unwrap_err().message.contains("at the PC"));
+        assert!(read(&path).unwrap_err().message.text.contains("at the PC"));
     }
 }

@@ -29,7 +29,7 @@ use super::uploads::Uploads;
 use crate::network_view::NetworkView;
 use crate::orders::{Jog, Order, OrderClient, Shown, Source};
 use ::machine::fault_order::FAULT;
-use ::machine::faults::SILENCED;
+use ::machine::faults::silenced;
 use ::machine::state::State;
 use bus::SDO_VALUE_MAX;
 use bus::service::{BusService, MailboxError, MailboxRequest};
@@ -735,7 +735,7 @@ impl Methods {
     fn first_time(&mut self) -> Option<(Ticket, Result<Value, RpcError>)> {
         if let Some((ticket, result)) = self.operator.answer() {
             if let Err(error) = &result {
-                tracing::info!(ticket, error = error.message, "refused");
+                tracing::info!(ticket, error = error.message.text, "refused");
             }
             return Some((ticket, result));
         }
@@ -793,7 +793,7 @@ impl Serve for Methods {
             return Some(Err(error));
         }
         if !method.looks && self.live.snapshot().state == State::Silenced {
-            return Some(Err(RpcError::new(code::REFUSED, SILENCED)));
+            return Some(Err(silenced(false, false).into()));
         }
         let seen = match repeats::id(&request.params) {
             Ok(None) => Ok(Seen::New),
@@ -820,7 +820,7 @@ impl Serve for Methods {
             self.repeats.answered(ticket, answer);
         }
         match &answer {
-            Some(Err(error)) => tracing::info!(ticket, method = method.name, error = error.message, "refused"),
+            Some(Err(error)) => tracing::info!(ticket, method = method.name, error = error.message.text, "refused"),
             _ if method.looks => tracing::trace!(ticket, method = method.name),
             _ => tracing::info!(ticket, method = method.name),
         }

@@ -73,7 +73,7 @@ fn caller(client: ClientId) -> Caller {
 }
 
 fn refusal(methods: &mut Methods, method: &str, params: Value) -> String {
-    call(methods, method, params).unwrap().unwrap_err().message
+    call(methods, method, params).unwrap().unwrap_err().message.text
 }
 
 #[test]
@@ -109,6 +109,7 @@ fn programs_in_structured_text_are_changed_by_whoever_sets_up_and_pins_are_looke
     assert!(
         without_any
             .message
+            .text
             .contains("this machine has no program in Structured Text")
     );
     let listed = call(&mut methods, "logic.list", json!({})).unwrap().unwrap();
@@ -182,7 +183,7 @@ fn a_silenced_control_shows_itself_and_refuses_everything_else_at_once() {
     for method in METHODS.iter().filter(|method| !method.looks) {
         assert_eq!(
             refusal(&mut methods, method.name, json!({})),
-            SILENCED,
+            silenced(false, false).text,
             "{}",
             method.name
         );
@@ -325,7 +326,7 @@ fn programs_come_by_path_or_as_text() {
 fn a_jog_says_what_how_fast_and_how_far() {
     let read = |params: Value| {
         let line = json!({ "jsonrpc": "2.0", "id": 1, "method": "jog", "params": params }).to_string();
-        arguments::jog(&rpc::parse(line.as_bytes()).unwrap().params).map_err(|error| error.message)
+        arguments::jog(&rpc::parse(line.as_bytes()).unwrap().params).map_err(|error| error.message.text)
     };
     assert_eq!(
         read(json!({ "axis": "x", "velocity_mm_s": -20 })),

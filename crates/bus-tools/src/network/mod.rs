@@ -176,7 +176,7 @@ fn is_silenced(status: Option<&Status>) -> bool {
 fn troubles(view: &NetworkView, status: Option<&Status>) -> Vec<String> {
     if is_silenced(status) {
         // What is known of the nodes is from before.
-        return vec![silenced(view.protocol != Protocol::None.name(), false).to_owned()];
+        return vec![silenced(view.protocol != Protocol::None.name(), false).text];
     }
     let Some(live) = &view.live else {
         return Vec::new();

@@ -197,12 +197,12 @@ fn without_a_control_it_says_so_and_finds_no_trouble() {
         state: protocol::State::Silenced,
         ..Status::default()
     };
-    let said = machine::faults::silenced(true, false);
-    assert_eq!(troubles(&view, Some(&silenced)), [said]);
+    let said = machine::faults::silenced(true, false).text;
+    assert_eq!(troubles(&view, Some(&silenced)), [said.as_str()]);
     let mut page = Vec::new();
     report(&view, Some(&silenced), &mut page).unwrap();
     let page = String::from_utf8(page).unwrap();
-    assert!(page.contains(said) && !page.contains("no trouble"), "{page}");
+    assert!(page.contains(&said) && !page.contains("no trouble"), "{page}");
     let text = printed(report, &view, None);
     assert!(
         text.contains("mill3-demo: no control is running; this is what demo.toml says\n"),

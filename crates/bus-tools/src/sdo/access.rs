@@ -204,12 +204,12 @@ fn control_failure(error: ClientError) -> Failure {
             code: code::NODE_ABORT,
             message,
             ..
-        }) => Failure::Refused(message),
+        }) => Failure::Refused(message.text),
         ClientError::Refused(RpcError {
             code: code::NODE_NO_OBJECT,
             message,
             ..
-        }) => Failure::NoObject(message),
+        }) => Failure::NoObject(message.text),
         error => Failure::Broken(error.into()),
     }
 }

@@ -5,6 +5,7 @@
 use crate::bursts::Bursts;
 use crate::journal_keeper::Kept;
 use machine::journal::{Acknowledged, AlarmRecord, Entry, Kind, ProgramRecord, acknowledge};
+use protocol::{Message, message};
 use std::sync::{Arc, mpsc};
 
 /// Entries that are kept; older ones go.
@@ -87,21 +88,21 @@ impl Log {
     }
 
     /// An entry, unless it is one of too many of its kind.
-    pub(super) fn note(&mut self, time_s: f64, text: String) {
-        if self.bursts.tells(time_s, &text) {
-            self.write(time_s, text, More::default());
+    pub(super) fn note(&mut self, time_s: f64, message: Message) {
+        if self.bursts.tells(time_s, &message.text) {
+            self.write(time_s, message, More::default());
         }
     }
 
     /// Tells at `now_s` what was not told one by one, of windows that are over at `until_s`.
     pub(super) fn note_bursts(&mut self, until_s: f64, now_s: f64) {
         for text in self.bursts.counted(until_s) {
-            self.write(now_s, text, More::default());
+            self.write(now_s, text.into(), More::default());
         }
     }
 
     /// An entry, whatever there was before it.
-    pub(super) fn write(&mut self, time_s: f64, text: String, more: More) {
+    pub(super) fn write(&mut self, time_s: f64, message: Message, more: More) {
         if self.entries.len() >= ENTRIES_MAX {
             // Half at once, so that it costs nothing to speak of; a control may run for months.
             let gone = self.entries.len() / 2;
@@ -113,11 +114,11 @@ impl Log {
             seq: self.seq,
             unix_s: self.unix_s(),
             time_s,
-            kind: kind(&text),
-            text,
+            kind: kind(&message.text),
             alarm: more.alarm,
             program: more.program,
             acknowledges: more.acknowledges,
+            ..Entry::new(message)
         };
         if let Some((keeper, _)) = &self.keeper {
             // One that is gone has told so.
@@ -137,12 +138,17 @@ impl Log {
         let codes: Vec<&str> = told
             .filter_map(|entry| Some(entry.alarm.as_ref()?.code.as_str()))
             .collect();
-        let text = format!("acknowledged by {by}: {}", codes.join(", "));
+        let message = message!(
+            "alarm.acknowledged",
+            "acknowledged by {by}: {codes}",
+            by = by,
+            codes = codes.join(", ")
+        );
         let more = More {
             acknowledges: Some((seqs, how)),
             ..More::default()
         };
-        self.write(time_s, text, more);
+        self.write(time_s, message, more);
     }
 
     /// Nothing more goes to the disk.

@@ -5,6 +5,7 @@
 //!
 //! Polled every few milliseconds by an ordinary thread, or by a test on virtual time.
 
+pub mod actions;
 mod log;
 mod names;
 mod notices;
@@ -25,6 +26,7 @@ use motion::element::Action;
 use motion::rt::Interpolator;
 use motion::rt::jog::{Obstacle, Obstruction};
 use names::Names;
+use protocol::{Message, message};
 use rt::overrides::Overridden;
 use rt::shared::{AtOnce, Command, Notice, OperatorEndpoints, RtStatus, Snapshot, TimedNotice};
 use rt::timeout;
@@ -34,14 +36,27 @@ use std::sync::{Arc, mpsc};
 use tracing::Level;
 
 /// What to do where nobody knows which tool is in the spindle.
-pub const LOOK_AT_TOOL: &str =
-    "look which tool is in the spindle, and which are in the pockets; isocnc mdi \"M61 Q5\" says that it is tool 5";
+pub fn look_at_tool() -> Message {
+    message!(
+        "tool.look",
+        "look which tool is in the spindle, and which are in the pockets; isocnc mdi \"M61 Q5\" says that it is tool 5"
+    )
+}
+
+/// Something that is wrong and stops nothing, as an entry of the journal.
+fn warning(cause: impl Into<Message>) -> Message {
+    message!("warning", "warning: {cause}", cause = cause.into())
+}
 
 /// Stalls of the cycle thread are told of no more often, ns.
 const STALLS_TOLD_NS: u64 = 1_000_000_000;
 /// The alarm of a control whose time-out thread hung.
-pub const UNWATCHED: &str = "the time-out thread hung: nothing watches the cycle any more; this control comes to rest, ends and is \
-                         to be restarted";
+pub fn unwatched() -> Message {
+    message!(
+        "control.unwatched",
+        "the time-out thread hung: nothing watches the cycle any more; this control comes to rest, ends and is to be restarted"
+    )
+}
 
 /// How grave an entry of the journal is.
 pub fn level(entry: &Entry) -> Level {
@@ -62,7 +77,8 @@ pub struct Warning {
     pub time_s: f64,
     pub times: u64,
     /// What, as it was the last time.
-    pub cause: String,
+    #[serde(with = "protocol::message::as_text")]
+    pub cause: Message,
     #[serde(skip)]
     kind: Option<WarningKind>,
 }
@@ -73,7 +89,8 @@ pub struct Alarm {
     /// Seconds since the first cycle.
     pub time_s: f64,
     /// First cause, with the name of the node or joint.
-    pub cause: String,
+    #[serde(with = "protocol::message::as_text")]
+    pub cause: Message,
 }
 
 /// A program, as it began.
@@ -173,7 +190,7 @@ pub struct Operator {
     /// Overrides at the last look, and those of the journal, percent.
     overrides: [[f64; 2]; 3],
     /// What ended the last jog.
-    obstruction: Option<String>,
+    obstruction: Option<Message>,
     tool_changes: ToolChanges,
     /// Texts of the messages of the program (MSG, DEBUG) in their order, and how many have been shown.
     messages: Option<(mpsc::Receiver<Option<String>>, u32)>,
@@ -302,7 +319,11 @@ impl Operator {
             ..More::default()
         };
         let time_s = self.now_s();
-        self.log.write(time_s, format!("program {name}: begun"), more);
+        self.log.write(
+            time_s,
+            message!("program.begun", "program {name}: begun", name = name),
+            more,
+        );
     }
 
     /// When the program under way began, s since 1970.
@@ -328,8 +349,14 @@ impl Operator {
             ..More::default()
         };
         let time_s = self.now_s();
-        self.log
-            .write(time_s, format!("program {name}: {result}, {took_s:.1} s"), more);
+        let message = message!(
+            "program.ended",
+            "program {name}: {outcome}, {took:.1} s",
+            name = name,
+            outcome = result.message(),
+            took = took_s
+        );
+        self.log.write(time_s, message, more);
     }
 
     /// Alarms since the program under way began; all, where none is.
@@ -382,13 +409,17 @@ impl Operator {
         }
     }
 
-    fn note_alarm(&mut self, time_s: f64, cause: String, alarm: AlarmRecord) {
+    fn note_alarm(&mut self, time_s: f64, cause: Message, alarm: AlarmRecord) {
         let more = More {
             alarm: Some(alarm),
             ..More::default()
         };
-        self.log.write(time_s, format!("alarm: {cause}"), more);
-        self.alarms.list.push(Alarm { time_s, cause });
+        self.alarms.list.push(Alarm {
+            time_s,
+            cause: cause.clone(),
+        });
+        self.log
+            .write(time_s, message!("alarm", "alarm: {cause}", cause = cause), more);
     }
 
     /// Takes in what came, gives the next order. `now_ns`: any monotonic clock.
@@ -406,7 +437,7 @@ impl Operator {
         }
         while self.endpoints.finished.pop().is_ok() {}
         for what in self.endpoints.logic.warnings() {
-            self.add_entry(format!("warning: {what}"));
+            self.add_warning(what);
         }
         self.note_overrides();
         let now_s = self.now_s();
@@ -414,7 +445,10 @@ impl Operator {
         let live = self.live();
         // The state counts only once it is that of the last order; a thread that hangs takes none.
         if std::mem::take(&mut self.signals.not_begun) && self.sequence.not_begun(now_ns) {
-            self.add_entry("warning: not begun, for the machine was not ready for it: isocnc status".into());
+            self.add_warning(message!(
+                "order.not_begun",
+                "not begun, for the machine was not ready for it: isocnc status"
+            ));
         }
         let step = match live.orders_taken < self.orders_given && live.state != State::Silenced {
             // There must be room for it: it is given once.
@@ -506,26 +540,29 @@ impl Operator {
                     Some(1) => String::new(),
                     Some(stalls) => format!(", {stalls} times"),
                 };
-                let text = format!(
-                    "warning: the cycle thread did not get its core for {:.1} ms{more}, and computed {:.1} ms of them: {}",
+                let what = format!(
+                    "the cycle thread did not get its core for {:.1} ms{more}, and computed {:.1} ms of them: {}",
                     overdue_ns as f64 * 1e-6,
                     ran_ns as f64 * 1e-6,
                     evidence()
                 );
-                self.log.note(cycle as f64 * self.cycle_s, text);
+                self.log.note(cycle as f64 * self.cycle_s, warning(what));
             }
             timeout::Event::CycleHung { cycle, overdue_ns } => {
-                let hung_ms = overdue_ns as f64 * 1e-6;
-                self.enter_silenced(
-                    cycle,
-                    format!("{}. It hung for {hung_ms:.1} ms: {}", self.names.silenced, evidence()),
+                let cause = message!(
+                    "control.hung",
+                    "{silenced}. It hung for {ms:.1} ms: {evidence}",
+                    silenced = self.names.silenced.clone(),
+                    ms = overdue_ns as f64 * 1e-6,
+                    evidence = evidence()
                 );
+                self.enter_silenced(cycle, cause);
             }
         }
     }
 
     /// Nothing can be steered any more.
-    fn enter_silenced(&mut self, cycle: u64, cause: String) {
+    fn enter_silenced(&mut self, cycle: u64, cause: Message) {
         self.endpoints.live.show_silenced();
         self.needs_restart = true;
         let time_s = cycle as f64 * self.cycle_s;
@@ -536,7 +573,7 @@ impl Operator {
     /// The time-out thread does not look any more: the machine comes to rest and the control ends.
     pub fn is_unwatched(&mut self, now_ns: u64) {
         if !std::mem::replace(&mut self.needs_restart, true) {
-            self.fail_with(now_ns, UNWATCHED_CODE, UNWATCHED.into());
+            self.fail_with(now_ns, UNWATCHED_CODE, unwatched());
         }
         self.end(now_ns);
     }
@@ -548,10 +585,11 @@ impl Operator {
 
     /// Something outside the cycle thread went wrong: stop and say why.
     pub fn fail(&mut self, now_ns: u64, cause: String) {
+        let cause = message!("program.error", "{text}", text = cause);
         self.fail_with(now_ns, PROGRAM_CODE, cause);
     }
 
-    fn fail_with(&mut self, now_ns: u64, code: &str, cause: String) {
+    fn fail_with(&mut self, now_ns: u64, code: &str, cause: Message) {
         let is_first = self.alarm().is_none();
         let record = self.alarm_record(code, Reaction::ControlledStop, is_first);
         let time_s = self.now_s();
@@ -560,9 +598,14 @@ impl Operator {
     }
 
     /// Something that the operator ought to know and that stops nothing.
-    pub fn add_entry(&mut self, text: String) {
+    pub fn add_entry(&mut self, what: impl Into<Message>) {
         let time_s = self.now_s();
-        self.log.note(time_s, text);
+        self.log.note(time_s, what.into());
+    }
+
+    /// The same, of something that is wrong.
+    pub fn add_warning(&mut self, what: impl Into<Message>) {
+        self.add_entry(warning(what));
     }
 
     /// Gives an order that does not belong to the sequence.
@@ -615,13 +658,13 @@ impl Operator {
     }
 
     /// Name of a joint, for messages.
-    pub fn joint_name(&self, joint: usize) -> &str {
+    pub fn joint_name(&self, joint: usize) -> &Message {
         &self.names.joints[joint]
     }
 
     /// What ended the last jog, if something was in its way.
-    pub fn obstruction(&self) -> Option<&str> {
-        self.obstruction.as_deref()
+    pub fn obstruction(&self) -> Option<&Message> {
+        self.obstruction.as_ref()
     }
 
     /// Another jog begins.
@@ -665,8 +708,8 @@ impl Operator {
     }
 
     /// What a control of this machine says whose cycle thread hung.
-    pub fn silenced(&self) -> &'static str {
-        self.names.silenced
+    pub fn silenced(&self) -> &Message {
+        &self.names.silenced
     }
 
     /// First cause since the last acknowledge.
@@ -782,7 +825,7 @@ mod tests {
             .map(|warning| (warning.time_s, warning.times))
             .collect();
         assert_eq!(counts, [(1.0, 249), (7.0, 1)]);
-        assert!(operator.warnings()[0].cause.starts_with("250 of the last"));
+        assert!(operator.warnings()[0].cause.text.starts_with("250 of the last"));
         assert_eq!(operator.alarms(), []);
     }
 }

@@ -2,6 +2,7 @@
 
 use config::{BusKind, Config};
 use machine::faults::silenced;
+use protocol::{Message, message};
 
 /// Names by the numbers that notices have.
 pub(super) struct Names {
@@ -10,7 +11,7 @@ pub(super) struct Names {
     /// For what only the bus of this machine tells.
     pub(super) bus: bus::Names,
     /// `axis Z (joint 2)`
-    pub(super) joints: Vec<String>,
+    pub(super) joints: Vec<Message>,
     /// Drives of the joints on the bus.
     pub(super) drives: Vec<Option<String>>,
     /// External components.
@@ -18,7 +19,7 @@ pub(super) struct Names {
     /// There is a bus; else nothing is said of a network.
     pub(super) has_network: bool,
     /// What is said where the cycle thread hung.
-    pub(super) silenced: &'static str,
+    pub(super) silenced: Message,
 }
 
 impl Names {
@@ -37,17 +38,36 @@ impl Names {
     }
 }
 
-fn joints(config: &Config) -> Vec<String> {
+fn joints(config: &Config) -> Vec<Message> {
     let joints = config.joints.iter().enumerate();
     let name = |(number, joint): (usize, &config::Joint)| {
         // Which of several drives of a node it is, does not go without saying.
         let node = config.bus.nodes.get(joint.node).filter(|_| config.shares_node(joint));
-        let drive = node.map_or(String::new(), |node| {
-            format!(", axis {} of {}", joint.drive_axis, node.name)
-        });
-        match config.axes.iter().find(|map| map.joints.contains(&number)) {
-            Some(map) => format!("axis {} (joint {number}{drive})", map.axis.letter()),
-            None => format!("joint {number}{drive}"),
+        let axis = config.axes.iter().find(|map| map.joints.contains(&number));
+        let axis = axis.map(|map| map.axis.letter().to_string());
+        match (axis, node) {
+            (Some(axis), Some(node)) => message!(
+                "joint.of_axis_and_drive",
+                "axis {axis} (joint {joint}, axis {drive_axis} of {node})",
+                axis = axis.as_str(),
+                drive_axis = joint.drive_axis,
+                joint = number,
+                node = &node.name
+            ),
+            (Some(axis), None) => message!(
+                "joint.of_axis",
+                "axis {axis} (joint {joint})",
+                axis = axis.as_str(),
+                joint = number
+            ),
+            (None, Some(node)) => message!(
+                "joint.of_drive",
+                "joint {joint}, axis {drive_axis} of {node}",
+                drive_axis = joint.drive_axis,
+                node = &node.name,
+                joint = number
+            ),
+            (None, None) => message!("joint", "joint {joint}", joint = number),
         }
     };
     joints.map(name).collect()

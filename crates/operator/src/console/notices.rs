@@ -2,8 +2,10 @@
 //!
 //! In:  notices, in their order. Out: entries; what a program and the sequence of a job have to know.
 
+use super::actions::done;
 use super::*;
 use hal_pins::Change;
+use machine::faults::link_failed;
 
 impl Operator {
     pub(super) fn apply_notice(&mut self, TimedNotice { cycle, notice }: TimedNotice) {
@@ -21,7 +23,8 @@ impl Operator {
                 if state == State::Stopping {
                     self.sequence.stopped();
                 }
-                self.log.note(time_s, format!("machine {}", state.name()));
+                self.log
+                    .note(time_s, message!("machine.state", "machine {state}", state = state.message()));
             }
             Notice::Bus(event) => self.take_bus(time_s, event),
             Notice::Fault {
@@ -34,7 +37,7 @@ impl Operator {
                 ..
             } => {
                 if !self.needs_restart {
-                    self.enter_silenced(cycle, self.names.silenced.into());
+                    self.enter_silenced(cycle, self.names.silenced.clone());
                 }
             }
             Notice::Fault { fault, first } => self.take_fault(time_s, &fault, first),
@@ -43,43 +46,58 @@ impl Operator {
                     self.tool_changes.under_way = Some(tool);
                 }
                 let text = match action {
-                    Action::Message { number } => self.message(number).map(|text| format!("message: {text}")),
+                    Action::Message { number } => self.message(number).map(program_message),
                     _ => None,
                 };
-                self.log.note(time_s, text.unwrap_or_else(|| format!("program: {action}")));
+                self.log.note(time_s, text.unwrap_or_else(|| done(action)));
             }
             Notice::Obstructed(Obstruction { joint, why }) => {
                 let why = match why {
-                    Obstacle::Travel => "is at the end of its travel",
-                    Obstacle::Speed => "would have to be too fast: the place is near a singularity",
-                    Obstacle::Reach(why) => why,
+                    Obstacle::Travel => message!("jog.travel", "is at the end of its travel"),
+                    Obstacle::Speed => {
+                        message!(
+                            "jog.speed",
+                            "would have to be too fast: the place is near a singularity"
+                        )
+                    }
+                    Obstacle::Reach(why) => why.into(),
                 };
-                let text = format!("jog ended: {}: {why}", self.names.joints[joint]);
-                self.log.note(time_s, text.clone());
-                self.obstruction = Some(text);
+                let what = message!(
+                    "jog.ended",
+                    "jog ended: {joint}: {why}",
+                    joint = self.names.joints[joint].clone(),
+                    why = why
+                );
+                self.log.note(time_s, what.clone());
+                self.obstruction = Some(what);
             }
             Notice::Logic { task, text } => {
                 let text = self.endpoints.logic.text(task, text);
-                self.log.note(time_s, format!("message: {text}"));
+                self.log.note(time_s, program_message(text));
             }
             Notice::Touched => {
-                let what = "jog ended: the probe has touched something";
-                self.obstruction = Some(what.into());
-                self.log.note(time_s, what.into());
+                let what = message!("jog.touched", "jog ended: the probe has touched something");
+                self.log.note(time_s, what.clone());
+                self.obstruction = Some(what);
             }
             Notice::NoWayBack => {
-                let what = "the machine did not come back to where the program is held: jog nearer to it, then isocnc resume";
-                self.obstruction = Some(what.into());
-                self.log.note(time_s, format!("warning: {what}"));
+                let what = message!(
+                    "return.failed",
+                    "the machine did not come back to where the program is held: jog nearer to it, then isocnc resume"
+                );
+                self.log.note(time_s, warning(what.clone()));
+                self.obstruction = Some(what);
             }
             Notice::SpindleHeld { line, share } => self.log.note(
                 time_s,
-                format!(
-                    "line {line}: spindle override held to {:.0} %: the axes cannot follow more in step with the spindle",
-                    (share * 100.0).floor()
+                message!(
+                    "sync.override_held",
+                    "line {line}: spindle override held to {percent:.0} %: the axes cannot follow more in step with the spindle",
+                    line = line,
+                    percent = (share * 100.0).floor()
                 ),
             ),
-            Notice::InStep { line, report } => self.log.note(time_s, format!("line {line}: {report}")),
+            Notice::InStep { line, report } => self.log.note(time_s, format!("line {line}: {report}").into()),
             Notice::ToolChanged { tool } => {
                 self.tool_changes.under_way = None;
                 self.tool_changes.done.push(tool);
@@ -97,15 +115,20 @@ impl Operator {
             Notice::ProgramEnded => {
                 self.signals.program_ended = true;
                 if let Some(tool) = self.tool_changes.under_way.take() {
-                    let what = format!("warning: stopped during the change to tool {tool}: {}", LOOK_AT_TOOL);
-                    self.log.note(time_s, what);
+                    let what = message!(
+                        "tool.change_stopped",
+                        "stopped during the change to tool {tool}: {look}",
+                        tool = tool,
+                        look = look_at_tool()
+                    );
+                    self.log.note(time_s, warning(what));
                 }
             }
         }
     }
 
     fn take_fault(&mut self, time_s: f64, fault: &Fault, first: bool) {
-        let node = |index: usize| self.names.nodes[index].clone();
+        let node = |index: usize| Message::from(self.names.nodes[index].as_str());
         let joint = |index: usize| self.names.joints[index].clone();
         let desk = &self.endpoints.logic;
         let logic = |task: usize, text: Option<u32>| match text {
@@ -113,7 +136,7 @@ impl Operator {
             None => desk.file(task),
         };
         let external = |index: usize| self.names.external[index].clone();
-        let cause = fault.text(node, joint, logic, external);
+        let cause = fault.message(node, joint, logic, external);
         if first {
             let record = self.fault_record(fault, true);
             self.note_alarm(time_s, cause, record);
@@ -124,14 +147,36 @@ impl Operator {
 
     fn take_external(&mut self, time_s: f64, component: usize, change: Change, pid: u32) {
         let name = &self.names.external[component];
-        let text = match change {
-            Change::Attached => format!("process {pid} writes its outputs"),
-            Change::TakenOver => format!("process {pid} has taken over, its outputs went on"),
-            Change::Released => "given up by its process; its outputs have their safe values".into(),
-            Change::Lost => "its process does not renew its heartbeat; its outputs have their safe values".into(),
-            Change::CutShort => "its file was cut short; its outputs have their safe values".into(),
+        let what = match change {
+            Change::Attached => message!(
+                "external.attached",
+                "external component {name}: process {process} writes its outputs",
+                name = name,
+                process = pid
+            ),
+            Change::TakenOver => message!(
+                "external.taken_over",
+                "external component {name}: process {process} has taken over, its outputs went on",
+                name = name,
+                process = pid
+            ),
+            Change::Released => message!(
+                "external.released",
+                "external component {name}: given up by its process; its outputs have their safe values",
+                name = name
+            ),
+            Change::Lost => message!(
+                "external.lost",
+                "external component {name}: its process does not renew its heartbeat; its outputs have their safe values",
+                name = name
+            ),
+            Change::CutShort => message!(
+                "external.cut_short",
+                "external component {name}: its file was cut short; its outputs have their safe values",
+                name = name
+            ),
         };
-        self.log.note(time_s, format!("external component {name}: {text}"));
+        self.log.note(time_s, what);
     }
 
     fn fault_record(&mut self, fault: &Fault, first: bool) -> AlarmRecord {
@@ -143,15 +188,15 @@ impl Operator {
         record
     }
 
-    fn warn(&mut self, time_s: f64, fault: &Fault, cause: String) {
+    fn warn(&mut self, time_s: f64, fault: &Fault, cause: Message) {
         let kind = Some((discriminant(fault), fault.input(), fault.external()));
-        let Some(warning) = self.warnings.iter_mut().find(|warning| warning.kind == kind) else {
+        let Some(known) = self.warnings.iter_mut().find(|known| known.kind == kind) else {
             let alarm = Some(self.fault_record(fault, false));
             let more = More {
                 alarm,
                 ..More::default()
             };
-            self.log.write(time_s, format!("warning: {cause}"), more);
+            self.log.write(time_s, warning(cause.clone()), more);
             self.warnings.push(Warning {
                 time_s,
                 times: 1,
@@ -160,15 +205,20 @@ impl Operator {
             });
             return;
         };
-        warning.times += 1;
-        warning.cause = cause;
-        let times = warning.times;
+        known.times += 1;
+        known.cause = cause;
+        let times = known.times;
         if times == 10_u64.pow(times.ilog10()) {
-            let text = format!("warning, {times} times by now: {}", warning.cause);
+            let what = message!(
+                "warning.again",
+                "warning, {times} times by now: {cause}",
+                times = times,
+                cause = known.cause.clone()
+            );
             let alarm = Some(self.fault_record(fault, false));
             self.log.write(
                 time_s,
-                text,
+                what,
                 More {
                     alarm,
                     ..More::default()
@@ -178,14 +228,14 @@ impl Operator {
     }
 
     fn take_bus(&mut self, time_s: f64, event: BusEvent) {
-        let text = match event {
+        let what = match event {
             BusEvent::Network(_) if !self.names.has_network => return,
-            BusEvent::Network(BusState::Down) => "network down".into(),
-            BusEvent::Network(BusState::Booting) => "network booting".into(),
-            BusEvent::Network(BusState::Operational) => "network operational".into(),
+            BusEvent::Network(BusState::Down) => message!("network.down", "network down"),
+            BusEvent::Network(BusState::Booting) => message!("network.booting", "network booting"),
+            BusEvent::Network(BusState::Operational) => message!("network.operational", "network operational"),
             BusEvent::Identified(node) => {
                 self.modules.present(node);
-                format!("{} found", self.names.nodes[node])
+                message!("node.found", "{node} found", node = self.node(node))
             }
             BusEvent::WrongIdentity {
                 node,
@@ -193,11 +243,12 @@ impl Operator {
                 expected,
                 got,
             } => match Identity::of_object((index, sub), got) {
-                Some(found) => self.modules.swapped(node, &found),
+                Some(found) => self.modules.swapped(node, &found).into(),
                 None => format!(
                     "{}: {index:04X}h:{sub} is {got:#010x}, the machine file wants {expected:#010x}",
                     self.names.nodes[node]
-                ),
+                )
+                .into(),
             },
             BusEvent::ConfigurationRefused {
                 node,
@@ -208,7 +259,8 @@ impl Operator {
                 self.names.nodes[node],
                 abort.0,
                 abort.text()
-            ),
+            )
+            .into(),
             BusEvent::WrongValue {
                 node,
                 object: (index, sub),
@@ -217,22 +269,37 @@ impl Operator {
             } => format!(
                 "{}: {index:04X}h:{sub} is {got:#010x}, expected {expected:#010x}: it is another drive, or set otherwise, than its profile or the machine file says",
                 self.names.nodes[node]
-            ),
-            BusEvent::Missing(node) => self.modules.missing(node),
-            BusEvent::Stranger { id, identity } => self.modules.stranger(id, &identity),
+            )
+            .into(),
+            BusEvent::Missing(node) => self.modules.missing(node).into(),
+            BusEvent::Stranger { id, identity } => self.modules.stranger(id, &identity).into(),
             BusEvent::BootFailed(node) => {
-                format!("{} did not come up in time, is booted again", self.names.nodes[node])
+                message!(
+                    "node.boot_failed",
+                    "{node} did not come up in time, is booted again",
+                    node = self.node(node)
+                )
             }
             BusEvent::NodeUp(node) => {
-                format!("{} operational", self.names.nodes[node])
+                message!("node.operational", "{node} operational", node = self.node(node))
             }
-            BusEvent::NodeLost(node) => format!("{} lost", self.names.nodes[node]),
-            BusEvent::NodeError { node, code } => format!("{} reports error {code:04X}h", self.names.nodes[node]),
-            BusEvent::ForeignMaster(sign) => sign.to_string(),
-            BusEvent::LinkFailed(error) => format!("network adapter: {error}"),
-            BusEvent::Remark(remark) => remark.text(&self.names.bus),
+            BusEvent::NodeLost(node) => message!("node.lost", "{node} lost", node = self.node(node)),
+            BusEvent::NodeError { node, code } => message!(
+                "node.error",
+                "{node} reports error {number}",
+                node = self.node(node),
+                number = format!("{code:04X}h")
+            ),
+            BusEvent::ForeignMaster(sign) => sign.message(),
+            BusEvent::LinkFailed(error) => link_failed(error),
+            BusEvent::Remark(remark) => remark.text(&self.names.bus).into(),
         };
-        self.log.note(time_s, text);
+        self.log.note(time_s, what);
+    }
+
+    /// Name of a node.
+    fn node(&self, node: usize) -> &str {
+        &self.names.nodes[node]
     }
 
     /// Notes an override that has been turned, once it is not being turned any more.
@@ -242,8 +309,17 @@ impl Operator {
             let [last, noted] = &mut self.overrides[what as usize];
             let rests = now == std::mem::replace(last, now);
             if rests && now != std::mem::replace(noted, now) {
-                self.add_entry(format!("{} override {now} %", what.name()));
+                self.add_entry(match what {
+                    Overridden::Feed => message!("override.feed", "feed override {percent} %", percent = now),
+                    Overridden::Rapid => message!("override.rapid", "rapid override {percent} %", percent = now),
+                    Overridden::Spindle => message!("override.spindle", "spindle override {percent} %", percent = now),
+                });
             }
         }
     }
+}
+
+/// What a program tells the operator.
+fn program_message(text: String) -> Message {
+    message!("message", "message: {text}", text = text)
 }

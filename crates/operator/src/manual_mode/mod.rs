@@ -12,15 +12,15 @@ use machine::sequence::Step;
 use machine::state::State;
 use motion::canon::Axis;
 use motion::kinematics::ToolFrame;
-use protocol::JogOutlook;
+use protocol::{JogOutlook, Message, message};
 use rt::joint_jog::{JogMotion, JogOrder};
 use rt::shared::{Command, Snapshot};
 
 /// Moves joints by hand. Gives what comes of the order: `axis` and its `unit`, the greatest speed, and the soft limit where the
 /// motion ends there.
-pub(super) fn jog(jog: &Jog, config: &Config, operator: &mut Operator) -> Result<JogOutlook, String> {
+pub(super) fn jog(jog: &Jog, config: &Config, operator: &mut Operator) -> Result<JogOutlook, Message> {
     if config.joints.is_empty() {
-        return Err(config.without_joints());
+        return Err(config.without_joints().into());
     }
     let live = operator.live();
     match (operator.step(), live.state) {
@@ -41,14 +41,19 @@ pub(super) fn jog(jog: &Jog, config: &Config, operator: &mut Operator) -> Result
         JogMotion::Keep | JogMotion::Release => false,
     };
     if begins && live.jog_barred {
-        return Err("jogs are barred: motion.feed-hold, motion.jog-inhibit or motion.jog-stop is on (isocnc hal get 'motion.*')".into());
+        return Err(message!(
+            "refused.jog_barred",
+            "jogs are barred: motion.feed-hold, motion.jog-inhibit or motion.jog-stop is on (isocnc hal get 'motion.*')"
+        ));
     }
     let unhomed = matches!(jog.what, Some(Jogged::Joint(_)));
     let lost = joints & !live.homed;
     if begins && lost != 0 && !(unhomed && matches!(live.state, State::Ready | State::Jogging)) {
         let joint = lost.trailing_zeros();
-        return Err(format!(
-            "joint {joint} is not homed: isocnc home; before that it can be jogged by its number, slowly: isocnc jog {joint} 1"
+        return Err(message!(
+            "refused.joint_not_homed",
+            "joint {joint} is not homed: isocnc home; before that it can be jogged by its number, slowly: isocnc jog {joint} 1",
+            joint = joint
         ));
     }
     if let Some(switch) = in_the_way(jog.motion, axis.is_some(), joints, live.limits) {
@@ -56,7 +61,8 @@ pub(super) fn jog(jog: &Jog, config: &Config, operator: &mut Operator) -> Result
     }
     // What was ordered a moment ago may not have begun yet.
     if !begins && !matches!(live.state, State::Jogging | State::Away) && operator.is_up_to_date() {
-        return Err(operator.obstruction().unwrap_or("nothing is being jogged").to_owned());
+        let nothing = || message!("refused.not_jogging", "nothing is being jogged");
+        return Err(operator.obstruction().cloned().unwrap_or_else(nothing));
     }
     if begins {
         operator.forget_obstruction();
@@ -81,29 +87,43 @@ pub(super) fn jog(jog: &Jog, config: &Config, operator: &mut Operator) -> Result
 }
 
 /// The limit switch that a motion would lead further onto, in words.
-fn in_the_way(motion: JogMotion, by_several: bool, joints: u64, [lower, upper]: [u64; 2]) -> Option<String> {
+fn in_the_way(motion: JogMotion, by_several: bool, joints: u64, [lower, upper]: [u64; 2]) -> Option<Message> {
     let way = match motion {
         JogMotion::Run { velocity_mm_s } => velocity_mm_s,
         JogMotion::Advance { distance_mm, .. } => distance_mm,
         JogMotion::Keep | JogMotion::Release => return None,
     };
-    let name = |joints: u64, end: &str| {
-        let joint = joints.trailing_zeros();
-        (joints != 0)
-            .then(|| format!("joint {joint} stands on its {end} limit switch: jog joint {joint} the other way"))
+    let first = |joints: u64| (joints != 0).then(|| joints.trailing_zeros());
+    let on_lower = || {
+        first(lower & joints).map(|joint| {
+            message!(
+                "refused.on_lower_switch",
+                "joint {joint} stands on its lower limit switch: jog joint {joint} the other way",
+                joint = joint
+            )
+        })
     };
-    let both = lower & upper & joints;
-    if both != 0 {
-        let joint = both.trailing_zeros();
-        return Some(format!(
-            "joint {joint} has both limit switches closed, and nobody knows which way leads off them: look at the switches and \
-             their wires, or turn its motor by hand with drives off"
+    let on_upper = || {
+        first(upper & joints).map(|joint| {
+            message!(
+                "refused.on_upper_switch",
+                "joint {joint} stands on its upper limit switch: jog joint {joint} the other way",
+                joint = joint
+            )
+        })
+    };
+    if let Some(joint) = first(lower & upper & joints) {
+        return Some(message!(
+            "refused.on_both_switches",
+            "joint {joint} has both limit switches closed, and nobody knows which way leads off them: look at the switches and their \
+             wires, or turn its motor by hand with drives off",
+            joint = joint
         ));
     }
     match by_several {
-        true => name(lower & joints, "lower").or_else(|| name(upper & joints, "upper")),
-        false if way < 0.0 => name(lower & joints, "lower"),
-        false => name(upper & joints, "upper"),
+        true => on_lower().or_else(on_upper),
+        false if way < 0.0 => on_lower(),
+        false => on_upper(),
     }
 }
 
@@ -177,9 +197,13 @@ pub(super) fn joints(what: Jogged, config: &Config) -> Result<u64, String> {
     }
 }
 
-fn not_now(operator: &Operator) -> String {
-    let (state, step) = (operator.live().state, operator.step_code());
-    format!("not while the machine is {state} ({step})")
+fn not_now(operator: &Operator) -> Message {
+    message!(
+        "refused.not_now",
+        "not while the machine is {state} ({step})",
+        state = operator.live().state.message(),
+        step = operator.step_code().message()
+    )
 }
 
 #[cfg(test)]

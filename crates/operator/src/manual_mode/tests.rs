@@ -45,7 +45,7 @@ impl Hands<'_, '_> {
     }
 
     fn outlook(&mut self, order: &Jog) -> Result<JogOutlook, String> {
-        jog(order, self.config, &mut self.run.operator)
+        jog(order, self.config, &mut self.run.operator).map_err(|why| why.text)
     }
 
     fn reach(&mut self, state: State) {
@@ -473,7 +473,7 @@ fn an_arm_that_is_nearly_stretched_comes_to_rest_and_the_joint_in_the_way_is_nam
             cycles += 50;
             assert!(cycles < 20_000, "at {:?}", hands.position());
         }
-        let said = hands.run.operator.obstruction().unwrap().to_owned();
+        let said = hands.run.operator.obstruction().unwrap().to_string();
         assert!(said.contains("joint 1"), "{said}");
         hands.reach(State::Ready);
         assert!(
@@ -554,7 +554,7 @@ fn a_probe_that_comes_into_contact_stops_the_jog_and_out_of_it_the_hand_leads() 
         let x_mm = hands.x_mm();
         assert!(x_mm < -2.0 && x_mm > -2.4, "{x_mm}");
         let said = hands.run.operator.obstruction().unwrap();
-        assert_eq!(said, "jog ended: the probe has touched something");
+        assert_eq!(said.text, "jog ended: the probe has touched something");
         jog(hands, 0.1);
         assert!((hands.x_mm() - x_mm - 0.1).abs() < 1e-6, "{} from {x_mm}", hands.x_mm());
         assert_eq!(hands.run.operator.obstruction(), None);

@@ -12,6 +12,7 @@ use motion::cancel::Cancel;
 use motion::canon::Position;
 use program::text::{Reader, Text};
 use program::{Begin, Doubt, Overview, approach, check, doubts, preview};
+use protocol::message;
 use std::io::ErrorKind;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
@@ -135,8 +136,13 @@ pub(super) fn examine(
             if !yes {
                 let text = Reader::from(&*part.text);
                 let told = preview(config, &tables, &part.name, text, (at, line), given_up)?.join("\n");
-                let question = format!("{told}\nif that is right: isocnc program start --from-line {line} --yes");
-                return Err(question.into());
+                return Err(message!(
+                    "refused.start_at_line",
+                    "{means}\nif that is right: isocnc program start --from-line {line} --yes",
+                    means = told,
+                    line = line
+                )
+                .into());
             }
             let approach = approach(config);
             let begin = dry(Begin::FromLine { at, line, approach }, dry_feed_s);

@@ -5,9 +5,10 @@
 //! They are MDI in everything else: the modes that the line before has left, and whoever may type a line may send some. Nobody can check
 //! them before they run; what is wrong at one of them is an alarm there, and the machine comes to rest behind the line before.
 
-use api::rpc::{RpcError, code};
+use api::rpc::RpcError;
 use api::server::Ticket;
 use program::growing::Growing;
+use protocol::{Message, message};
 use serde_json::{Value, json};
 use std::collections::VecDeque;
 use std::io;
@@ -85,13 +86,17 @@ impl Streamed {
     }
 
     /// All of it is over: it has come to its end, or was given up for this reason. What nobody has read then has not run.
-    pub(super) fn end(self, given_up: Option<&str>) -> Answers {
+    pub(super) fn end(self, given_up: Option<&Message>) -> Answers {
         self.text.close();
         let read = self.text.read_to();
         let answer = |put: Put| {
-            let refused = given_up.or((put.end > read).then_some("the program ended (M2, M30) before these lines"));
-            let answer = match refused {
-                Some(why) => Err(RpcError::new(code::REFUSED, why)),
+            let answer = match given_up {
+                Some(why) => Err(why.clone().into()),
+                None if put.end > read => Err(message!(
+                    "refused.lines_after_end",
+                    "the program ended (M2, M30) before these lines"
+                )
+                .into()),
                 None => Ok(json!({})),
             };
             (put.ticket, answer)
@@ -154,6 +159,6 @@ mod tests {
             !streamed.take(3, "G0 X3\n", true).unwrap(),
             "whoever goes sends nothing more"
         );
-        assert_eq!(tickets(streamed.end(Some("stopped"))), [(2, false)]);
+        assert_eq!(tickets(streamed.end(Some(&"stopped".into()))), [(2, false)]);
     }
 }

@@ -65,7 +65,7 @@ fn a_silenced_machine_refuses_every_order_with_the_cause_and_ends() {
     let plotter = include_str!("../../../../configs/plotter2-steps.toml");
     for (machine, said) in [(mill, silenced(true, false)), (plotter, silenced(false, true))] {
         assert_eq!(
-            said.contains("network") || said.contains("frames"),
+            said.text.contains("network") || said.text.contains("frames"),
             machine == mill,
             "{said}"
         );
@@ -83,7 +83,7 @@ fn a_silenced_machine_refuses_every_order_with_the_cause_and_ends() {
                 client.put(1, order).unwrap();
                 serve_clients(run, &mut clients);
                 let (_, answer) = client.answer().expect("an answer at once");
-                assert_eq!(answer.unwrap_err().message, said);
+                assert_eq!(*answer.unwrap_err().message, said);
             }
             // The thread that hung takes no order and shows nothing.
             assert_eq!(run.operator.outcome(), None);
@@ -93,7 +93,7 @@ fn a_silenced_machine_refuses_every_order_with_the_cause_and_ends() {
             let [alarm] = run.operator.alarms() else {
                 panic!("{:?}", run.operator.alarms());
             };
-            assert_eq!(alarm.cause, format!("{said}. It hung for 5.0 ms: it ran 5.0 ms"));
+            assert_eq!(alarm.cause.text, format!("{said}. It hung for 5.0 ms: it ran 5.0 ms"));
             // Nor does it say so a second time where it comes back.
             run.control.inhibit_soc();
             run.cycle(0).unwrap();
@@ -112,7 +112,7 @@ fn a_program_that_is_stopped_or_forsaken_during_its_check_never_begins() {
         serve_clients(run, &mut clients);
         let (ticket, answer) = client.answer().expect("an answer");
         assert_eq!(
-            (ticket, answer.unwrap_err().message.as_str()),
+            (ticket, answer.unwrap_err().message.text.as_str()),
             (1, "stopped before it began")
         );
         assert_eq!(client.answer(), Some((2, Ok(json!({})))));
@@ -239,7 +239,7 @@ fn jogs_that_come_in_one_turn_are_all_taken() {
         run.cycle(0).unwrap();
         serve_clients(run, &mut clients);
         let (_, answer) = client.answer().expect("an answer at once");
-        assert!(answer.unwrap_err().message.contains("something is moved by hand"));
+        assert!(answer.unwrap_err().message.text.contains("something is moved by hand"));
     });
 }
 
@@ -265,7 +265,7 @@ fn the_check_of_a_program_that_nobody_wants_any_more_ends_at_once() {
                 }
             }
             let Checking { wanted, thread, .. } = clients.checking.take().expect("it is under way");
-            let said = thread.join().unwrap().unwrap_err().message;
+            let said = thread.join().unwrap().unwrap_err().message.text;
             assert!(
                 wanted.is_none() && said.contains("given up here, before the end"),
                 "{said}"
@@ -299,7 +299,7 @@ fn a_machine_of_inputs_and_outputs_stands_by_and_refuses_to_move() {
                 client.put(ticket as u64, order).unwrap();
                 serve_clients(run, &mut clients);
                 let (_, answer) = client.answer().expect("an answer at once");
-                let told = answer.unwrap_err().message;
+                let told = answer.unwrap_err().message.text;
                 assert_eq!(told, config.without_joints(), "{ticket}");
             }
         });
@@ -333,7 +333,7 @@ fn an_order_right_behind_another_waits_for_the_cycle_instead_of_being_refused() 
         for ticket in [2, 3] {
             let (answered, answer) = client.answer().expect("an answer");
             assert_eq!(
-                (answered, answer.unwrap_err().message.as_str()),
+                (answered, answer.unwrap_err().message.text.as_str()),
                 (ticket, "stopped before it began")
             );
         }
@@ -419,7 +419,14 @@ fn a_stop_ends_what_moves_beside_the_check_of_a_program() {
             client.put(3, endless()).unwrap();
             serve_clients(run, &mut clients);
             let (ticket, answer) = client.answer().expect("an answer at once");
-            assert!(ticket == 3 && answer.unwrap_err().message.contains("another program is being checked"));
+            assert!(
+                ticket == 3
+                    && answer
+                        .unwrap_err()
+                        .message
+                        .text
+                        .contains("another program is being checked")
+            );
             if by_pin {
                 run.hal.set("halui.program.stop", true).unwrap();
                 run.cycle(0).unwrap();
@@ -460,7 +467,7 @@ fn the_stop_of_the_panel_ends_the_check_of_a_program() {
         }
         let (ticket, answer) = client.answer().expect("an answer");
         assert_eq!(
-            (ticket, answer.unwrap_err().message.as_str()),
+            (ticket, answer.unwrap_err().message.text.as_str()),
             (1, "stopped before it began")
         );
         assert_eq!(run.operator.step(), Step::StandBy);
@@ -478,7 +485,7 @@ fn what_was_ordered_before_control_was_taken_by_force_does_not_begin() {
         serve_clients(run, &mut clients);
         let (ticket, answer) = client.answer().expect("an answer");
         assert_eq!(
-            (ticket, answer.unwrap_err().message.as_str()),
+            (ticket, answer.unwrap_err().message.text.as_str()),
             (1, "stopped before it began")
         );
         let journal = run.operator.journal();

@@ -184,7 +184,7 @@ impl Day<'_, '_, '_, '_> {
                 Ok(_) => *self.seen.entry(format!("{word} done")).or_default() += 1,
                 Err(error) => {
                     self.note(format!("{ticket} refused: {}", error.message));
-                    if error.message.len() < 10 {
+                    if error.message.text.len() < 10 {
                         self.fails("a refusal without a reason");
                     }
                     *self.seen.entry(format!("{word} refused")).or_default() += 1;

@@ -1,55 +1,35 @@
-/** German for what the control says, by its English sentences: docs/alarms.md and docs/states.md have them. */
+/** What the control says, in words of the panel: a table of sentences by code for each language. */
+import { type Key, type Language, fixed, language, t } from "./i18n";
 import german from "./messages/control-de.json";
+import english from "./messages/control-en.json";
+import type { Message, Param } from "./types";
 
-const escaped = (text: string) => text.replace(/[.*+?^${}()|[\]\\]/g, "\\$&");
-/** A sentence with values in it: `{name}`; what is no name is no value. */
-const VALUE = /\{\w+\}/;
+/** In English only those that name commands: the panel has buttons. */
+const SENTENCES: Record<Language, Record<string, string>> = { de: german, en: english };
 
-interface Pattern {
-  english: RegExp;
-  names: string[];
-  german: string;
+/** `{name}`: a value; `{name:.3}`: with so many digits behind the decimal sign; `{@name}`: what a button is called. */
+const PLACE = /\{(@?)([\w-]+)(?::\.(\d+))?\}/g;
+
+/** In the language of the operator; in the words of the control where the table has none. */
+export function inWords({ code, params = {}, text }: Message): string {
+  const sentence = SENTENCES[language][code];
+  if (sentence !== undefined) {
+    return sentence.replace(PLACE, (_, button, name, digits) => (button ? quoted(name as Key) : value(params[name], digits)));
+  }
+  // A sentence within it may have one here.
+  return Object.values(params).reduce<string>((all, param) => (isMessage(param) ? all.replace(param.text, () => inWords(param)) : all), text);
 }
 
-const exact = new Map<string, string>();
-const patterns: Pattern[] = [];
-for (const [english, words] of Object.entries(german)) {
-  if (!VALUE.test(english)) {
-    exact.set(english, words);
-    continue;
-  }
-  const names = [...english.matchAll(/\{(\w+)\}/g)].map(([, name]) => name!);
-  const source = english.split(VALUE).map(escaped).join("(.+?)");
-  patterns.push({ english: new RegExp(`^${source}$`), names, german: words });
+function isMessage(param: Param): param is Message {
+  return typeof param === "object";
 }
 
-// Of two that fit, the one that says more.
-patterns.sort((a, b) => b.english.source.length - a.english.source.length);
-
-function whole(text: string): string | null {
-  const words = exact.get(text);
-  if (words !== undefined) return words;
-  for (const { english, names, german } of patterns) {
-    const found = english.exec(text);
-    // A value that has parts belongs to several sentences.
-    if (found && !found.slice(1).some((value) => /[:;] /.test(value))) {
-      return german.replace(/\{(\w+)\}/g, (_, name: string) => found[names.indexOf(name) + 1] ?? "");
-    }
-  }
-  return null;
+function value(param: Param | undefined, digits?: string): string {
+  if (param === undefined) return "";
+  if (isMessage(param)) return inWords(param);
+  return typeof param === "number" && digits !== undefined ? fixed(param, Number(digits)) : String(param);
 }
 
-/** What the control says, in German as far as it is known: the whole, or what stands between its colons and semicolons. */
-export function inGerman(text: string, unknown: (part: string) => void = () => {}): string {
-  const words = whole(text);
-  if (words !== null) return words;
-  const signs = [...text.matchAll(/[:;] /g)];
-  if (signs.length === 0) {
-    unknown(text);
-    return text;
-  }
-  // A sentence may have such signs itself.
-  const { index } = signs.find(({ index }) => whole(text.slice(0, index)) !== null) ?? signs[0]!;
-  const [before, behind] = [text.slice(0, index), text.slice(index + 2)];
-  return inGerman(before, unknown) + text.slice(index, index + 2) + inGerman(behind, unknown);
+function quoted(key: Key): string {
+  return language === "de" ? `„${t(key)}“` : `“${t(key)}”`;
 }

@@ -4,7 +4,7 @@
  * After a loss the connection is made anew by itself; nothing that was sent before is sent again.
  */
 
-import type { Calls } from "./types";
+import type { Calls, Message } from "./types";
 
 /** A method of the control. */
 export type Method = keyof Calls;
@@ -15,12 +15,16 @@ export type Given<M extends Method> = Record<never, never> extends Params<M> ? [
 
 /** A refusal or an error of the control, in its words. */
 export class Refused extends Error {
+  /** The same by its code and its values. */
+  readonly said: Message;
+
   constructor(
     readonly code: number,
     message: string,
-    readonly data?: unknown,
+    { code: what = "text", params = {} }: Partial<Message> = {},
   ) {
     super(message);
+    this.said = { code: what, params, text: message };
   }
 }
 
@@ -114,7 +118,7 @@ export class Connection {
       method?: string;
       params?: unknown;
       result?: unknown;
-      error?: { code: number; message: string; data?: unknown };
+      error?: { code: number; message: string; data?: Partial<Message> };
     };
     if (message.method !== undefined) {
       this.onNotification(message.method, message.params);

@@ -1,14 +1,14 @@
 /** What is around every page: state bar, alarm, orders at the foot, dialogues. */
 import { useEffect, useState } from "preact/hooks";
+import { inWords } from "./control-words";
 import { type Key, dateAndTime, fixed, language, setLanguage, t, timeOfDay, word } from "./i18n";
 import { keys } from "./keys";
 import { isEstop, nextStep, refuses, reset } from "./orders";
 import { StartButton } from "./start";
 import { ask, clientName, connection, controlOf, dismiss, getStore, logIn, order, say, setStore, tellRefused, token, useStatus, useStore } from "./store";
-import type { Entry } from "./types";
+import type { Entry, Waiting } from "./types";
 import { Button, Dialog, Field, Form, Icon, type IconName } from "./ui";
 import { useEveryHalfSecond } from "./hooks";
-import { inWords } from "./words";
 
 // ------------------------------------------------------------------------------------------------ state bar
 
@@ -53,7 +53,7 @@ export function StateBar() {
       </div>
       <NextStep />
       <div class="waiting" data-testid="waiting" aria-live="polite">
-        {waiting ? waitingFor(waiting, state) : inWords(obstruction ?? "")}
+        {waiting ? waitingFor(waiting, state) : obstruction && inWords(obstruction)}
       </div>
       <ForcedChip />
       <ControlChip />
@@ -65,11 +65,11 @@ export function StateBar() {
 }
 
 /** In a word of the panel where there is one. */
-function waitingFor({ for: what, text }: { for: string; text: string }, state: string): string {
+function waitingFor({ for: code, what }: Waiting, state: string): string {
   // It waits for the operator then, but for no M0.
-  if (state === "away") return inWords(text);
-  const short = word("wait", what);
-  return `${t("waits")}: ${short === what ? inWords(text) : short}`;
+  if (state === "away") return inWords(what);
+  const short = word("wait", code);
+  return `${t("waits")}: ${short === code ? inWords(what) : short}`;
 }
 
 /** Variables that do not have what pins and programs make of them: told on every page. */
@@ -333,10 +333,10 @@ async function resume(): Promise<void> {
 
 /** What the program waits for a person to do. Not closed by a key that moves the machine. */
 export function ToolDialogue() {
-  const waits = useStatus((s) => (s.waiting?.for === "tool_change" ? s.waiting.text : null));
+  const waits = useStatus((s) => (s.waiting?.for === "tool_change" ? s.waiting.what : null));
   const now = useStatus((s) => s.tool);
   const [tool, setTool] = useState<{ length: number; diameter: number; remark: string; unit: string } | null>(null);
-  const wanted = Number(/tool (\d+)/.exec(waits ?? "")?.[1] ?? 0);
+  const wanted = Number(waits?.params?.tool ?? 0);
   useEffect(() => {
     setTool(null);
     if (!waits || !wanted) return;

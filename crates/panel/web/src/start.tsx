@@ -1,7 +1,7 @@
 /** The start of the program: which, how, and from where; all of it is shown at its button. */
 import { useState } from "preact/hooks";
 import { parseNumber, t } from "./i18n";
-import type { Params } from "./rpc";
+import type { Params, Refused } from "./rpc";
 import { type Store, ask, getStore, isBlind, order, say, setStore, tellRefused, useStore } from "./store";
 import { Button, Dialog } from "./ui";
 
@@ -90,9 +90,9 @@ export async function startProgram(question: (means: string[]) => void): Promise
     await ask("program.start", { from_line: line, ...revision(store) });
   } catch (error) {
     // What it means is asked; whatever else is in the way is a refusal.
-    const [, means] = /^(.*)\nif that is right: .*$/s.exec((error as Error).message) ?? [];
-    if (means === undefined) tellRefused(error);
-    else question(means.split("\n"));
+    const { code, params } = (error as Refused).said;
+    if (code === "refused.start_at_line") question(String(params?.means).split("\n"));
+    else tellRefused(error);
   }
 }
 

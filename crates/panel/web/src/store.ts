@@ -1,9 +1,9 @@
 /** What the panel knows, and how its parts hear of a change. */
 import { useEffect, useRef, useState } from "preact/hooks";
+import { inWords } from "./control-words";
 import { type Answer, Connection, type Given, type Method, type Params, Refused } from "./rpc";
 import { t } from "./i18n";
 import type { Notifications, Role, Status } from "./types";
-import { inWords } from "./words";
 
 export interface Toast {
   id: number;
@@ -234,9 +234,9 @@ export async function order<M extends Method>(method: M, ...given: Given<M>): Pr
 }
 
 export function tellRefused(error: unknown): void {
-  const { code, message } = error as Refused;
+  const { code, message, said } = error as Refused;
   if (code === 0) say("refused", t("not-sent"));
-  else say("refused", inWords(message));
+  else say("refused", said ? inWords(said) : message);
 }
 
 let toastId = 0;

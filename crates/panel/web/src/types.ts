@@ -137,13 +137,17 @@ export interface Entry {
   acknowledges?: [number[], Acknowledged];
   /** More of an alarm or a warning. */
   alarm?: AlarmRecord;
+  /** What: its code, as of a message. */
+  code: string;
   /** What kind of thing happened. */
   kind: EntryKind;
+  /** Values of the sentence, by name. */
+  params?: Record<string, Param>;
   /** More of a program that begins or is over. */
   program?: ProgramRecord;
   /** Number, from 1 on; it goes on where the last control of this machine ended. */
   seq: number;
-  /** What, in words. */
+  /** The sentence, in English. */
   text: string;
   /** When, seconds since the first cycle. */
   time_s: number;
@@ -380,6 +384,16 @@ export interface MachineFile {
   text: string;
 }
 
+/** What the control says. */
+export interface Message {
+  /** Stays the same from version to version, like `fault.node_lost`; `text`: there is nothing but the sentence. */
+  code: string;
+  /** Values of the sentence, by name. */
+  params?: Record<string, Param>;
+  /** The sentence, in English. */
+  text: string;
+}
+
 /** A method. */
 export interface MethodInfo {
   /** What it does. */
@@ -476,6 +490,9 @@ export interface Overrides {
   /** Of the programmed speed of the spindle, percent. */
   spindle_percent: number;
 }
+
+/** A value of a sentence. */
+export type Param = number | string | Message;
 
 /** The counter of parts. */
 export interface Parts {
@@ -638,7 +655,7 @@ export interface ReportWarning {
 /** What a resume does first. */
 export interface Resumed {
   /** The way back to the path, one leg each, if the machine is not where the program is held. */
-  returns?: string[];
+  returns?: Message[];
 }
 
 /** What a client may do. Each role includes those before it. */
@@ -685,7 +702,7 @@ export type Severity = "info" | "warning" | "stop" | "quick_stop" | "emergency_s
 /** The block that is skipped. */
 export interface Skipped {
   /** What it waited for. */
-  skips: string;
+  skips: Message;
 }
 
 /** A stretch of a program. */
@@ -718,7 +735,7 @@ export interface Status {
   /** What is under way. */
   activity: Activity;
   /** Why the machine stopped by itself; stands until it is acknowledged or another program begins. */
-  alarm: string | null;
+  alarm: Message | null;
   /** Version of the methods. */
   api: string;
   /** Axes of the machine. */
@@ -774,7 +791,7 @@ export interface Status {
   /** What to do next for a program to run; null: it could be started. */
   next: Next | null;
   /** What ended the last jog, if something was in its way. */
-  obstruction: string | null;
+  obstruction: Message | null;
   /** M1 stops. */
   optional_stop: boolean;
   /** Where the overrides stand. */
@@ -931,9 +948,9 @@ export interface Waiting {
   /** What. */
   for: WaitingFor;
   /** What releases it. */
-  release: string;
+  release: Message;
   /** The same in words. */
-  text: string;
+  what: Message;
 }
 
 /** What a machine that waits waits for. */

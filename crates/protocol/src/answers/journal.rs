@@ -3,7 +3,7 @@
 use super::*;
 
 /// An entry of the journal.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Entry {
     /// Number, from 1 on; it goes on where the last control of this machine ended.
     pub seq: u64,
@@ -13,7 +13,13 @@ pub struct Entry {
     pub time_s: f64,
     /// What kind of thing happened.
     pub kind: EntryKind,
-    /// What, in words.
+    /// What: its code, as of a message.
+    #[serde(default = "crate::message::plain")]
+    pub code: String,
+    /// Values of the sentence, by name.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub params: BTreeMap<String, Param>,
+    /// The sentence, in English.
     pub text: String,
     /// More of an alarm or a warning.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -27,6 +33,39 @@ pub struct Entry {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "(Vec<u64>, Acknowledged)")]
     pub acknowledges: Option<(Vec<u64>, Acknowledged)>,
+}
+
+impl Entry {
+    /// Says this; of no time and without a number.
+    pub fn new(Message { code, params, text }: Message) -> Entry {
+        Entry {
+            seq: 0,
+            unix_s: 0.0,
+            time_s: 0.0,
+            kind: EntryKind::Note,
+            code,
+            params,
+            text,
+            alarm: None,
+            program: None,
+            acknowledges: None,
+        }
+    }
+
+    /// What a program tells the operator (MSG, and texts in Structured Text), if it is that.
+    pub fn told_by_program(&self) -> Option<&str> {
+        match self.params.get("text") {
+            Some(Param::Text(text)) if self.code == "message" => Some(text),
+            _ => None,
+        }
+    }
+}
+
+impl Default for Entry {
+    /// Says nothing.
+    fn default() -> Entry {
+        Entry::new(Message::default())
+    }
 }
 
 /// What kind of thing happened.

@@ -21,6 +21,7 @@ pub use status::*;
 
 use crate::codes::{Activity, LastResult, Mode, Next, Outcome, Power, Reaction, Severity, State, Step, WaitingFor};
 use crate::limits::LETTERS;
+use crate::message::{Message, Param};
 use crate::role::Role;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Serialize};

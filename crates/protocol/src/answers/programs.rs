@@ -187,15 +187,15 @@ pub struct Deviation {
 pub struct Resumed {
     /// The way back to the path, one leg each, if the machine is not where the program is held.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(with = "Vec<String>")]
-    pub returns: Option<Vec<String>>,
+    #[schemars(with = "Vec<Message>")]
+    pub returns: Option<Vec<Message>>,
 }
 
 /// The block that is skipped.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Skipped {
     /// What it waited for.
-    pub skips: String,
+    pub skips: Message,
 }
 
 /// What comes of a jog; empty if one goes on or ends.

@@ -95,13 +95,13 @@ pub struct Status {
     /// Limit switches that are closed.
     pub limit_switches: LimitSwitches,
     /// Why the machine stopped by itself; stands until it is acknowledged or another program begins.
-    pub alarm: Option<String>,
+    pub alarm: Option<Message>,
     /// Variables that are forced.
     pub forced: Vec<Forced>,
     /// What to do next for a program to run; null: it could be started.
     pub next: Option<Next>,
     /// What ended the last jog, if something was in its way.
-    pub obstruction: Option<String>,
+    pub obstruction: Option<Message>,
     /// The last entries of the journal, the newest last.
     pub messages: Vec<Entry>,
     /// Parts made, and wanted.
@@ -220,12 +220,11 @@ pub struct StatusProgram {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Waiting {
     /// What.
-    #[serde(rename = "for")]
-    pub what: WaitingFor,
+    pub r#for: WaitingFor,
     /// The same in words.
-    pub text: String,
+    pub what: Message,
     /// What releases it.
-    pub release: String,
+    pub release: Message,
 }
 
 /// Limit switches that are closed, by joint.

@@ -19,7 +19,7 @@ use host::terminal;
 use operator::program_reports::StandByReport;
 use protocol::limits::SIM_FAULTS;
 use protocol::params::{self, NoParams};
-use protocol::{DescribedAxis, Method, Nothing, Outlook, Overrides, State, method};
+use protocol::{DescribedAxis, Message, Method, Nothing, Outlook, Overrides, State, method};
 use serde::Serialize;
 use serde_json::json;
 use std::io::Read;
@@ -281,7 +281,10 @@ fn resume(args: &OrderArgs) -> anyhow::Result<ExitCode> {
         print(&args.control, &answer, "goes on");
         return Ok(ExitCode::SUCCESS);
     };
-    let way = format!("returns to the path: {}", legs.join(", then "));
+    let way = format!(
+        "returns to the path: {}",
+        legs.iter().map(Message::to_string).collect::<Vec<_>>().join(", then ")
+    );
     if args.no_wait {
         print(&args.control, &answer, &format!("{way}\nthere it waits; {GOES_ON}"));
         return Ok(ExitCode::SUCCESS);

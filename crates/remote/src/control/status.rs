@@ -3,7 +3,7 @@
 use super::{ControlArgs, StatusArgs, ask, connect, overrides, print};
 use crate::progress;
 use host::terminal;
-use protocol::{Direction, Forced, LastResult, Parts, State, Status, Step, method, params};
+use protocol::{Direction, Forced, LastResult, Message, Parts, State, Status, Step, method, params};
 use serde_json::json;
 use std::io::Write;
 use std::process::ExitCode;
@@ -124,7 +124,7 @@ fn words(status: &Status) -> String {
         lines.push(format!("external  {}: {how}", external.name));
     }
     if let Some(waiting) = &status.waiting {
-        lines.push(format!("waits     {}; {}", waiting.text, waiting.release));
+        lines.push(format!("waits     {}; {}", waiting.what, waiting.release));
     }
     if !status.mdi.is_empty() {
         lines.push(format!("mdi       {}", status.mdi.join(" | ")));
@@ -179,7 +179,7 @@ fn words(status: &Status) -> String {
     if let Some(parts) = parts_words(&status.parts) {
         lines.push(format!("parts     {parts}"));
     }
-    lines.extend(status.obstruction.clone());
+    lines.extend(status.obstruction.as_ref().map(Message::to_string));
     lines.extend(forced_words(&status.forced).map(|forced| terminal::alarm(format!("FORCED    {forced}")).to_string()));
     if let Some(alarm) = &status.alarm {
         lines.push(terminal::alarm(format!("alarm     {alarm}")).to_string());

@@ -7,7 +7,7 @@ use anyhow::Context;
 use api::client::{Client, ClientError};
 use host::signals::{StopSignal, exit_code};
 use host::terminal::{self, StatusLine};
-use machine::faults::SILENCED;
+use machine::faults::silenced;
 use protocol::params::NoParams;
 use protocol::{Activity, Method, Mode, Outcome, State, Status, Step, method};
 use serde::Serialize;
@@ -152,7 +152,7 @@ pub(super) fn wait(
 fn end_of(order: Lasting, status: &Status) -> Option<Result<String, String>> {
     let (step, state) = (status.step, status.state);
     if state == State::Silenced {
-        return Some(Err(terminal::alarm(SILENCED).to_string()));
+        return Some(Err(terminal::alarm(silenced(false, false).text).to_string()));
     }
     // A control that was started for one program ends with it.
     let is_over = step == Step::Done;
@@ -177,7 +177,7 @@ fn end_of(order: Lasting, status: &Status) -> Option<Result<String, String>> {
         State::Ready | State::Jogging => "drives are on",
         _ => "drives are off",
     };
-    let alarm = status.alarm.as_deref();
+    let alarm = status.alarm.as_ref();
     let failed = |words: String| {
         let alarm = alarm.map(|cause| terminal::alarm(format!("alarm: {cause}")).to_string());
         Some(Err(alarm.unwrap_or(words)))
@@ -211,7 +211,7 @@ fn end_of(order: Lasting, status: &Status) -> Option<Result<String, String>> {
 /// How far an order is, as one line.
 fn on_the_way(status: &Status) -> String {
     if let Some(waiting) = &status.waiting {
-        return format!("waits: {}; {}", waiting.text, waiting.release);
+        return format!("waits: {}; {}", waiting.what, waiting.release);
     }
     match (status.step, status.mode, &status.program) {
         (Step::Program, Mode::Mdi, _) => status.state.to_string(),
@@ -228,14 +228,14 @@ mod tests {
     #[test]
     fn whoever_waits_hears_that_the_control_is_silenced() {
         for order in [Lasting::On, Lasting::Home, Lasting::Stop, Lasting::Program] {
-            let silenced = Status {
+            let status = Status {
                 step: Step::Program,
                 state: State::Silenced,
                 ..Status::default()
             };
-            let ended = end_of(order, &silenced);
+            let ended = end_of(order, &status);
             let said = ended.expect("an end").expect_err("no success");
-            assert_eq!(console::strip_ansi_codes(&said), SILENCED);
+            assert_eq!(console::strip_ansi_codes(&said), silenced(false, false).text);
         }
     }
 

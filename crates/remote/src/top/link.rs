@@ -4,7 +4,7 @@
 //! screen waits for nobody.
 
 use api::client::{self, ClientError, Followed, Sender};
-use protocol::{Fields, Message, StateChange, method, params};
+use protocol::{Fields, Received, StateChange, method, params};
 use serde_json::Value;
 use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -92,12 +92,12 @@ fn follow(machine: Option<&str>, sender: &Mutex<Option<Sender>>, tell: &mut dyn 
             Err(error) => return error.to_string(),
         };
         heard = match message {
-            Message::Notification(news) => match protocol::client::read::<StateChange>(news.params) {
+            Received::Notification(news) => match protocol::client::read::<StateChange>(news.params) {
                 Ok(change) => tell(News::Changed(change.changed)),
                 Err(error) => return error.to_string(),
             },
-            Message::Answer { result: Err(why), .. } => tell(News::Refused(why.message)),
-            Message::Answer { result: Ok(_), .. } => tell(News::Done),
+            Received::Answer { result: Err(why), .. } => tell(News::Refused(why.message.text)),
+            Received::Answer { result: Ok(_), .. } => tell(News::Done),
         };
     }
     String::new()

@@ -219,12 +219,12 @@ fn messages(app: &App, now_ms: u64, rows: u16) -> Vec<Line<'static>> {
             status
                 .obstruction
                 .iter()
-                .map(|text| Line::styled(text.clone(), strong())),
+                .map(|text| Line::styled(text.to_string(), strong())),
         );
         let forced = forced_words(&status.forced).map(|forced| Line::styled(format!("FORCED: {forced}"), alarm()));
         lines.extend(forced.take(2));
         if let Some(waiting) = &status.waiting {
-            let text = format!("WAITS: {}; {}", waiting.text, waiting.release);
+            let text = format!("WAITS: {}; {}", waiting.what, waiting.release);
             lines.push(Line::styled(text, strong()));
         }
     }

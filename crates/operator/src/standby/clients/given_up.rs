@@ -2,17 +2,17 @@
 //!
 //! In:  a stop, a client that has gone, the end of the session. Out: refusals for those who wait.
 
-use super::Clients;
+use super::{Clients, before_it_began};
 use crate::console::Operator;
-use api::rpc::{RpcError, code};
 use api::server::Ticket;
+use protocol::Message;
 
 impl Clients<'_, '_> {
     /// Nothing of what waits begins; whoever waits is told why.
-    pub(super) fn refuse_queue(&mut self, why: &str) {
+    pub(super) fn refuse_queue(&mut self, why: &Message) {
         let early = self.early.drain(..).map(|(ticket, _)| ticket);
         for ticket in self.mdi.drain(..).map(|(ticket, _)| ticket).chain(early) {
-            self.inbox.answer(ticket, Err(RpcError::new(code::REFUSED, why)));
+            self.inbox.answer(ticket, Err(why.clone().into()));
         }
         let streamed = self.streamed.take().map(|streamed| streamed.end(Some(why)));
         for (ticket, answer) in streamed.into_iter().flatten() {
@@ -22,7 +22,7 @@ impl Clients<'_, '_> {
 
     /// An end of all that is under way or about to begin.
     pub(crate) fn stop(&mut self, operator: &mut Operator, now_ns: u64) {
-        self.refuse_queue("stopped before it began");
+        self.refuse_queue(&before_it_began());
         self.give_up_check();
         operator.stop(now_ns);
     }
@@ -36,8 +36,7 @@ impl Clients<'_, '_> {
         let Some(ticket) = checking.wanted.take() else {
             return false;
         };
-        let what = "stopped before it began";
-        self.inbox.answer(ticket, Err(RpcError::new(code::REFUSED, what)));
+        self.inbox.answer(ticket, Err(before_it_began().into()));
         true
     }
 

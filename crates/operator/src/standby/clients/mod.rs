@@ -29,7 +29,7 @@ use motion::canon::Position;
 use program::text::{Reader, Text};
 use program::tool_path::{record_octets, trace};
 use program::{Begin, Doubt, Overview, home};
-use protocol::{Kept, Mode, Outlook, PathBegun, RealTimeFactor, SlowStretch};
+use protocol::{Kept, Message, Mode, Outlook, PathBegun, RealTimeFactor, SlowStretch, message};
 use serde_json::{Value, json};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, mpsc};
@@ -123,7 +123,7 @@ pub(super) struct Checking<'scope> {
     pub(super) thread: ScopedJoinHandle<'scope, Checked>,
 }
 
-type Answer = Result<Value, String>;
+type Answer = Result<Value, Message>;
 
 /// What is on its way to the disk, and since when.
 #[derive(Clone, Copy, Debug)]
@@ -213,7 +213,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             self.switch_modes_off();
         }
         if is_given_up {
-            self.refuse_queue("the line before it was given up");
+            self.refuse_queue(&message!("refused.line_given_up", "the line before it was given up"));
         } else if let Some(streamed) = &self.streamed {
             // Also where its reader has not come to its end: behind M2.
             streamed.text().close();
@@ -285,7 +285,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                 }
                 // What somebody else had ordered does not begin under the hand of another.
                 Order::TakenOver(_) => {
-                    self.refuse_queue("another client has taken control");
+                    self.refuse_queue(&message!("refused.control_lost", "another client has taken control"));
                     self.give_up_check();
                 }
                 _ => {}
@@ -421,7 +421,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         self.drawn.retain(|(_, thread)| !thread.is_finished());
         let Some(part) = self.loaded.clone().filter(|_| !self.config.joints.is_empty()) else {
             path.cancel.cancel();
-            return Err("no program is loaded: isocnc program load FILE".into());
+            return Err(not_loaded());
         };
         let (config, tables) = (self.config, lock(self.tables).clone());
         let at = self.begin_of_programs(operator);
@@ -452,7 +452,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             // A PC that has no room for a picture goes on with the part.
             Err(cause) => {
                 cancel.cancel();
-                Err(format!("the path cannot be drawn now: {cause}"))
+                Err(format!("the path cannot be drawn now: {cause}").into())
             }
         }
     }
@@ -483,7 +483,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         waits && wish(order).is_some_and(|wish| self.may(wish, operator).is_err())
     }
 
-    pub(super) fn may(&self, wish: Wish, operator: &Operator) -> Result<(), String> {
+    pub(super) fn may(&self, wish: Wish, operator: &Operator) -> Result<(), Message> {
         let mut condition = self.condition(operator);
         // Orders of a hand come faster than the cycle takes them; it looks itself whether each can be.
         if wish == Wish::Jog && self.is_settling(operator) {
@@ -497,12 +497,20 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         }
         permit(wish, &condition).map_err(|refusal| match operator.alarm() {
             // The first cause says more than that there is one.
-            Some(alarm) if refusal.next == Next::Acknowledge => format!("{}; {}", alarm.cause, refusal.next),
+            Some(alarm) if refusal.next == Next::Acknowledge => message!(
+                "refused.alarm_stands",
+                "{cause}; {next}",
+                cause = alarm.cause.clone(),
+                next = refusal.next.message()
+            ),
             // It is told as it comes, and over only once the machine rests.
             Some(_) if wish == Wish::Acknowledge && condition.power == Power::On => {
-                "the machine comes to rest for the alarm: wait until it has, then isocnc alarm acknowledge".into()
+                message!(
+                    "refused.stops_for_alarm",
+                    "the machine comes to rest for the alarm: wait until it has, then isocnc alarm acknowledge"
+                )
             }
-            _ => refusal.to_string(),
+            _ => refusal.message(),
         })
     }
 
@@ -515,13 +523,16 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         self.mode == Mode::Mdi && condition.power == Power::On && is_busy
     }
 
-    fn begin(&mut self, job: Job, mode: Mode, operator: &mut Operator, now_ns: u64) -> Result<(), String> {
+    fn begin(&mut self, job: Job, mode: Mode, operator: &mut Operator, now_ns: u64) -> Result<(), Message> {
         match operator.begin(now_ns, job) {
             true => {
                 self.mode = mode;
                 Ok(())
             }
-            false => Err("the machine is not ready for it: isocnc status tells how it is".into()),
+            false => Err(message!(
+                "refused.not_ready",
+                "the machine is not ready for it: isocnc status tells how it is"
+            )),
         }
     }
 
@@ -559,12 +570,12 @@ impl<'scope, 'env> Clients<'scope, 'env> {
     }
 
     /// Checks a program and keeps nothing of it, whatever runs meanwhile.
-    fn inspect(&mut self, ticket: Ticket, source: Source, operator: &Operator) -> Result<(), String> {
+    fn inspect(&mut self, ticket: Ticket, source: Source, operator: &Operator) -> Result<(), Message> {
         if self.config.joints.is_empty() {
-            return Err(self.config.without_joints());
+            return Err(self.config.without_joints().into());
         }
         if self.inspected.len() >= INSPECTED_MAX {
-            return Err(format!("{INSPECTED_MAX} programs are being checked already"));
+            return Err(format!("{INSPECTED_MAX} programs are being checked already").into());
         }
         let (config, tables) = (self.config, self.tables);
         let at = self.begin_of_programs(operator);
@@ -605,7 +616,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
     /// What is to be known of a program before it runs.
     fn outlook(&self, part: &Part, operator: &mut Operator) -> Value {
         for warning in warnings(part) {
-            operator.add_entry(format!("warning: {warning}"));
+            operator.add_warning(warning);
         }
         outlook(part)
     }
@@ -620,7 +631,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         self.may(wish, operator)?;
         let switched_off = operator.live().switched_off;
         if part.is_mdi() && part.switched_off != switched_off {
-            return Err("stopped before it began".into());
+            return Err(before_it_began());
         }
         let (missing, runs) = match then {
             Then::Run => (operator.not_homed(), 1),
@@ -642,6 +653,17 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         self.part = Some(part);
         Ok(begun)
     }
+}
+
+/// There is no program to do this with.
+fn not_loaded() -> Message {
+    let next = Next::LoadProgram.message();
+    message!("refused.not_loaded", "no program is loaded: {next}", next = next)
+}
+
+/// It was given up before it began.
+fn before_it_began() -> Message {
+    message!("refused.before_it_began", "stopped before it began")
 }
 
 /// Lines cannot be taken, for this reason.

@@ -19,7 +19,7 @@ use machine::state::State;
 use machine::tables::lock;
 use motion::canon::Axis;
 use program::{Change, changed};
-use protocol::{Lines, Mode, Nothing, Offsets, Resumed, Skipped};
+use protocol::{Lines, Message, Mode, Nothing, Offsets, Resumed, Skipped, message};
 use rt::shared::{Command, Snapshot};
 use rt::waiting::Waiting;
 use rt::way_back::SLOW_MM;
@@ -50,7 +50,16 @@ impl Clients<'_, '_> {
             Order::Path(path) => return Some(self.draw(path, operator)),
             Order::Tools => return Some(Ok(json!(remembered::tools(&lock(self.tables), self.config.unit)))),
             Order::Offsets => return Some(Ok(json!(self.offsets()))),
-            Order::Report(number) => return Some(keeper.memory.reports().find(number).map(|report| json!(report))),
+            Order::Report(number) => {
+                return Some(
+                    keeper
+                        .memory
+                        .reports()
+                        .find(number)
+                        .map(|report| json!(report))
+                        .map_err(Message::from),
+                );
+            }
             Order::MdiHistory => {
                 return Some(Ok(json!(Lines {
                     lines: keeper.memory.now().mdi.clone()
@@ -65,7 +74,7 @@ impl Clients<'_, '_> {
             Order::On => self.begin(Job::On, Mode::Manual, operator, now_ns),
             Order::Off => {
                 self.give_up_check();
-                self.refuse_queue("drives are switched off");
+                self.refuse_queue(&message!("refused.switched_off", "drives are switched off"));
                 operator.off(now_ns);
                 Ok(())
             }
@@ -86,9 +95,11 @@ impl Clients<'_, '_> {
                 let begin = |subject| self.check(ticket, subject, Then::Start { runs }, operator);
                 return later(subject.map(begin));
             }
-            Order::Mdi(_) | Order::Lines { .. } if self.mdi.len() >= MDI_MAX => {
-                Err(format!("{MDI_MAX} lines wait already"))
-            }
+            Order::Mdi(_) | Order::Lines { .. } if self.mdi.len() >= MDI_MAX => Err(message!(
+                "refused.lines_wait",
+                "{lines} lines wait already",
+                lines = MDI_MAX
+            )),
             Order::Mdi(line) => {
                 keeper.memory.add_mdi(&line);
                 self.mdi.push_back((ticket, Typed::Line(line)));
@@ -129,7 +140,7 @@ impl Clients<'_, '_> {
             }
             Order::Estop => {
                 self.give_up_check();
-                self.refuse_queue("emergency stop");
+                self.refuse_queue(&message!("refused.emergency_stop", "emergency stop"));
                 operator.estop();
                 Ok(())
             }
@@ -146,23 +157,23 @@ impl Clients<'_, '_> {
     }
 
     /// Whether an order may be carried out now. One that the machine does is told in the journal.
-    fn admit(&self, order: &Order, operator: &mut Operator) -> Result<(), String> {
+    fn admit(&self, order: &Order, operator: &mut Operator) -> Result<(), Message> {
         // Whatever it is: nothing can be done any more.
         if operator.live().state == State::Silenced {
-            return Err(operator.silenced().to_owned());
+            return Err(operator.silenced().clone());
         }
         let Some(wish) = wish(order) else { return Ok(()) };
         self.permits(order, wish, operator)?;
         if is_told(order) {
-            operator.add_entry(format!("order: {}", wish.command()));
+            operator.add_entry(wish.message());
         }
         Ok(())
     }
 
     /// Whether the machine may do this now.
-    fn permits(&self, order: &Order, wish: Wish, operator: &Operator) -> Result<(), String> {
+    fn permits(&self, order: &Order, wish: Wish, operator: &Operator) -> Result<(), Message> {
         if moves(wish) && self.config.joints.is_empty() {
-            return Err(self.config.without_joints());
+            return Err(self.config.without_joints().into());
         }
         self.may(wish, operator).or_else(|why| {
             // Lines of MDI wait behind those that run.
@@ -178,7 +189,7 @@ impl Clients<'_, '_> {
         remembered::offsets(&tables, self.config, system)
     }
 
-    fn home(&mut self, joints: &[usize], operator: &mut Operator, now_ns: u64) -> Result<(), String> {
+    fn home(&mut self, joints: &[usize], operator: &mut Operator, now_ns: u64) -> Result<(), Message> {
         let joints = self.joints_to_home(joints)?;
         match operator.homing_order(joints) {
             order if order.is_empty() => Err("none of these joints has a home".into()),
@@ -186,7 +197,7 @@ impl Clients<'_, '_> {
         }
     }
 
-    fn joints_to_home(&self, joints: &[usize]) -> Result<u64, String> {
+    fn joints_to_home(&self, joints: &[usize]) -> Result<u64, Message> {
         if joints.is_empty() {
             return Ok(u64::MAX);
         }
@@ -195,14 +206,20 @@ impl Clients<'_, '_> {
         })
     }
 
-    fn load(&mut self, ticket: Ticket, source: Source, operator: &Operator) -> Result<(), String> {
+    fn load(&mut self, ticket: Ticket, source: Source, operator: &Operator) -> Result<(), Message> {
         // It would be shown in the place of what is about to run.
         if operator.has_program() {
-            return Err("a program is about to run: wait for it, or isocnc stop".into());
+            return Err(message!(
+                "refused.about_to_run",
+                "a program is about to run: wait for it, or isocnc stop"
+            ));
         }
         // Beside homing and jogs, too.
         if self.checking.is_some() {
-            return Err("another program is being checked: wait for it, or isocnc stop".into());
+            return Err(message!(
+                "refused.other_check",
+                "another program is being checked: wait for it, or isocnc stop"
+            ));
         }
         self.check(ticket, Subject::Program(source), Then::Load, operator);
         Ok(())
@@ -215,12 +232,14 @@ impl Clients<'_, '_> {
         yes: bool,
         dry_feed_min: Option<f64>,
         revision: Option<u64>,
-    ) -> Result<Subject, String> {
-        let part = self.loaded.clone().ok_or("no program is loaded")?;
+    ) -> Result<Subject, Message> {
+        let loaded = self.loaded.clone();
+        let part = loaded.ok_or_else(|| message!("refused.nothing_loaded", "no program is loaded"))?;
         if revision.is_some_and(|revision| revision != part.revision) {
-            return Err(format!(
-                "another program is loaded by now: {}: look at it, then start it",
-                part.name
+            return Err(message!(
+                "refused.other_program",
+                "another program is loaded by now: {name}: look at it, then start it",
+                name = &part.name
             ));
         }
         let dry_feed_s = dry_feed_min.map(|feed| feed / 60.0);
@@ -236,7 +255,7 @@ impl Clients<'_, '_> {
     }
 
     /// Changes what the machine remembers.
-    fn change(&mut self, change: &Change, operator: &Operator, keeper: &mut Keeper<'_, '_>) -> Result<(), String> {
+    fn change(&mut self, change: &Change, operator: &Operator, keeper: &mut Keeper<'_, '_>) -> Result<(), Message> {
         if let Some(axis) = change.axis() {
             manual_mode::joints(Jogged::Axis(axis), self.config)?;
         }
@@ -263,15 +282,19 @@ fn set_parts(count: Option<u64>, target: Option<u64>, operator: &mut Operator, k
     parts.count = count.unwrap_or(parts.count);
     parts.target = target.map_or(parts.target, |target| Some(target).filter(|target| *target > 0));
     keeper.memory.set_parts(parts);
-    operator.add_entry(format!("order: parts {parts}"));
+    operator.add_entry(message!(
+        "order.parts",
+        "order: parts {parts}",
+        parts = parts.to_string()
+    ));
 }
 
 /// The answer comes later, where the order is not refused.
-fn later(begun: Result<(), String>) -> Option<Answer> {
+fn later(begun: Result<(), Message>) -> Option<Answer> {
     begun.err().map(Err)
 }
 
-fn given(operator: &mut Operator, command: Command) -> Result<(), String> {
+fn given(operator: &mut Operator, command: Command) -> Result<(), Message> {
     operator.give(command);
     Ok(())
 }
@@ -281,45 +304,54 @@ fn skip(operator: &mut Operator) -> Answer {
     match operator.live().waiting {
         Some(waiting) if waiting.can_be_skipped() => {
             operator.give(Command::Skip(waiting));
-            let skips = waiting.text();
+            let skips = waiting.message();
             Ok(json!(Skipped { skips }))
         }
-        Some(waiting) => Err(format!(
-            "{}: that cannot be left out; what releases it: {}",
-            waiting.text(),
-            waiting.release()
+        Some(waiting) => Err(message!(
+            "refused.not_skippable",
+            "{what}: that cannot be left out; what releases it: {release}",
+            what = waiting.message(),
+            release = waiting.release()
         )),
-        None => Err(
+        None => Err(message!(
+            "refused.in_motion",
             "a move is under way: what follows would begin elsewhere than it was programmed; isocnc stop, then isocnc program start \
              --from-line N tells the way to another block and goes it"
-                .into(),
-        ),
+        )),
     }
 }
 
 /// The tool that the program waits for is in the spindle.
-fn tool_changed(operator: &mut Operator) -> Result<(), String> {
+fn tool_changed(operator: &mut Operator) -> Result<(), Message> {
     match operator.live().waiting {
         Some(Waiting::ToolChange { .. }) => given(operator, Command::ToolChanged),
-        _ => Err("nothing waits for a tool: isocnc status tells how the machine is".into()),
+        _ => Err(message!(
+            "refused.no_tool_change",
+            "nothing waits for a tool: isocnc status tells how the machine is"
+        )),
     }
 }
 
 /// How the machine returns to where the program is held, if it is elsewhere: one sentence a leg.
-fn way_back(live: &Snapshot, config: &Config) -> Option<Vec<String>> {
+fn way_back(live: &Snapshot, config: &Config) -> Option<Vec<Message>> {
     let (at, to) = (live.position, live.held_at?);
     let axes = || config.axes.iter().map(|map| map.axis);
     let beside = axes().filter(|axis| *axis != Axis::Z && at[*axis] != to[*axis]);
     let beside: Vec<String> = beside.map(|axis| format!("{}{:.3}", axis.letter(), to[axis])).collect();
     let mut way = Vec::new();
     if axes().any(|axis| axis == Axis::Z) && at[Axis::Z] < to[Axis::Z] {
-        way.push(format!("Z up to {:.3}", to[Axis::Z]));
+        way.push(message!("way.up", "Z up to {z:.3}", z = to[Axis::Z]));
     }
     if !beside.is_empty() {
-        way.push(beside.join(" "));
+        way.push(beside.join(" ").into());
     }
     if axes().any(|axis| axis == Axis::Z) && at[Axis::Z] > to[Axis::Z] {
-        way.push(format!("Z down to {:.3}, the last {SLOW_MM} mm slowly", to[Axis::Z]));
+        way.push(message!(
+            "way.down",
+            "Z down to {z:.3}, the last {slowly} mm slowly",
+            z = to[Axis::Z],
+            slowly = SLOW_MM
+        ));
     }
     Some(way)
 }

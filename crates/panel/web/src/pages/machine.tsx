@@ -1,5 +1,6 @@
 /** The journal, the machine file, this PC, and what runs here. */
 import { useEffect, useState } from "preact/hooks";
+import { inWords } from "../control-words";
 import { useSmall } from "../hooks";
 import { dateAndTime, t } from "../i18n";
 import { machine } from "../machine";
@@ -7,7 +8,6 @@ import { about } from "../shell";
 import { ask, authorised, say, tellRefused, useStatus, useStore } from "../store";
 import type { Entry } from "../types";
 import { Button, Card, Choice, Icon } from "../ui";
-import { inWords } from "../words";
 import { FileEditor } from "./machine-file";
 
 type Kind = "all" | "alarm" | "warning";
@@ -52,7 +52,7 @@ function Journal() {
           <li key={entry.seq} class={entry.kind}>
             <time>{dateAndTime(entry.unix_s)}</time>
             <span>
-              {entry.alarm && <code>{entry.alarm.code}</code>} {inWords(entry.text)}
+              {entry.alarm && <code>{entry.alarm.code}</code>} {inWords(entry)}
               {entry.alarm && <small>{about(entry)}</small>}
             </span>
           </li>

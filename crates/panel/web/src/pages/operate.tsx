@@ -1,5 +1,6 @@
 /** The page from which programs are run. */
 import { useState } from "preact/hooks";
+import { inWords } from "../control-words";
 import { duration, fixed, t, timeOfDay } from "../i18n";
 import { PathView } from "../path/path-view";
 import { ProgramText } from "../program-text";
@@ -12,7 +13,6 @@ import type { Status } from "../types";
 import { Button, Card, Choice, Icon } from "../ui";
 import { useSmall } from "../hooks";
 import { goTo } from "../route";
-import { inWords } from "../words";
 
 type Shown = "work" | "machine" | "to-go";
 
@@ -286,7 +286,7 @@ function Messages() {
           <li key={entry.seq} class={entry.kind}>
             <time>{timeOfDay(entry.unix_s)}</time>
             <span title={about(entry)}>
-              {entry.alarm && <code>{entry.alarm.code}</code>} {inWords(entry.text)}
+              {entry.alarm && <code>{entry.alarm.code}</code>} {inWords(entry)}
             </span>
           </li>
         ))}
