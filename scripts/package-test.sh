@@ -4,7 +4,7 @@
 # In:  what package.sh made; mmdebstrap, which takes bare Debian roots (bookworm and trixie) from where this PC's apt does. Needs root.
 # Out: for each suite what was found. Without a compiler: from the start of the installation to the first motion; an upgrade and a downgrade
 #      keep state folder and machine file; after an upgrade killed at N random moments (50) the control starts, and the next one goes through;
-#      a truncated package, one for another architecture and a full disk leave everything as it was.
+#      a truncated package, one for another architecture, a full disk and a forged repository leave everything as it was.
 # Exit code: 0 all as it should be, 1 something is not, 3 nothing can be tested here. SEED=... repeats the moments of another run.
 set -euo pipefail
 export LC_ALL=C
@@ -59,7 +59,7 @@ enter() {
     local folder
     root=$1
     inside=(chroot "$root" /usr/bin/env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin DEBIAN_FRONTEND=noninteractive)
-    mount --bind "$root" "$root"
+    mountpoint -q "$root" || mount --bind "$root" "$root"
     for folder in proc sys dev; do mount --rbind "/$folder" "$root/$folder"; done
     mount -t tmpfs tmpfs "$root/run"
 }
@@ -180,11 +180,12 @@ broken() {
     echo "a truncated package and one for another architecture: refused"
 }
 
-full_disk() {
-    local whole=$root small=$work/small/root
+# In a root of its own, whose names do not outlive the subshell.
+full_disk() (
+    small=$work/small/root
     mkdir -p "$small"
-    mount -t tmpfs -o "size=$(($(du -sxk "$whole" | cut -f 1) + 60000))k" tmpfs "$small"
-    cp -ax "$whole/." "$small"
+    mount -t tmpfs -o "size=$(($(du -sxk "$root" | cut -f 1) + 60000))k" tmpfs "$small"
+    cp -ax "$root/." "$small"
     enter "$small"
     # A control needs some of it.
     head -c "$(($(df --output=avail -k "$small" | tail -n 1) - 8000))K" /dev/zero >"$small/filling"
@@ -194,9 +195,23 @@ full_disk() {
     rm "$small/filling"
     "${inside[@]}" dpkg -i --force-downgrade /isocnc.deb >/dev/null 2>&1 || fail "with room again the package is not installed"
     unchanged "room again"
-    echo "a full disk: refused, nothing lost; with room again installed"
     umount -R "$small"
-    root=$whole
+    echo "a full disk: refused, nothing lost; with room again installed"
+)
+
+# The supervisor comes out of the signed repository, and out of one that somebody has changed it does not.
+repository() {
+    cp -r "$packages/apt" "$root/srv"
+    cp "$root/srv/apt/isocnc.gpg" "$root/usr/share/keyrings"
+    rm -rf "$root"/etc/apt/sources.list.d/* "$root"/var/lib/apt/lists/*
+    echo "deb [signed-by=/usr/share/keyrings/isocnc.gpg] file:/srv/apt stable main" >"$root/etc/apt/sources.list"
+    "${inside[@]}" sh -c 'apt-get update && apt-get install -y isocnc-cell && isocnc-cell --version' >"$work/apt.log" 2>&1 || fail "$(cat "$work/apt.log")"
+    "${inside[@]}" dpkg --purge isocnc-cell >/dev/null 2>&1
+    rm -rf "$root"/var/lib/apt/lists/*
+    sed -i 's/^Suite: .*/Suite: other/' "$root/srv/apt/dists/stable/InRelease"
+    rm "$root/srv/apt/dists/stable/Release"
+    if "${inside[@]}" sh -c 'apt-get update --error-on=any && apt-get install -y isocnc-cell' >"$work/apt.log" 2>&1; then fail "a forged repository: $(cat "$work/apt.log")"; fi
+    echo "the apt repository: installed from there; a forged one is refused"
 }
 
 tested=0
@@ -218,6 +233,7 @@ for suite in "${suites[@]}"; do
     killed
     broken
     full_disk
+    repository
     umount -R "$root"
     tested=$((tested + 1))
 done
