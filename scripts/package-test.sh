@@ -32,7 +32,13 @@ done
 cache=${XDG_CACHE_HOME:-$HOME/.cache}/isocnc-package-test
 RANDOM=${SEED:=$$}
 work=$(mktemp -d)
-trap 'umount -R "$work"/*/root 2>/dev/null || true; rm -rf --one-file-system "$work"' EXIT
+finish() {
+    # A control that failed a test may still run.
+    jobs -p | xargs -r kill 2>/dev/null || true
+    umount -R -l "$work"/*/root 2>/dev/null || true
+    rm -rf --one-file-system "$work"
+}
+trap finish EXIT
 root="" inside=()
 
 fail() {
@@ -61,7 +67,8 @@ enter() {
     inside=(chroot "$root" /usr/bin/env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin DEBIAN_FRONTEND=noninteractive)
     mountpoint -q "$root" || mount --bind "$root" "$root"
     for folder in proc sys dev; do mount --rbind "/$folder" "$root/$folder"; done
-    mount -t tmpfs tmpfs "$root/run"
+    # Controls outside have their sockets and pins elsewhere.
+    for folder in run dev/shm; do mount -t tmpfs tmpfs "$root/$folder"; done
 }
 
 # ---- packages to compare with ---------------------------------------------------------------------------------------
