@@ -2,6 +2,7 @@
 
 use cell::plan;
 use clap::{Args, Parser, Subcommand};
+use clap_complete::Shell;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
@@ -115,6 +116,16 @@ pub(super) enum Command {
         axes: Option<u32>,
         #[arg(long)]
         json: bool,
+    },
+    /// Prints the script by which a shell completes commands and options.
+    Completions {
+        #[arg(value_enum)]
+        shell: Shell,
+    },
+    /// Writes pages of the manual, one for each command.
+    Man {
+        /// Folder for the pages; made where it is not there.
+        folder: PathBuf,
     },
 }
 

@@ -12,7 +12,7 @@ use cell::plan::{self, Model};
 use cell::serve::{self, Settings};
 use cell::store::Wish;
 use cell_link::message::PROGRAM_MAX;
-use clap::Parser;
+use clap::{CommandFactory, Parser};
 use nix::sys::resource::{Resource, getrlimit, setrlimit};
 use serde_json::{Value, json};
 use std::ffi::OsString;
@@ -184,6 +184,16 @@ fn carry_out(command: Command) -> anyhow::Result<()> {
             queue(&Dir { dir, json }, change)
         }
         Command::Plan { file, axes, json } => plan(&file, axes, json),
+        Command::Completions { shell } => {
+            let mut script = Vec::new();
+            clap_complete::generate(shell, &mut Cli::command(), "isocnc-cell", &mut script);
+            say(&String::from_utf8_lossy(&script))
+        }
+        Command::Man { folder } => {
+            let place = || format!("{}", folder.display());
+            files::make_folder(&folder).with_context(place)?;
+            clap_mangen::generate_to(Cli::command(), &folder).with_context(place)
+        }
     }
 }
 
