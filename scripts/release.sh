@@ -24,6 +24,8 @@ if ! "$linker/bin/cargo-zigbuild" --version >/dev/null 2>&1; then
     python3 -m venv "$linker" && "$linker/bin/pip" install --quiet ziglang==0.17.1 cargo-zigbuild==0.24.1 >&2
 fi
 export PATH=$linker/bin:$PATH CARGO_ZIGBUILD_CACHE_DIR=$linker/cache ZIG_GLOBAL_CACHE_DIR=$linker/cache/zig
+# What a debugger reads has paths of this PC.
+export CFLAGS=-g0
 
 # A path may have blanks, so flags are separated as cargo wants it then. Of two prefixes that fit, the later one counts.
 separator=$'\x1f'
