@@ -94,7 +94,9 @@ fn an_input_beyond_its_range_has_a_pin_and_one_warning() {
         }
         assert_eq!(edges, 2);
         assert_eq!(run.control.state(), State::Disabled, "a warning stops nothing");
-        let journal = format!("{:?}", run.operator.journal());
+        let journal: String = (run.operator.journal().iter())
+            .map(|entry| format!("{}\n", entry.text))
+            .collect();
         let told = "analog input 0x6401:1 reads 5";
         assert!(journal.contains(told), "{journal}");
         assert!(

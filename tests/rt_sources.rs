@@ -42,7 +42,7 @@ const REAL_TIME: &[&str] = &[
     "crates/machine/src/overruns.rs",
 ];
 
-const FORBIDDEN: [&str; 31] = [
+const FORBIDDEN: [&str; 32] = [
     // Locks and queues that lock.
     "Mutex",
     "RwLock",
@@ -65,6 +65,7 @@ const FORBIDDEN: [&str; 31] = [
     "Rc::new",
     "String::",
     "format!",
+    "message!",
     "to_string(",
     "to_owned(",
     "to_vec(",
@@ -152,7 +153,17 @@ const START_UP: &[(&str, &str, &str)] = &[
     ("crates/rt/src/cycle_stats.rs", "new", "makes empty figures"),
     (
         "crates/rt/src/waiting.rs",
-        "text",
+        "message",
+        "a sentence for the operator, made by his thread",
+    ),
+    (
+        "crates/rt/src/waiting.rs",
+        "release",
+        "a sentence for the operator, made by his thread",
+    ),
+    (
+        "crates/rt/src/waiting.rs",
+        "input_message",
         "a sentence for the operator, made by his thread",
     ),
     (

@@ -10,14 +10,20 @@ pub(crate) struct Variant {
 /// All variants of an enum, in their order.
 pub(crate) fn variants(path: &str, name: &str) -> Vec<Variant> {
     let text = std::fs::read_to_string(crate::root(path)).unwrap_or_else(|error| panic!("{path}: {error}"));
-    let body = text.split_once(&format!("pub enum {name} {{\n"));
+    // An enum of codes is declared within `codes!`: deeper, with its group.
+    let (begin, indent) = match text.contains(&format!("pub enum {name} {{\n")) {
+        true => (format!("pub enum {name} {{\n"), ""),
+        false => (format!("    {name} \""), "    "),
+    };
+    let body = text.split_once(&begin);
     let body = body.unwrap_or_else(|| panic!("{path}: no enum {name}")).1;
     let mut variants = Vec::new();
     let mut doc = Vec::new();
     // Indented by four: what belongs to a variant's fields stands deeper.
-    let lines = body.lines().take_while(|line| *line != "}");
+    let (end, indented) = (format!("{indent}}}"), format!("{indent}    "));
+    let lines = body.lines().take_while(|line| *line != end);
     for line in lines
-        .filter_map(|line| line.strip_prefix("    "))
+        .filter_map(|line| line.strip_prefix(&indented))
         .filter(|line| !line.starts_with(' '))
     {
         if let Some(comment) = line.strip_prefix("/// ") {

@@ -1,6 +1,6 @@
 //! What the control says to people: a code, its values, and the English sentence that is made of them.
 //!
-//! In:  a code, a sentence in English with the names of its values, and these, at one place: [`message!`](crate::message).
+//! In:  a code, a sentence in English with the names of its values, and these, at one place: [`message!`](crate::message!).
 //! Out: what travels, and what a terminal prints. Whoever speaks another language has a table of sentences by code.
 
 use schemars::JsonSchema;
