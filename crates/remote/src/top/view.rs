@@ -414,7 +414,7 @@ mod tests {
         let mut app = running();
         told(
             &mut app,
-            json!({ "alarm": "x-drive lost", "activity": "idle", "power": "alarm" }),
+            json!({ "alarm": { "code": "text", "text": "x-drive lost" }, "activity": "idle", "power": "alarm" }),
         );
         assert_shows(
             &screen(&app, &[], 0, (80, 24)),
@@ -438,7 +438,11 @@ mod tests {
             process: 1,
             ..Control::default()
         };
-        let waits = json!({ "for": "tool-change", "text": "put in tool 7", "release": "isocnc tool-changed" });
+        let waits = json!({
+            "for": "tool_change",
+            "what": { "code": "text", "text": "put in tool 7" },
+            "release": { "code": "text", "text": "isocnc tool-changed" },
+        });
         told(&mut app, json!({ "alarm": null, "waiting": waits, "control": panel }));
         let shown = screen(&app, &[], 0, (80, 24));
         assert_shows(&shown, &["WAITS: put in tool 7; isocnc tool-changed", "control: panel"]);
