@@ -45,7 +45,7 @@ def main(machine):
         control.call("mdi", line="T5 M6")
         with Control(machine) as watcher:
             waiting = next(state["waiting"] for state in watcher.subscribe() if state["waiting"])
-        print("waits:", waiting["text"])
+        print("waits:", waiting["what"]["text"])
         control.call("tool.changed")
         control.wait()
         control.call("off")

@@ -136,5 +136,5 @@ class Control:
         self.call(method, **params)
         status = self.wait()
         if status["job"] != "completed":
-            raise Failed(f"{method}: {status['job']}: {status['alarm']}")
+            raise Failed(f"{method}: {status['job']}: {(status['alarm'] or {}).get('text')}")
         return status
