@@ -95,7 +95,7 @@ impl Engine {
         }
     }
 
-    fn pump<S: Sink<Element>>(&mut self, settings: &Settings, sink: &mut S) -> Pumped {
+    fn pump(&mut self, settings: &Settings, sink: &mut dyn Sink<Element>) -> Pumped {
         match self {
             Engine::Classic(steps) => steps.pump(settings, sink),
             Engine::Optimal(stream) => stream.pump(sink),

@@ -201,7 +201,7 @@ impl Steps {
     }
 
     /// Hands over what is final.
-    pub(in crate::plan) fn pump<S: Sink<Element>>(&mut self, settings: &Settings, sink: &mut S) -> Pumped {
+    pub(in crate::plan) fn pump(&mut self, settings: &Settings, sink: &mut dyn Sink<Element>) -> Pumped {
         loop {
             if let Some(line) = self.closed {
                 return Pumped::Refused { line };
@@ -405,7 +405,7 @@ impl Steps {
     }
 
     /// Hands over the first final steps with a stop behind them.
-    fn publish<S: Sink<Element>>(&mut self, sink: &mut S) -> Publish {
+    fn publish(&mut self, sink: &mut dyn Sink<Element>) -> Publish {
         // Asked again and again while the machine runs what is there: it would be put together each time.
         if sink.is_full(self.refused) {
             return Publish::Full;
@@ -423,9 +423,9 @@ impl Steps {
         result
     }
 
-    fn publish_in<S: Sink<Element>>(
+    fn publish_in(
         &mut self,
-        sink: &mut S,
+        sink: &mut dyn Sink<Element>,
         committed: &mut Vec<Element>,
         tail: &mut Vec<Element>,
     ) -> Publish {

@@ -181,7 +181,7 @@ impl Stream {
     }
 
     /// Begins a new plan if the override is to change.
-    pub(super) fn begin_change<S: Sink<Element>>(&mut self, sink: &mut S) {
+    pub(super) fn begin_change(&mut self, sink: &mut dyn Sink<Element>) {
         self.forget_passed(sink);
         let Some(wanted) = self.changes.wanted else { return };
         // Without a consumer, what was handed in is final: it counts from the next rest on.
@@ -210,7 +210,7 @@ impl Stream {
     }
 
     /// Forgets what the machine has passed.
-    fn forget_passed<S: Sink<Element>>(&mut self, sink: &S) {
+    fn forget_passed(&mut self, sink: &dyn Sink<Element>) {
         let Some(at) = sink.consumer_at() else { return };
         let live = &mut self.changes.live;
         while live.len() > 1 && live.front().is_some_and(|first| first.number < at) {
@@ -222,7 +222,7 @@ impl Stream {
     }
 
     /// Begins a new plan behind an element that the machine reaches soon, or, after a failure, later than tried before.
-    pub(super) fn take_over<S: Sink<Element>>(&mut self, sink: &mut S, later: bool) {
+    pub(super) fn take_over(&mut self, sink: &mut dyn Sink<Element>, later: bool) {
         self.forget_passed(sink);
         self.forget_plans();
         let lead_s = match (self.changes.under_way.take(), later) {

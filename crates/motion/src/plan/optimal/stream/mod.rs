@@ -291,7 +291,7 @@ impl Stream {
     }
 
     /// Hands over what is final.
-    pub(in crate::plan) fn pump<S: Sink<Element>>(&mut self, sink: &mut S) -> Pumped {
+    pub(in crate::plan) fn pump(&mut self, sink: &mut dyn Sink<Element>) -> Pumped {
         loop {
             let begun_anew = self.begun_anew;
             self.begin_change(sink);

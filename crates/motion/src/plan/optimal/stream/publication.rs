@@ -49,7 +49,7 @@ impl Stream {
     }
 
     /// Hands over as much as makes one publication; `None` if nothing can be.
-    pub(super) fn publish<S: Sink<Element>>(&mut self, sink: &mut S) -> Option<Publish> {
+    pub(super) fn publish(&mut self, sink: &mut dyn Sink<Element>) -> Option<Publish> {
         let steps = self.next_publication(self.changes.is_under_way());
         let next = self.steps.get(steps);
         self.changes.withholds = matches!(next, Some(Step::Ready(ready)) if self.is_forbidden(&ready.elements));
@@ -89,7 +89,7 @@ impl Stream {
     }
 
     /// A publication passes the gate and goes to the ring; `None`: the gate has refused it.
-    fn hand_in<S: Sink<Element>>(&mut self, publication: &mut Publication, sink: &mut S) -> Option<Publish> {
+    fn hand_in(&mut self, publication: &mut Publication, sink: &mut dyn Sink<Element>) -> Option<Publish> {
         #[cfg(test)]
         if self.spoil.is_some_and(|spoil| spoil(&mut publication.committed)) {
             self.spoil = None;
@@ -183,7 +183,7 @@ struct Cut {
 
 impl Publication {
     /// Of so many steps or, if that is too much, of fewer.
-    fn gather<S: Sink<Element>>(steps: &VecDeque<Step>, count: usize, sink: &S) -> Option<Publication> {
+    fn gather(steps: &VecDeque<Step>, count: usize, sink: &dyn Sink<Element>) -> Option<Publication> {
         let elements = |step: &Step| match step {
             Step::Ready(ready) => ready.elements.len(),
             Step::Window(_) => 0,
@@ -275,7 +275,7 @@ impl Publication {
 
 /// Whether so many elements may be handed over: they fit, room for others in their place is left, and the machine has not too
 /// much ahead of it already.
-fn has_room<S: Sink<Element>>(sink: &S, count: usize) -> bool {
+fn has_room(sink: &dyn Sink<Element>, count: usize) -> bool {
     match sink.consumer_at() {
         Some(at) => sink.next_number() - at < AHEAD && sink.free() >= count + RESERVE && !sink.is_full(count),
         None => !sink.is_full(count),
