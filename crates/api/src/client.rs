@@ -9,12 +9,21 @@ use std::path::{Path, PathBuf};
 
 pub use protocol::client::{Client, ClientError, Followed, Sender};
 
-/// Connects to the control of a machine, or to the only one.
+/// Names the machine for commands that are not given one.
+pub const MACHINE_VARIABLE: &str = "ISOCNC_MACHINE";
+
+/// The machine that a command is for: the one it is given, else that of [`MACHINE_VARIABLE`]; none: the only one that runs.
+pub fn chosen(machine: Option<&str>) -> Option<String> {
+    let named = || std::env::var(MACHINE_VARIABLE).ok().filter(|name| !name.is_empty());
+    machine.map(str::to_owned).or_else(named)
+}
+
+/// Connects to the control of a machine, of the one that [`chosen`] names, or to the only one.
 ///
 /// # Errors
 /// None or several run.
 pub fn connect(machine: Option<&str>) -> Result<Client, ClientError> {
-    connect_in(&hal_pins::directories(), machine)
+    connect_in(&hal_pins::directories(), chosen(machine).as_deref())
 }
 
 /// The controls that can be reached, by machine.

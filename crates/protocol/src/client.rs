@@ -79,7 +79,7 @@ impl fmt::Display for ClientError {
             }
             ClientError::Several { machines } => write!(
                 f,
-                "several controls are running: choose one with --machine: {}",
+                "several controls are running: choose one with --machine or ISOCNC_MACHINE: {}",
                 machines.join(", ")
             ),
             ClientError::Io { path, cause } if cause.kind() == ErrorKind::WouldBlock => {

@@ -11,6 +11,7 @@
 
 pub mod control;
 pub mod jog;
+mod place;
 mod progress;
 pub mod tables;
 pub mod top;

@@ -41,7 +41,7 @@ pub struct SdoArgs {
     /// SDO over UDP: address of the node, and port if it is not 3819
     #[arg(long, global = true, value_name = "ADDRESS", conflicts_with = "machine")]
     udp: Option<String>,
-    /// Running control of this machine; without --interface and --udp it is the only one that runs
+    /// Running control of this machine; without it, --interface and --udp: that of ISOCNC_MACHINE, or the only one that runs
     #[arg(long, global = true, value_name = "NAME")]
     machine: Option<String>,
     /// Device file (XDD, XDC, EDS) that knows objects and types

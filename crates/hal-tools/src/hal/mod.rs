@@ -25,7 +25,7 @@ use terminal::refusal::Refusal;
 /// Arguments of `isocnc hal`.
 #[derive(Clone, Debug, clap::Args)]
 pub struct HalArgs {
-    /// Name of the machine; may be left out while exactly one control runs
+    /// Control of this machine; without it that of ISOCNC_MACHINE, or the only one that runs
     #[arg(long, global = true, value_name = "NAME")]
     pub machine: Option<String>,
     /// Print JSON
@@ -139,8 +139,8 @@ pub fn hal(args: &HalArgs) -> anyhow::Result<ExitCode> {
 }
 
 fn on_a_control(args: &HalArgs, command: &HalCommand, out: &mut impl Write) -> anyhow::Result<ExitCode> {
-    let machine = match &args.machine {
-        Some(machine) => machine.clone(),
+    let machine = match api::client::chosen(args.machine.as_deref()) {
+        Some(machine) => machine,
         None => the_only_one(hal_pins::find())?,
     };
     let pins = Attached::attach(&machine)?;
@@ -181,7 +181,7 @@ fn the_only_one(running: Vec<Found>) -> anyhow::Result<String> {
                 .map(|found| format!("{} (process {})", found.machine, found.pid))
                 .collect();
             bail!(
-                "several controls are running: choose one with --machine: {}",
+                "several controls are running: choose one with --machine or ISOCNC_MACHINE: {}",
                 names.join(", ")
             )
         }
@@ -623,7 +623,7 @@ drive.0.target
             .to_string();
         assert_eq!(
             several,
-            "several controls are running: choose one with --machine: a (process 1), b (process 2)"
+            "several controls are running: choose one with --machine or ISOCNC_MACHINE: a (process 1), b (process 2)"
         );
     }
 }

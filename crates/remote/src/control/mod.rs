@@ -35,7 +35,7 @@ use waiting::{LOOK, Words, give, give_by, wait};
 /// Which control, and how to print.
 #[derive(Clone, Debug, Args)]
 pub struct ControlArgs {
-    /// Control of this machine; without it the only one that runs
+    /// Control of this machine; without it that of ISOCNC_MACHINE, or the only one that runs
     #[arg(long, global = true, value_name = "NAME")]
     pub(super) machine: Option<String>,
     /// Print JSON

@@ -1,9 +1,11 @@
 //! `isocnc status` and `power`: how a control is, in words.
 
 use super::{ControlArgs, StatusArgs, ask, connect, overrides, print};
+use crate::place::places;
 use crate::progress;
+use api::client::Client;
 use host::terminal;
-use protocol::{Direction, Forced, LastResult, Message, Parts, State, Status, Step, method, params};
+use protocol::{Direction, Forced, LastResult, Message, Parts, State, Status, StatusProgram, Step, method, params};
 use serde_json::json;
 use std::io::Write;
 use std::process::ExitCode;
@@ -18,8 +20,10 @@ pub fn status(args: &StatusArgs) -> anyhow::Result<ExitCode> {
     if args.follow {
         return follow(&args.control);
     }
-    let status = ask::<method::Status>(&args.control, &params::NoParams {})?;
-    print(&args.control, &status, &words(&status));
+    let mut client = connect(&args.control)?;
+    let status = client.ask::<method::Status>(&params::NoParams {})?;
+    let line = line_under_way(&mut client, &status);
+    print(&args.control, &status, &words(&status, line.as_deref()));
     Ok(match status.state == State::Silenced {
         true => ExitCode::FAILURE,
         false => ExitCode::SUCCESS,
@@ -106,13 +110,58 @@ pub fn power(args: &ControlArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// A status in words.
-fn words(status: &Status) -> String {
+/// The line of the program that is executed; none where none is, or the program is another one by now.
+fn line_under_way(client: &mut Client, status: &Status) -> Option<String> {
+    let program = status.program.as_ref().filter(|program| program.result.is_none())?;
+    if status.step != Step::Program || status.line == 0 {
+        return None;
+    }
+    let wanted = params::ProgramText {
+        from_line: Some(status.line),
+        lines: Some(1),
+    };
+    let text = client.ask::<method::ProgramText>(&wanted).ok()?;
+    text.lines
+        .into_iter()
+        .next()
+        .filter(|_| text.revision == program.revision)
+}
+
+/// Where each axis is, what is in the spindle, how fast it goes.
+fn now_words(status: &Status) -> Vec<String> {
+    let mut lines = vec!["axis            work     machine".to_owned()];
+    lines.extend(places(status).map(|place| {
+        let homed = if place.is_homed { "" } else { "   not homed" };
+        format!("{:<8}{:>12.3}{:>12.3}{homed}", place.letter, place.work, place.machine)
+    }));
+    let mut tool = match status.tool {
+        0 => "none".to_owned(),
+        tool => format!("T{tool}"),
+    };
+    if let Some(spindle) = &status.spindle {
+        tool.push_str(&match spindle.on {
+            true => format!(", spindle {:.0} rpm", spindle.speed_rpm),
+            false => ", spindle off".into(),
+        });
+    }
+    let coolant = [(status.coolant.flood, ", flood"), (status.coolant.mist, ", mist")];
+    tool.extend(coolant.iter().filter(|(on, _)| *on).map(|(_, name)| *name));
+    lines.push(format!("tool      {tool}"));
+    lines.push(format!("feed      {:.0} mm/min now", status.velocity_mm_s * 60.0));
+    if !status.codes.is_empty() {
+        lines.push(format!("codes     {}", status.codes.join(" ")));
+    }
+    lines
+}
+
+/// A status in words; `text`: the line of the program that is executed.
+fn words(status: &Status, text: Option<&str>) -> String {
     let mut lines = vec![
         format!("machine   {} ({})", status.machine, status.file),
         format!("state     {}, {}", status.state, status.step),
     ];
     lines.extend(power_words(status));
+    lines.extend(now_words(status));
     if let Some(holder) = status.control.as_ref().filter(|holder| holder.taken) {
         lines.push(format!("control   {} (process {})", holder.name, holder.process));
     }
@@ -148,6 +197,7 @@ fn words(status: &Status) -> String {
             Direction::Forward => "",
         };
         lines.push(format!("program   {}: {progress}{way}", program.name));
+        lines.extend(text.map(|text| format!("line      {text}")));
     }
     if status.single_block {
         lines.push("single    each block ends at rest".into());
@@ -194,7 +244,7 @@ fn words(status: &Status) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use protocol::{Next, Outcome, Overrides, Power, StatusProgram};
+    use protocol::{Coolant, Next, Outcome, Overrides, Power, Spindle, StatusAxis};
 
     #[test]
     fn a_status_reads_as_sentences() {
@@ -219,35 +269,36 @@ mod tests {
             ..Status::default()
         };
         let waiting = "machine   mill3 (mill3.toml)\nstate     disabled, standing by\npower     off\n\
+                       axis            work     machine\ntool      none\nfeed      0 mm/min now\n\
                        cycles    1000, 0 left out, 12.3 us late at most";
-        assert_eq!(words(&status), waiting);
+        assert_eq!(words(&status, None), waiting);
         status.program = Some(StatusProgram {
             name: "/p.ngc".into(),
             lines: 90,
             planned_time_s: 1.0,
             ..StatusProgram::default()
         });
-        assert!(words(&status).contains("\nprogram   /p.ngc: loaded\n"));
+        assert!(words(&status, None).contains("\nprogram   /p.ngc: loaded\n"));
         status.next = Some(Next::PowerOn);
-        assert!(words(&status).contains("\npower     off\nnext      isocnc on\n"));
+        assert!(words(&status, None).contains("\npower     off\nnext      isocnc on\n"));
         status.step = Step::Program;
         status.alarm = Some("x-drive lost".into());
-        let said = words(&status);
+        let said = words(&status, None);
         assert!(
             said.contains("\nprogram   /p.ngc: line 7 of 90, 12 s, 30 s to go, 28 % done\nalarm     x-drive lost\n"),
             "{said}"
         );
         status.direction = Direction::Reverse;
         status.single_block = true;
-        let said = words(&status);
+        let said = words(&status, None);
         assert!(
             said.contains("28 % done, backward\nsingle    each block ends at rest\n"),
             "{said}"
         );
         status.direction = Direction::Forward;
-        assert!(!words(&status).contains("override"));
+        assert!(!words(&status, None).contains("override"));
         status.overrides.feed_percent = 62.5;
-        assert!(words(&status).contains("\noverride  feed 62.5 %, rapid 100.0 %, spindle 100.0 %\n"));
+        assert!(words(&status, None).contains("\noverride  feed 62.5 %, rapid 100.0 %, spindle 100.0 %\n"));
         status.forced = vec![Forced {
             program: "cell".into(),
             variable: "door_closed".into(),
@@ -255,10 +306,52 @@ mod tests {
         }];
         let forced =
             "\nFORCED    door_closed = 1 in logic cell: isocnc logic force --program cell --release door_closed\n";
-        assert!(words(&status).contains(forced));
+        assert!(words(&status, None).contains(forced));
         if let Some(program) = &mut status.program {
             program.result = Some(Outcome::Stopped);
         }
-        assert!(words(&status).contains("/p.ngc: stopped\n"));
+        assert!(words(&status, None).contains("/p.ngc: stopped\n"));
+    }
+    #[test]
+    fn a_status_tells_where_the_machine_is_with_what_and_in_which_line() {
+        let axis = |letter: &str, joints: &[usize]| StatusAxis {
+            axis: letter.into(),
+            joints: joints.to_vec(),
+            unit: "mm".into(),
+        };
+        let status = Status {
+            axes: vec![axis("X", &[0]), axis("Y", &[1, 2])],
+            position_mm: vec![12.5, -3.0],
+            work_offset_mm: vec![10.0, 0.0],
+            homed: vec![0, 1],
+            tool: 7,
+            spindle: Some(Spindle {
+                on: true,
+                speed_rpm: -1200.0,
+            }),
+            coolant: Coolant {
+                flood: true,
+                mist: true,
+            },
+            velocity_mm_s: 25.0,
+            codes: ["G1", "G54"].map(str::to_owned).to_vec(),
+            step: Step::Program,
+            program: Some(StatusProgram {
+                name: "part.ngc".into(),
+                lines: 90,
+                ..StatusProgram::default()
+            }),
+            line: 7,
+            ..Status::default()
+        };
+        let said = words(&status, Some("G1 X2.5"));
+        for wanted in [
+            "\nX              2.500      12.500\n",
+            "\nY             -3.000      -3.000   not homed\n",
+            "\ntool      T7, spindle -1200 rpm, flood, mist\nfeed      1500 mm/min now\ncodes     G1 G54\n",
+            "\nprogram   part.ngc: line 7 of 90, 0 s\nline      G1 X2.5\n",
+        ] {
+            assert!(said.contains(wanted), "{wanted:?} is not in\n{said}");
+        }
     }
 }

@@ -8,7 +8,7 @@
 use super::link::News;
 use protocol::client::Followed;
 use protocol::params::{self, NoParams};
-use protocol::{Method, State, Status, method};
+use protocol::{Activity, Method, State, Status, method};
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use rt::joint_jog::HOLDS_S;
 use serde_json::Value;
@@ -90,6 +90,10 @@ pub(super) struct App {
     pub(super) heard_ms: u64,
     /// What came of the last key.
     pub(super) said: Option<String>,
+    /// What the last key did, where that may surprise.
+    pub(super) did: Option<&'static str>,
+    /// All keys are shown in place of the machine.
+    pub(super) shows_keys: bool,
     /// The line that is being typed.
     pub(super) typed: Option<String>,
     history: Vec<String>,
@@ -195,12 +199,13 @@ impl App {
             };
         }
         if key.code == KeyCode::Esc {
-            // Whatever is being done.
-            (self.typed, self.jog) = (None, None);
-            self.escaped_ms = Some(now_ms);
-            return vec![send::<method::Stop>(&NoParams {})];
+            return self.escape(now_ms);
         }
         if self.is_rest_of_special(key.code, now_ms) {
+            return Vec::new();
+        }
+        self.did = None;
+        if std::mem::take(&mut self.shows_keys) {
             return Vec::new();
         }
         if self.typed.is_some() {
@@ -221,6 +226,22 @@ impl App {
             Some(axis) => self.jog(axis, sign, now_ms),
             None => Vec::new(),
         }
+    }
+
+    /// Stops whatever is being done; only where nothing is, a line that is being typed is left without a stop.
+    fn escape(&mut self, now_ms: u64) -> Vec<Act> {
+        self.escaped_ms = Some(now_ms);
+        self.shows_keys = false;
+        let jogged = self.jog.take().is_some();
+        let was_typed = self.typed.take().is_some();
+        let status = self.status();
+        let rests = status.activity == Activity::Idle && status.velocity_mm_s == 0.0 && status.mdi.is_empty();
+        if was_typed && rests && !jogged && self.lost.is_none() {
+            self.did = Some("line left; nothing was stopped: Esc again stops");
+            return Vec::new();
+        }
+        self.did = Some("Esc: stop");
+        vec![send::<method::Stop>(&NoParams {})]
     }
 
     /// Whether it is what a slow line has left of a key such as an arrow: `[` or `O` behind Esc, and what follows up to a letter.
@@ -260,6 +281,10 @@ impl App {
         };
         match code {
             KeyCode::Char('q') => vec![Act::Quit],
+            KeyCode::Char('?') => {
+                self.shows_keys = true;
+                self.end_jog()
+            }
             KeyCode::Char(' ') => vec![send::<method::Hold>(&none)],
             KeyCode::Char('r') => vec![send::<method::Resume>(&none)],
             KeyCode::Char('e') => vec![send::<method::Estop>(&none)],
@@ -542,15 +567,48 @@ mod tests {
             press(&mut app, code, 0);
             assert_eq!(app.typed.as_deref(), Some(line));
         }
+        // A line is left without a stop only where nothing is under way.
+        assert_eq!(press(&mut app, KeyCode::Esc, 0), []);
+        assert_eq!((app.typed.take(), app.did.is_some()), (None, true));
         assert_eq!(press(&mut app, KeyCode::Esc, 0), send("stop", json!({})));
-        assert_eq!(app.typed, None);
-        assert_eq!(press(&mut app, KeyCode::Char('e'), 0), send("estop", json!({})));
+        for under_way in [
+            json!({ "activity": "running" }),
+            json!({ "activity": "idle", "mdi": ["G0 X1"] }),
+            json!({ "activity": "idle", "mdi": [], "velocity_mm_s": 0.1 }),
+        ] {
+            press(&mut app, KeyCode::Char('m'), 5000);
+            app.hear(News::Changed(under_way.as_object().cloned().unwrap()), 5000);
+            assert_eq!(
+                press(&mut app, KeyCode::Esc, 5000),
+                send("stop", json!({})),
+                "{under_way}"
+            );
+            assert_eq!((app.typed.take(), app.did), (None, Some("Esc: stop")));
+        }
+        assert_eq!(press(&mut app, KeyCode::Char('e'), 6000), send("estop", json!({})));
+        assert_eq!(app.did, None, "it stood until the next key");
         assert_eq!(
-            press(&mut app, KeyCode::Char('-'), 0),
+            press(&mut app, KeyCode::Char('-'), 7000),
             send("override", json!({ "feed": 90.0 }))
         );
         let ctrl_c = KeyEvent::new(KeyCode::Char('c'), KeyModifiers::CONTROL);
         assert_eq!(app.key(ctrl_c, 0), [Act::Quit]);
+    }
+
+    #[test]
+    fn the_list_of_keys_is_left_by_any_key_which_does_nothing_else_but_stop() {
+        let mut app = app();
+        for leaves in [KeyCode::Char('o'), KeyCode::Right, KeyCode::Enter, KeyCode::Char('?')] {
+            assert_eq!((press(&mut app, KeyCode::Char('?'), 0), app.shows_keys), (vec![], true));
+            assert_eq!((press(&mut app, leaves, 0), app.shows_keys), (vec![], false));
+        }
+        press(&mut app, KeyCode::Char('?'), 0);
+        assert_eq!(press(&mut app, KeyCode::Esc, 0), send("stop", json!({})));
+        assert!(!app.shows_keys);
+        // In a line it is a letter.
+        press(&mut app, KeyCode::Char('m'), 9000);
+        press(&mut app, KeyCode::Char('?'), 9000);
+        assert_eq!((app.typed.as_deref(), app.shows_keys), (Some("?"), false));
     }
 
     #[test]

@@ -33,7 +33,7 @@ const SHOWN_MAX: u64 = PROGRAM_MAX >> 6;
 /// Arguments of `top`.
 #[derive(Clone, Debug, Args)]
 pub struct TopArgs {
-    /// Control of this machine; without it the only one that runs
+    /// Control of this machine; without it that of ISOCNC_MACHINE, or the only one that runs
     #[arg(long, value_name = "NAME")]
     machine: Option<String>,
 }

@@ -4,9 +4,9 @@
 
 use super::app::{App, SILENT_MS};
 use crate::control::forced_words;
+use crate::place::places;
 use crate::progress;
-use protocol::limits::LETTERS;
-use protocol::{Status, Step};
+use protocol::Step;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Modifier, Style};
@@ -14,13 +14,36 @@ use ratatui::text::Line;
 use ratatui::widgets::{Block, Borders, Paragraph};
 
 /// Smallest screen that holds it.
-const SMALLEST: (u16, u16) = (60, 20);
+const SMALLEST: (u16, u16) = (60, 21);
 const KEYS: [&str; 3] = [
-    "Esc stop  Space hold  r resume  e ESTOP  E reset  a ack  t tool in  q quit",
+    "Esc stop  Space hold  r resume  e ESTOP  E reset  a ack  t tool in  ? help  q quit",
     "o/O on/off  H home  S start  m MDI  b single  +/- feed  c/C control/force",
     "arrows PgUp PgDn [ ] jog  x step  < > speed",
 ];
-const KEYS_OF_LINE: &str = "Enter runs the line, empty: leaves  Up/Down earlier lines  Esc STOPS and leaves";
+const KEYS_OF_LINE: &str = "Enter runs the line  Up/Down earlier lines  Esc leaves; STOPS what is under way";
+/// What `?` shows.
+const ALL_KEYS: [(&str, &str); 20] = [
+    ("Esc", "stop: the machine comes to rest, the program is given up"),
+    ("Space", "feed hold: the program rests on its path"),
+    ("r", "resume; in single block: the next block"),
+    ("e / E", "emergency stop / reset it"),
+    ("o / O", "drives on / off"),
+    ("H", "home all joints"),
+    ("S", "start the program that is shown"),
+    ("a", "acknowledge the alarm"),
+    ("t", "the tool that the program asks for is in the spindle"),
+    ("m", "type a line of G-code (MDI); Up and Down bring back earlier ones"),
+    ("b", "single block on / off"),
+    ("+ / -", "feed override up / down by 10 %"),
+    ("arrows", "jog X (left, right) and Y (up, down) while held"),
+    ("PgUp PgDn", "jog Z"),
+    ("] / [", "jog the fourth axis"),
+    ("x", "jog continuously, or by 10, 1, 0.1, 0.01 a press"),
+    ("< / >", "jog speed down / up"),
+    ("c / C", "take or release control / take it from another client"),
+    ("q, Ctrl-C", "leave; the machine goes on"),
+    ("?", "this list; any key closes it"),
+];
 
 fn strong() -> Style {
     Style::new().add_modifier(Modifier::BOLD)
@@ -40,6 +63,13 @@ pub(super) fn draw(frame: &mut Frame<'_>, app: &App, program: &[(u32, String)], 
             app.status().state
         );
         frame.render_widget(Paragraph::new(told), area);
+        return;
+    }
+    if app.shows_keys {
+        let [head, keys] = Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(area);
+        frame.render_widget(Paragraph::new(heading(app, now_ms)).style(alarm()), head);
+        let lines = ALL_KEYS.map(|(key, does)| Line::raw(format!(" {key:<10} {does}")));
+        frame.render_widget(Paragraph::new(lines.to_vec()), keys);
         return;
     }
     let axes = app.status().axes.len().max(5) as u16;
@@ -104,46 +134,23 @@ fn heading(app: &App, now_ms: u64) -> String {
 
 fn positions(app: &App) -> Vec<Line<'static>> {
     let mut lines = vec![Line::styled("axis      work   machine     to go  home limit", strong())];
-    let status = app.status();
-    for axis in &status.axes {
-        let (letter, joints) = (&axis.axis, &axis.joints);
-        let place = LETTERS.iter().position(|known| known == letter).unwrap_or(0);
-        let position = status.position_mm.get(place).copied().unwrap_or(0.0);
-        let switches = &status.limit_switches;
-        let limit = match (
-            joints.iter().any(|joint| switches.lower.contains(joint)),
-            joints.iter().any(|joint| switches.upper.contains(joint)),
-        ) {
+    lines.extend(places(app.status()).map(|place| {
+        let limit = match place.limits {
             (false, false) => "",
             (true, false) => "LOWER",
             (false, true) => "UPPER",
             (true, true) => "BOTH",
         };
-        let is_homed = !joints.is_empty() && joints.iter().all(|joint| status.homed.contains(joint));
-        // Back to where the program is held.
-        let to_go = status.held_at_mm.as_ref().and_then(|held| held.get(place));
-        let line = format!(
-            "{letter}   {:>10.3}{:>10.3}{:>10}  {:<4} {limit}",
-            work(status, place),
-            position,
-            to_go.map_or_else(String::new, |to| format!("{:.3}", to - position)),
-            if is_homed { "yes" } else { "no" },
-        );
-        lines.push(Line::raw(line));
-    }
+        Line::raw(format!(
+            "{}   {:>10.3}{:>10.3}{:>10}  {:<4} {limit}",
+            place.letter,
+            place.work,
+            place.machine,
+            place.to_go.map_or_else(String::new, |to_go| format!("{to_go:.3}")),
+            if place.is_homed { "yes" } else { "no" },
+        ))
+    }));
     lines
-}
-
-/// Place of an axis in the work, mm or degrees.
-fn work(status: &Status, axis: usize) -> f64 {
-    let of = |list: &[f64], axis: usize| list.get(axis).copied().unwrap_or(0.0);
-    let shifted = |axis: usize| of(&status.position_mm, axis) - of(&status.work_offset_mm, axis);
-    let (sin, cos) = status.work_rotation_degrees.to_radians().sin_cos();
-    match axis {
-        0 => shifted(0) * cos + shifted(1) * sin,
-        1 => shifted(1) * cos - shifted(0) * sin,
-        _ => shifted(axis),
-    }
 }
 
 fn conditions(app: &App) -> Vec<Line<'static>> {
@@ -243,9 +250,10 @@ fn bottom(app: &App) -> Vec<Line<'static>> {
             Line::styled(format!("MDI> {typed}_{said}"), strong())
         }
         (None, Some(said)) => Line::styled(said.replace('\n', "; "), alarm()),
-        (None, None) => match app.status().mdi.first() {
-            Some(line) => Line::raw(format!("MDI: {line}")),
-            None => Line::raw(""),
+        (None, None) => match (app.did, app.status().mdi.first()) {
+            (Some(did), _) => Line::styled(did, strong()),
+            (None, Some(line)) => Line::raw(format!("MDI: {line}")),
+            (None, None) => Line::raw(""),
         },
     };
     let mut lines = vec![first];
@@ -262,7 +270,7 @@ mod tests {
     use super::*;
     use protocol::client::Followed;
     use protocol::{
-        Activity, Control, Coolant, Entry, LimitSwitches, Mode, Overrides, Power, Spindle, State, StatusAxis,
+        Activity, Control, Coolant, Entry, LimitSwitches, Mode, Overrides, Power, Spindle, State, Status, StatusAxis,
         StatusProgram,
     };
     use ratatui::Terminal;
@@ -450,6 +458,21 @@ mod tests {
         assert_shows(&screen(&app, &[], 0, (80, 24)), &["drives are off:; isocnc on"]);
         app.typed = Some("G0 X".into());
         assert_shows(&screen(&app, &[], 0, (80, 24)), &["MDI> G0 X_", KEYS_OF_LINE]);
+        (app.typed, app.said, app.did) = (None, None, Some("Esc: stop"));
+        assert_shows(&screen(&app, &[], 0, (80, 24)), &["Esc: stop"]);
+    }
+
+    #[test]
+    fn the_list_of_keys_fits_on_the_smallest_screen_with_the_state_above_it() {
+        let mut app = running();
+        app.shows_keys = true;
+        for size in [(80, 24), (SMALLEST.0 + 9, SMALLEST.1)] {
+            let shown = screen(&app, &[], 0, size);
+            assert_eq!(shown[0], " mill3  ON  AUTO  running  control: free");
+            for (key, does) in ALL_KEYS {
+                assert_shows(&shown, &[format!(" {key:<10} {does}").trim_end()]);
+            }
+        }
     }
 
     /// What is old must not look as if it were so.
