@@ -301,6 +301,19 @@ fn ctrl_c_ends_the_wait_for_a_check_and_nothing_begins() {
 }
 
 #[test]
+fn a_button_starts_the_program_that_is_loaded() {
+    let control = Control::start("button", Stdio::null());
+    let program = control.program("part.ngc", PART);
+    control.wait_for("standing by", |status| status["power"] == "off");
+    control.ask(&["on"]).unwrap();
+    control.ask(&["home"]).unwrap();
+    control.ask(&["program", "load", program.to_str().unwrap()]).unwrap();
+    let (code, said) = control.words(&["hal", "set", "halui.program.run", "true"]);
+    assert_eq!(code, Some(0), "{said}");
+    control.wait_for("its end", |status| status["program"]["result"] == "completed");
+}
+
+#[test]
 fn clients_wait_for_the_end_of_what_they_order() {
     let control = Control::start("waited-for", Stdio::null());
     control.wait_for("standing by", |status| status["state"] == "disabled");

@@ -90,6 +90,12 @@ enum Command {
     /// Stop the program at the end of each block; `resume` runs the next one.
     #[command(after_help = "Example: isocnc single-block on")]
     SingleBlock(control::SwitchArgs),
+    /// Turn the spindle by hand; also at M0 and while a program is held.
+    #[command(after_help = "Example: isocnc spindle 1200")]
+    Spindle(control::SpindleArgs),
+    /// Switch coolant by hand; also at M0 and while a program is held.
+    #[command(after_help = "Example: isocnc coolant flood on")]
+    Coolant(control::CoolantArgs),
     /// Show whether the machine can move, and what prevents it.
     #[command(after_help = "Example: isocnc power")]
     Power(control::ControlArgs),
@@ -206,6 +212,8 @@ pub fn main() -> ExitCode {
         Command::Skip(args) => control::skip(args),
         Command::Reverse(args) => control::reverse(args),
         Command::SingleBlock(args) => control::single_block(args),
+        Command::Spindle(args) => control::spindle(args),
+        Command::Coolant(args) => control::coolant(args),
         Command::Power(args) => control::power(args),
         Command::OptionalStop(args) => control::optional_stop(args),
         Command::BlockDelete(args) => control::block_delete(args),

@@ -70,6 +70,10 @@ pub enum Order {
     Resume,
     /// Run back along the path, at this share of its speed.
     Reverse(f64),
+    /// Turn the spindle, 1/min, counter-clockwise below 0; 0: stop it.
+    Spindle(f64),
+    /// Flood and mist, where they are to change.
+    Coolant { flood: Option<bool>, mist: Option<bool> },
     /// Whether to rest at the end of each block.
     SingleBlock(bool),
     /// Whether M1 stops.

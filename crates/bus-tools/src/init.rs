@@ -3,7 +3,7 @@
 //! In:  options, answers of the user, or the nodes that answer on an interface, of either bus.
 //! Out: a machine file that `isocnc check` accepts. It is written at once at the end: what is given up before leaves nothing.
 
-use super::proposal::{Node, Proposal, letters};
+use super::proposal::{Node, Proposal, Travel, letters};
 use crate::{Protocol, scan};
 use host::signals::end_by_interrupt;
 use host::terminal::say;
@@ -38,6 +38,18 @@ pub struct InitArgs {
     /// Node ids of inputs and outputs
     #[arg(long, value_name = "IDS", value_delimiter = ',')]
     io: Vec<u8>,
+    /// Increments of each drive and the mm or degrees that its axis moves by them, in the order of the axes
+    #[arg(long, value_name = "COUNTS/UNITS", value_delimiter = ',', value_parser = scale)]
+    scales: Vec<[u32; 2]>,
+    /// Lower and upper end of each axis, mm or degrees, in the order of the axes
+    #[arg(long, value_name = "LOWER:UPPER", value_delimiter = ',', allow_hyphen_values = true, value_parser = ends)]
+    travels: Vec<Ends>,
+    /// Greatest speed of each axis, mm/min or degrees/min, in the order of the axes
+    #[arg(long, value_name = "SPEEDS", value_delimiter = ',', value_parser = speed)]
+    speeds: Vec<f64>,
+    /// For a PC without real time: nothing is refused for want of it, and late cycles are borne. Not for a machine
+    #[arg(long)]
+    to_try: bool,
     /// Cycle, µs
     #[arg(long, value_name = "US", default_value_t = 1000)]
     cycle_us: u32,
@@ -47,6 +59,40 @@ pub struct InitArgs {
     /// Replace a file that is there
     #[arg(long)]
     force: bool,
+}
+
+/// Ends of an axis, mm or degrees.
+type Ends = [f64; 2];
+
+/// # Errors
+/// No two whole numbers above 0.
+fn scale(text: &str) -> Result<[u32; 2], String> {
+    let (counts, units) = text.split_once('/').unwrap_or((text, "1"));
+    match (counts.trim().parse(), units.trim().parse()) {
+        (Ok(counts), Ok(units)) if counts > 0 && units > 0 => Ok([counts, units]),
+        _ => Err("expected increments and the mm that they are, whole numbers like 10000/5".into()),
+    }
+}
+
+/// # Errors
+/// No two numbers, the first one below the other.
+fn ends(text: &str) -> Result<Ends, String> {
+    let numbers = text
+        .split_once(':')
+        .map(|(lower, upper)| (lower.trim().parse(), upper.trim().parse()));
+    match numbers {
+        Some((Ok(lower), Ok(upper))) if lower < upper => Ok([lower, upper]),
+        _ => Err("expected the lower and the upper end in mm, like -5:205".into()),
+    }
+}
+
+/// # Errors
+/// No number above 0.
+fn speed(text: &str) -> Result<f64, String> {
+    match text.trim().parse() {
+        Ok(speed) if speed > 0.0 && f64::is_finite(speed) => Ok(speed),
+        _ => Err("expected a speed above 0 in mm/min, like 9000".into()),
+    }
 }
 
 /// Writes a machine file.
@@ -84,9 +130,14 @@ pub fn init(args: &InitArgs) -> anyhow::Result<ExitCode> {
     );
     files::write(&args.file, text).with_context(|| format!("{file}: cannot be written"))?;
     say(&format!(
-        "{file} is written. Scale, travel, limits and homing of each joint are those of an example: set them to those of the\n\
-         machine, then: isocnc check {file}\n"
+        "{file} is written. What was not given is as in an example: set scale, travel, limits and homing of each joint to those of\n\
+         the machine, then: isocnc check {file}\n"
     ));
+    if args.to_try {
+        say(
+            "It is for trying things on this PC. For a machine: require = \"strict\", and isocnc doctor says what the PC lacks.\n",
+        );
+    }
     Ok(ExitCode::SUCCESS)
 }
 
@@ -138,6 +189,67 @@ fn ask(
     if args.scan.is_none() && args.io.is_empty() {
         args.io = ids(&answer("Node ids of inputs and outputs", "none")?)?;
     }
+    ask_of_axes(args, &mut answer)?;
+    if !args.to_try {
+        let question = "A real machine needs a real-time PC, and its control refuses to run without one.\n\
+                        For a machine, or to try things on this PC? (machine, try)";
+        let usual = if is_real_time() { "machine" } else { "try" };
+        args.to_try = match &*answer(question, usual)? {
+            "try" => true,
+            "machine" => false,
+            other => bail!("{other}: expected machine or try"),
+        };
+    }
+    Ok(())
+}
+
+/// Whether the kernel of this PC is one of real time.
+fn is_real_time() -> bool {
+    std::fs::read_to_string("/sys/kernel/realtime").is_ok_and(|text| text.trim() == "1")
+}
+
+/// Asks for scale, travel and speed of each axis.
+fn ask_of_axes(
+    args: &mut InitArgs,
+    answer: &mut impl FnMut(&str, &str) -> anyhow::Result<String>,
+) -> anyhow::Result<()> {
+    let letters: Vec<char> = args
+        .axes
+        .iter()
+        .flat_map(|axes| axes.to_ascii_uppercase().chars().collect::<Vec<_>>())
+        .collect();
+    let mut each = |what: &str, question: &str, usual: fn(char) -> &'static str| -> anyhow::Result<Vec<String>> {
+        let asked = letters.iter().enumerate().map(|(number, letter)| {
+            let what = if number == 0 {
+                format!("{what}\n")
+            } else {
+                String::new()
+            };
+            answer(&format!("{what}{letter}: {question}"), usual(*letter))
+        });
+        asked.collect()
+    };
+    fn all<T>(texts: Vec<String>, read: fn(&str) -> Result<T, String>) -> anyhow::Result<Vec<T>> {
+        let read = |text: String| read(&text).map_err(|why| anyhow::anyhow!("{text}: {why}"));
+        texts.into_iter().map(read).collect()
+    }
+    if args.scales.is_empty() {
+        let what = "Scale: how far an axis moves by how many increments of its drive. Increments of a turn are in the drive's manual.";
+        args.scales = all(each(what, "increments/mm (or degrees)", |_| "10000/1")?, scale)?;
+    }
+    if args.travels.is_empty() {
+        let what =
+            "Travel: the ends that no program and no hand gets past, measured from where the axis is after homing.";
+        let usual = |letter| if letter == 'Z' { "-105:5" } else { "-5:205" };
+        args.travels = all(each(what, "lower:upper end, mm (or degrees)", usual)?, ends)?;
+    }
+    if args.speeds.is_empty() {
+        let what = "Speed: begin with a tenth of what the axis is to reach.";
+        args.speeds = all(
+            each(what, "greatest speed, mm/min (or degrees/min)", |_| "1000")?,
+            speed,
+        )?;
+    }
     Ok(())
 }
 
@@ -154,6 +266,17 @@ fn plain(id: u8, is_drive: bool) -> Node {
         is_drive,
         keys: String::new(),
     }
+}
+
+/// What is known of each axis.
+fn travels(args: &InitArgs) -> Vec<Travel> {
+    let count = args.scales.len().max(args.travels.len()).max(args.speeds.len());
+    let of = |axis: usize| Travel {
+        scale: args.scales.get(axis).copied(),
+        ends: args.travels.get(axis).copied(),
+        speed_per_min: args.speeds.get(axis).copied(),
+    };
+    (0..count).map(of).collect()
 }
 
 /// The text of the machine file. `found`: nodes of a scan, and of which bus.
@@ -183,6 +306,8 @@ fn machine_file(args: &InitArgs, found: Option<(Protocol, Vec<Node>)>) -> anyhow
         interface,
         cycle_us: args.cycle_us,
         axes: args.axes.as_deref(),
+        travels: &travels(args),
+        to_try: args.to_try,
         with_nets,
     };
     proposal.machine_file(nodes)
@@ -247,6 +372,30 @@ mod tests {
     }
 
     #[test]
+    fn what_options_give_of_each_axis_is_in_the_file_and_a_pc_to_try_on_is_borne() {
+        let options = [
+            "--interface",
+            "e",
+            "--scales",
+            "4096/10,8192",
+            "--travels=-1:2.5,0:9",
+            "--speeds",
+            "600",
+        ];
+        for (more, require, lost) in [
+            (vec![], config::Require::Strict, 3),
+            (vec!["--to-try"], config::Require::Warn, 200),
+        ] {
+            let config = read(&machine_file(&args(&[&options[..], &more].concat()), None).unwrap());
+            let ends: Vec<[f64; 2]> = config.joints.iter().map(|joint| joint.travel_mm).collect();
+            assert_eq!(ends, [[-1.0, 2.5], [0.0, 9.0], [-105.0, 5.0]]);
+            let speeds: Vec<f64> = config.joints.iter().map(|joint| joint.limits.velocity_mm_s).collect();
+            assert_eq!(speeds, [10.0, 150.0, 100.0]);
+            assert_eq!((config.rt.require, config.bus.pres_lost_max), (require, lost));
+        }
+    }
+
+    #[test]
     fn what_a_scan_finds_is_known_again() {
         let drive = Node {
             keys: "device_type = 0x00020192\nvendor_id = 0x2D\nproduct_code = 0x7\n".into(),
@@ -276,7 +425,8 @@ mod tests {
     fn what_no_option_gives_is_asked_for_and_an_empty_line_is_the_usual() {
         let mut args = args(&["--name", "router"]);
         let mut said = Vec::new();
-        ask(&mut args, None, &mut "eth3\nxy\n\n10\n".as_bytes(), &mut said).unwrap();
+        let answers = "eth3\nxy\n\n10\n10000/5\n\n\n-1:99.5\n6000\n\ntry\n";
+        ask(&mut args, None, &mut answers.as_bytes(), &mut said).unwrap();
         let said = String::from_utf8(said).unwrap();
         assert!(
             !said.contains("Name") && said.contains("Node ids of their drives [1,2]: "),
@@ -285,6 +435,23 @@ mod tests {
         let config = read(&machine_file(&args, None).unwrap());
         assert_eq!((&*config.name, &*config.bus.interface), ("router", "eth3"));
         assert_eq!((config.joints.len(), config.bus.nodes.len()), (2, 3));
+        let [x, y] = &config.joints[..] else { panic!("two") };
+        assert_eq!((x.travel_mm, y.travel_mm), ([-5.0, 205.0], [-1.0, 99.5]));
+        assert_eq!((x.limits.velocity_mm_s, y.limits.velocity_mm_s), (100.0, 1000.0 / 60.0));
+        assert_eq!(
+            (config.rt.require, config.rt.late_max_us),
+            (config::Require::Warn, Some(500))
+        );
+        for (answers, why) in [
+            ("e\nx\n\n\n1000/0\n", "1000/0: expected increments"),
+            ("e\nx\n\n\n\n5:5\n", "5:5: expected the lower and the upper end"),
+            ("e\nx\n\n\n\n\n0\n", "0: expected a speed above 0"),
+            ("e\nx\n\n\n\n\n\nperhaps\n", "perhaps: expected machine or try"),
+        ] {
+            let mut args = self::args(&["--name", "router"]);
+            let refused = ask(&mut args, None, &mut answers.as_bytes(), &mut Vec::new()).unwrap_err();
+            assert!(refused.to_string().starts_with(why), "{refused}");
+        }
 
         let ended = ask(&mut self::args(&[]), None, &mut "mill\n".as_bytes(), &mut Vec::new()).unwrap_err();
         assert!(ended.to_string().contains("nothing is written"), "{ended}");

@@ -13,6 +13,18 @@ const EXAMPLE: &str = include_str!("../../../configs/mill3-powerlink.toml");
 const EXAMPLE_NAME: &str = "\"mill3\"";
 const EXAMPLE_INTERFACE: &str = "\"enp2s0\"";
 const EXAMPLE_CYCLE: &str = "cycle_us = 1000";
+/// What a machine needs, and what a PC without real time can keep; the last two of POWERLINK and of EtherCAT.
+const TO_TRY: [(&str, &str); 6] = [
+    ("require = \"strict\" ", "require = \"warn\"   "),
+    ("# late_us_max = 250  ", "late_us_max = 500    "),
+    (
+        "lock_memory = true",
+        "overruns_stop = 0               # cycles left out stop nothing\nlock_memory = true",
+    ),
+    ("pres_lost_max = 3  ", "pres_lost_max = 200"),
+    ("soc_lost_max = 3  ", "soc_lost_max = 100"),
+    ("\nlost_max = 3   ", "\nlost_max = 200 "),
+];
 /// Axes of a machine that says nothing else, as many as it has drives.
 const LETTERS: &str = "XYZABCUVW";
 
@@ -27,6 +39,64 @@ pub(super) struct Node {
     pub(super) keys: String,
 }
 
+/// What is known of the joint of an axis; what is not is as in the example.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Travel {
+    /// Increments of the drive, and the mm or degrees that it moves by them.
+    pub(super) scale: Option<[u32; 2]>,
+    /// Lower and upper end, mm or degrees.
+    pub(super) ends: Option<[f64; 2]>,
+    /// Greatest speed, mm/min or degrees/min.
+    pub(super) speed_per_min: Option<f64>,
+}
+
+impl Travel {
+    /// Writes what is known over the keys of an example.
+    fn over(&self, keys: &str) -> String {
+        let of = |line: &str| {
+            let (key, _) = line.split_once(" = ")?;
+            match (key, self) {
+                (
+                    "counts_per_unit",
+                    Travel {
+                        scale: Some([counts, unit]),
+                        ..
+                    },
+                ) => Some(format!("{key} = [{counts}, {unit}]")),
+                (
+                    "travel_mm",
+                    Travel {
+                        ends: Some([lower, upper]),
+                        ..
+                    },
+                ) => Some(format!("{key} = [{lower:?}, {upper:?}]")),
+                (
+                    "velocity_mm_s",
+                    Travel {
+                        speed_per_min: Some(speed),
+                        ..
+                    },
+                ) => Some(format!("{key} = {:?}", speed / 60.0)),
+                // A search is no faster than the joint.
+                (
+                    "homing",
+                    Travel {
+                        speed_per_min: Some(speed),
+                        ..
+                    },
+                ) => {
+                    let [search, latch] = [40.0, 4.0].map(|usual: f64| usual.min(speed / 60.0));
+                    let line = line.replace("search_mm_s = 40.0", &format!("search_mm_s = {search:?}"));
+                    Some(line.replace("latch_mm_s = 4.0", &format!("latch_mm_s = {latch:?}")))
+                }
+                _ => None,
+            }
+        };
+        let lines = keys.split('\n').map(|line| of(line).unwrap_or_else(|| line.to_owned()));
+        lines.collect::<Vec<_>>().join("\n")
+    }
+}
+
 /// What is known of the machine.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Proposal<'a> {
@@ -38,6 +108,10 @@ pub(super) struct Proposal<'a> {
     pub(super) cycle_us: u32,
     /// Letters of the axes; `None`: as many as there are drives.
     pub(super) axes: Option<&'a str>,
+    /// What is known of each axis, in the order of their letters; those that lack are as in the example.
+    pub(super) travels: &'a [Travel],
+    /// On a PC without real time: nothing is refused for want of it, and late cycles are borne.
+    pub(super) to_try: bool,
     /// The first node with inputs and outputs switches spindle and coolant, as in the example.
     pub(super) with_nets: bool,
 }
@@ -137,6 +211,11 @@ impl Proposal<'_> {
                 );
             }
         }
+        if self.to_try {
+            head = TO_TRY
+                .iter()
+                .fold(head, |head, (strict, tried)| head.replacen(strict, tried, 1));
+        }
         format!(
             "# Written by `{by}`: set scale, travel, limits and homing of each joint to those of the machine.\n\
              # `isocnc check` names every mistake; `isocnc schema > machine.schema.json` and a first line\n\
@@ -155,10 +234,16 @@ impl Proposal<'_> {
     fn motion(&self, text: &mut String, axes: &str, nodes: &[Node]) -> std::fmt::Result {
         // Three joints stand there: one with remarks, a plain one, and one that homes upward.
         let joints: Vec<&str> = between("[[joint]]\n", "[[axis]]").split("[[joint]]\n").collect();
-        for (letter, drive) in axes.chars().zip(nodes) {
+        let travels = self.travels.iter().copied().chain(std::iter::repeat(Travel::default()));
+        for ((letter, drive), travel) in axes.chars().zip(nodes).zip(travels) {
             let joint = joints[if letter == 'Z' { 2 } else { 1 }];
             let keys = joint.split_once('\n').map_or("", |(_, keys)| keys);
-            write!(text, "# {letter}\n[[joint]]\nnode = {}\n{keys}", drive.id)?;
+            write!(
+                text,
+                "# {letter}\n[[joint]]\nnode = {}\n{}",
+                drive.id,
+                travel.over(keys)
+            )?;
         }
         for (joint, letter) in axes.chars().enumerate() {
             write!(text, "[[axis]]\nletter = \"{letter}\"\njoints = [{joint}]\n\n")?;
@@ -212,6 +297,8 @@ mod tests {
                 interface: "eth7",
                 cycle_us: 500,
                 axes: None,
+                travels: &[],
+                to_try: false,
                 with_nets: false,
             };
             let node = |id, name: Option<&str>, is_drive| Node {

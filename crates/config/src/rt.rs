@@ -13,6 +13,11 @@ keys! {
     pub struct Rt(section, cycle_us: u32) {
         /// Core of the real-time threads; `None`: the last isolated one, else the last one online.
         pub cpu: Option<usize> = section.optional_integer("cpu", 0..=CPU_MAX),
+        /// Core of the time-out thread; `None`: that of the cycle thread.
+        pub timeout_cpu: Option<usize> = section.optional_integer("timeout_cpu", 0..=CPU_MAX),
+        /// Cores of all threads without real time; empty: all but those of the real-time threads.
+        pub housekeeping_cpus: Vec<usize> =
+            section.list("housekeeping_cpus", |item, path| item.integer(path, 0..=CPU_MAX)),
         /// SCHED_FIFO priority of the cycle thread, 1 to 96; the time-out thread runs one above, a simulated machine two.
         pub priority: u8 = section.integer("priority", 1..=96, 80),
         /// Period of the time-out thread, µs.

@@ -356,9 +356,10 @@ fn rules_of_machine_and_rt() {
         ("\n[bus]", "\n[rt]\nrequire = \"Strict\"\n[bus]", &[
             "m.toml:5:11: rt.require = \"Strict\": must be \"strict\" or \"warn\"; did you mean \"strict\"?",
         ]),
-        ("\n[bus]", "\n[rt]\nspin = 1\ntimeout_cpu = 5\n[bus]", &[
+        ("\n[bus]", "\n[rt]\nspin = 1\ntimeout_core = 5\nhousekeeping_cpus = [0, -1]\n[bus]", &[
             "m.toml:5:1: rt.spin: unknown key; did you mean `spin_us`?",
-            "m.toml:6:1: rt.timeout_cpu: unknown key; did you mean `timeout_us`?",
+            "m.toml:6:1: rt.timeout_core: unknown key; did you mean `timeout_cpu`?",
+            "m.toml:7:25: rt.housekeeping_cpus[1] = -1: must be an integer from 0 to 8191",
         ]),
         ("schema = 1\n", "schema = 1\nrt = 5\n", &["m.toml:2:6: rt = 5: must be a table, is an integer"]),
     ]);

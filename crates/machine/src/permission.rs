@@ -25,6 +25,8 @@ pub enum Wish {
     Home,
     /// Move by hand.
     Jog,
+    /// Switch spindle or coolant.
+    ByHand,
     /// Run lines that are typed.
     Mdi,
     /// An axis shall read a value where it stands.
@@ -57,7 +59,7 @@ pub enum Wish {
 
 impl Wish {
     /// All of them.
-    pub const ALL: [Wish; 21] = [
+    pub const ALL: [Wish; 22] = [
         Wish::On,
         Wish::Off,
         Wish::Estop,
@@ -65,6 +67,7 @@ impl Wish {
         Wish::Acknowledge,
         Wish::Home,
         Wish::Jog,
+        Wish::ByHand,
         Wish::Mdi,
         Wish::TouchOff,
         Wish::Set,
@@ -91,6 +94,7 @@ impl Wish {
             Wish::Acknowledge => "order.acknowledge",
             Wish::Home => "order.home",
             Wish::Jog => "order.jog",
+            Wish::ByHand => "order.by_hand",
             Wish::Mdi => "order.mdi",
             Wish::TouchOff => "order.touch_off",
             Wish::Set => "order.set",
@@ -119,6 +123,7 @@ impl Wish {
             Wish::Acknowledge => "alarm acknowledge",
             Wish::Home => "home",
             Wish::Jog => "jog",
+            Wish::ByHand => "spindle, coolant",
             Wish::Mdi => "mdi",
             Wish::TouchOff => "touch-off",
             Wish::Set => "offset set, tool set",
@@ -245,6 +250,14 @@ pub fn permit(wish: Wish, condition: &Condition) -> Result<(), Refusal> {
             match activity {
                 Activity::Jogging | Activity::Held | Activity::Away => Ok(()),
                 Activity::Running => refused("refused.running", "a program runs", Next::HoldThenJog),
+                _ => is_idle(activity),
+            }
+        }
+        // What a program that runs waits for decides then.
+        Wish::ByHand => {
+            needs(condition, false)?;
+            match activity {
+                Activity::Jogging | Activity::Held | Activity::Away | Activity::Running => Ok(()),
                 _ => is_idle(activity),
             }
         }
@@ -406,7 +419,7 @@ mod tests {
                 }
             }
         }
-        assert_eq!(done + refused, 21 * 16 * 8 * 9);
+        assert_eq!(done + refused, 22 * 16 * 8 * 9);
         assert!(done > 1000 && refused > 1000, "{done} {refused}");
     }
 

@@ -80,6 +80,8 @@ methods! {
     Jog "jog" (Jog) -> answers::JogOutlook;
     JogKeep "jog.keep" (Jogging) -> answers::JogOutlook;
     JogStop "jog.stop" (Jogging) -> answers::JogOutlook;
+    Spindle "spindle" (Spindle) -> answers::Nothing;
+    Coolant "coolant" (Coolant) -> answers::Nothing;
     Hold "hold" (NoParams) -> answers::Nothing;
     Resume "resume" (NoParams) -> answers::Resumed;
     Skip "skip" (NoParams) -> answers::Skipped;

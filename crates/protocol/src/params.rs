@@ -364,6 +364,20 @@ params! {
         pub percent: Option<f64>,
     }
 
+    /// How the spindle turns.
+    Spindle {
+        /// Counter-clockwise below 0; 0: it stops.
+        pub speed_rpm: f64,
+    }
+
+    /// What the pumps do.
+    Coolant {
+        /// M8; stays as it is without it.
+        pub flood: Option<bool>,
+        /// M7; stays as it is without it.
+        pub mist: Option<bool>,
+    }
+
     /// A switch.
     Switch {
         /// Whether it is on from now on.

@@ -5,15 +5,19 @@
 //!
 //! RT: nothing allocates but [`DeskPins::new`].
 
+use crate::shared::ByHand;
 use config::Config;
 use hal_pins::{Hal, HalError, Input, Output};
 use machine::faults::Reaction;
+use protocol::Mode;
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, AtomicU64, Ordering::Relaxed};
 
 /// What the operator's loop and the cycle thread tell each other of it.
 #[derive(Debug, Default)]
 pub struct Desk {
     block_delete: AtomicBool,
+    /// Place in [`MODES`].
+    mode: AtomicU8,
     /// Made, and wanted; 0: nobody says how many.
     parts: [AtomicU64; 2],
     /// In the spindle.
@@ -23,7 +27,28 @@ pub struct Desk {
     /// 0: nothing, 1: off, 2: on.
     wanted: AtomicU8,
     reset: AtomicBool,
+    /// Pins have asked for drives on, for drives off, for the program that is loaded.
+    orders: [AtomicBool; PinOrder::ALL.len()],
 }
+
+/// What pins may order of the operator's loop.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PinOrder {
+    /// Drives off.
+    Off,
+    /// Drives on.
+    On,
+    /// The program that is loaded.
+    Start,
+}
+
+impl PinOrder {
+    /// All of them, in the order in which they are obeyed.
+    pub const ALL: [PinOrder; 3] = [PinOrder::Off, PinOrder::On, PinOrder::Start];
+}
+
+/// Whose orders the machine follows, as `halui.mode` shows it.
+const MODES: [Mode; 3] = [Mode::Manual, Mode::Auto, Mode::Mdi];
 
 impl Desk {
     /// How things are: whether lines that begin with / are left out; parts made, and wanted (0: nobody says).
@@ -32,6 +57,12 @@ impl Desk {
         for (cell, value) in self.parts.iter().zip(parts) {
             cell.store(value, Relaxed);
         }
+    }
+
+    /// Whose orders the machine follows.
+    pub fn show_mode(&self, mode: Mode) {
+        let place = MODES.iter().position(|known| *known == mode);
+        self.mode.store(place.unwrap_or_default() as u8, Relaxed);
     }
 
     /// Another alarm or warning was given. Of the operator's loop alone.
@@ -61,6 +92,12 @@ impl Desk {
             0 => None,
             wanted => Some(wanted == 2),
         }
+    }
+
+    /// What pins have ordered since the last call.
+    pub fn take_orders(&self) -> impl Iterator<Item = PinOrder> {
+        let ordered = |order: &PinOrder| self.orders[*order as usize].swap(false, Relaxed);
+        PinOrder::ALL.into_iter().filter(ordered)
     }
 
     /// Whether a pin has asked since the last call that parts are counted from 0.
@@ -125,11 +162,92 @@ impl SwitchPins {
     }
 }
 
+/// The spindle by hand.
+struct SpindlePins {
+    forward: Button,
+    reverse: Button,
+    stop: Button,
+    rpm: Input<f64>,
+}
+
+impl SpindlePins {
+    fn new(hal: &mut Hal) -> Result<SpindlePins, HalError> {
+        let name = |pin: &str| format!("halui.spindle.0.{pin}");
+        Ok(SpindlePins {
+            forward: Button::new(hal, &name("forward"))?,
+            reverse: Button::new(hal, &name("reverse"))?,
+            stop: Button::new(hal, &name("stop"))?,
+            rpm: hal.input(&name("speed"), 0.0)?,
+        })
+    }
+
+    /// What is wanted, at `rpm_max` at the most, if one of them has risen since the last call; stop wins.
+    fn take(&mut self, rpm_max: f64) -> Option<ByHand> {
+        // Not `clamp`, which lets NaN pass.
+        #[allow(clippy::manual_clamp, reason = "max and min turn NaN into 0")]
+        let rpm = self.rpm.get().max(0.0).min(rpm_max);
+        match [self.forward.take(), self.reverse.take(), self.stop.take()] {
+            [_, _, true] => Some(ByHand::Spindle(0.0)),
+            [true, _, _] => Some(ByHand::Spindle(rpm)),
+            [_, true, _] => Some(ByHand::Spindle(-rpm)),
+            [false, false, false] => None,
+        }
+    }
+}
+
+/// Which of several holds, one pin each.
+struct OneOf<const N: usize>([Output<bool>; N]);
+
+impl<const N: usize> OneOf<N> {
+    fn new(hal: &mut Hal, names: [&str; N]) -> Result<OneOf<N>, HalError> {
+        let mut pins = Vec::with_capacity(N);
+        for name in names {
+            pins.push(hal.output(name)?);
+        }
+        let pins = pins.try_into().unwrap_or_else(|_| unreachable!("one for each name"));
+        Ok(OneOf(pins))
+    }
+
+    fn show(&mut self, which: usize) {
+        for (place, pin) in self.0.iter_mut().enumerate() {
+            pin.set(place == which);
+        }
+    }
+}
+
+/// How a program is, as `halui.program` shows it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ProgramState {
+    /// None runs or is held.
+    Idle,
+    /// It runs.
+    Running,
+    /// It is held, or waits for the operator.
+    Paused,
+}
+
+/// What pins want of the cycle.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Wanted {
+    /// Rest on the path.
+    pub pause: bool,
+    /// Spindle, flood and mist.
+    pub by_hand: [Option<ByHand>; 3],
+}
+
 /// All pins of it.
 pub struct DeskPins {
     /// `halui.program.resume`, `halui.program.stop`.
     resume: Button,
     stop: Button,
+    pause: Button,
+    orders: [Button; PinOrder::ALL.len()],
+    spindle: SpindlePins,
+    rpm_max: f64,
+    flood: SwitchPins,
+    mist: SwitchPins,
+    program: OneOf<3>,
+    mode: OneOf<3>,
     optional_stop: SwitchPins,
     /// M1 stops.
     stops_optionally: bool,
@@ -146,6 +264,25 @@ impl DeskPins {
         Ok(DeskPins {
             resume,
             stop,
+            pause: Button::new(hal, "halui.program.pause")?,
+            orders: [
+                Button::new(hal, "halui.machine.off")?,
+                Button::new(hal, "halui.machine.on")?,
+                Button::new(hal, "halui.program.run")?,
+            ],
+            spindle: SpindlePins::new(hal)?,
+            rpm_max: config.spindle.rpm_max,
+            flood: SwitchPins::new(hal, "halui.flood")?,
+            mist: SwitchPins::new(hal, "halui.mist")?,
+            program: OneOf::new(
+                hal,
+                [
+                    "halui.program.is-idle",
+                    "halui.program.is-running",
+                    "halui.program.is-paused",
+                ],
+            )?,
+            mode: OneOf::new(hal, ["halui.mode.is-manual", "halui.mode.is-auto", "halui.mode.is-mdi"])?,
             optional_stop: SwitchPins::new(hal, "halui.program.optional-stop")?,
             stops_optionally: config.program.optional_stop,
             block_delete: SwitchPins::new(hal, "halui.program.block-delete")?,
@@ -190,5 +327,30 @@ impl DeskPins {
         self.block_delete.show(desk.block_delete.load(Relaxed));
         self.count.set(desk.parts[0].load(Relaxed));
         self.target.set(desk.parts[1].load(Relaxed));
+        for (button, ordered) in self.orders.iter_mut().zip(&desk.orders) {
+            if button.take() {
+                ordered.store(true, Relaxed);
+            }
+        }
+        self.mode.show(usize::from(desk.mode.load(Relaxed)));
+    }
+
+    /// What they want of the cycle, once in it.
+    pub fn take(&mut self) -> Wanted {
+        Wanted {
+            pause: self.pause.take(),
+            by_hand: [
+                self.spindle.take(self.rpm_max),
+                self.flood.take().map(ByHand::Flood),
+                self.mist.take().map(ByHand::Mist),
+            ],
+        }
+    }
+
+    /// How the program is, and which pumps run.
+    pub fn show(&mut self, program: ProgramState, [flood, mist]: [bool; 2]) {
+        self.program.show(program as usize);
+        self.flood.show(flood);
+        self.mist.show(mist);
     }
 }

@@ -64,6 +64,16 @@ impl OutputPins {
         self.mist.set(on);
     }
 
+    /// Whether flood is on. RT.
+    pub fn has_flood(&self) -> bool {
+        self.flood.get()
+    }
+
+    /// Whether mist is on. RT.
+    pub fn has_mist(&self) -> bool {
+        self.mist.get()
+    }
+
     /// M64, M65. RT.
     pub fn set_digital(&mut self, index: u8, on: bool) {
         if let Some(pin) = self.digital.get_mut(usize::from(index)) {

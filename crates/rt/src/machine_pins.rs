@@ -76,6 +76,7 @@ pub(super) struct StatePins {
     fault: Output<bool>,
     program_line: Output<u32>,
     current_vel: Output<f64>,
+    in_position: Output<bool>,
 }
 
 impl StatePins {
@@ -86,6 +87,7 @@ impl StatePins {
             fault: hal.output("motion.fault")?,
             program_line: hal.output("motion.program-line")?,
             current_vel: hal.output("motion.current-vel")?,
+            in_position: hal.output("motion.in-position")?,
         })
     }
 }
@@ -111,6 +113,11 @@ impl MachinePins {
     /// Whether the machine has its mains.
     pub fn is_mains_ok(&self) -> bool {
         self.mains_ok.get()
+    }
+
+    /// Shows whether all joints have reached where they are sent.
+    pub fn show_in_position(&mut self, in_position: bool) {
+        self.state.in_position.set(in_position);
     }
 
     /// Whether the home switch of a joint is closed, as its pin has it.

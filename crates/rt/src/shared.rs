@@ -36,6 +36,17 @@ pub struct OperatorEndpoints {
     pub logic: Arc<LogicDesk>,
 }
 
+/// What a hand switches.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ByHand {
+    /// The first spindle turns at this speed, 1/min, clockwise above 0; 0: it stops.
+    Spindle(f64),
+    /// Flood coolant.
+    Flood(bool),
+    /// Mist coolant.
+    Mist(bool),
+}
+
 /// An order for the cycle thread.
 #[derive(Debug)]
 pub enum Command {
@@ -51,6 +62,8 @@ pub enum Command {
     },
     /// Move joints by hand; only homed joints of a machine that is ready or jogging.
     Jog(JogOrder),
+    /// Switch spindle or coolant where no program moves.
+    ByHand(ByHand),
     /// Run what the ring behind this interpolator brings. `mdi`: spindle and coolant stay as its last block leaves them.
     Start { program: Box<Interpolator>, mdi: bool },
     /// The operator has put the tool into the spindle that the program waits for.

@@ -112,6 +112,30 @@ pub(super) fn parts(params: &Params) -> Result<Order, RpcError> {
     }
 }
 
+/// What "spindle" is to do.
+pub(super) fn spindle(params: &Params, rpm_max: f64) -> Result<Order, RpcError> {
+    let invalid = |what: String| RpcError::new(code::INVALID_PARAMS, format!("parameter \"speed_rpm\": {what}"));
+    match params.real("speed_rpm")? {
+        None => Err(invalid("expected a number, it is missing".into())),
+        Some(rpm) if rpm.abs() > rpm_max => Err(invalid(format!(
+            "expected at most {rpm_max}, the highest speed of this spindle, got {rpm}"
+        ))),
+        Some(rpm) => Ok(Order::Spindle(rpm)),
+    }
+}
+
+/// What "coolant" is to do.
+pub(super) fn coolant(params: &Params) -> Result<Order, RpcError> {
+    let flag = |name| params.has(name).then(|| params.flag(name)).transpose();
+    match (flag("flood")?, flag("mist")?) {
+        (None, None) => Err(RpcError::new(
+            code::INVALID_PARAMS,
+            "expected \"flood\", \"mist\" or both",
+        )),
+        (flood, mist) => Ok(Order::Coolant { flood, mist }),
+    }
+}
+
 /// The share of "reverse".
 pub(super) fn reverse_share(params: &Params) -> Result<f64, RpcError> {
     let percent = params.real("percent")?.unwrap_or(100.0);

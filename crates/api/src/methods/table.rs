@@ -393,6 +393,13 @@ pub static METHODS: LazyLock<Vec<Method>> = LazyLock::new(|| {
             .needs(Needs::Nothing)
             .role(Role::Watch)
             .order(|_, call| arguments::jogging(call.params, JogMotion::Release)),
+        order::<method::Spindle>(
+            "turns the spindle at \"speed_rpm\", counter-clockwise below 0, 0 stops it; coolant: \"coolant\". While a program runs it is \
+             refused, but at M0 and while it is held: before it goes on, the spindle is again as the program had it",
+        )
+            .order(|methods, call| arguments::spindle(call.params, methods.described.spindle_rpm_max)),
+        order::<method::Coolant>("switches \"flood\" and \"mist\" on (true) or off (false), as \"spindle\" turns the spindle")
+            .order(|_, call| arguments::coolant(call.params)),
         order::<method::Hold>(
             "brings the program to rest on its path and keeps it: it may be jogged away then; a jog or a way back is over",
         )

@@ -267,6 +267,8 @@ pub(crate) fn new_file(nodes: Vec<Node>, bus: Protocol, path: &Path, interface: 
         interface,
         cycle_us: 1000,
         axes: None,
+        travels: &[],
+        to_try: false,
         with_nets: false,
     };
     proposal.machine_file(nodes)

@@ -73,19 +73,48 @@ pub(super) fn choose(
     }
 }
 
-/// Keeps the calling thread, and the threads that it starts, off the core of the real-time threads, which go there by
-/// themselves. A planner or a reader of files would be interrupted there at once, but what the kernel does for it, its timers
-/// and its caches stay in the way. Where there is no other core, nothing is changed; it is no finding either.
-pub(super) fn keep_off(cpu: usize) {
-    let this = Pid::from_raw(0);
-    let Ok(mut others) = sched_getaffinity(this) else {
-        return;
-    };
-    let left = (0..CpuSet::count()).any(|other| other != cpu && others.is_set(other).unwrap_or(false));
-    if left && others.unset(cpu).is_ok() {
-        // A core less is a wish: the thread does its work anywhere.
-        let _ = sched_setaffinity(this, &others);
+/// The core of the time-out thread: the wanted one, where it is online.
+pub(super) fn choose_second(
+    wanted: Option<usize>,
+    first: usize,
+    online: &[usize],
+    findings: &mut Vec<Finding>,
+) -> usize {
+    match wanted {
+        Some(cpu) if !online.contains(&cpu) => {
+            let what = format!("core {cpu} for the time-out thread is not online, core {first} is taken");
+            let fix = "set rt.timeout_cpu to a core that is, or leave it out";
+            findings.push(Finding::new(Item::Core, what, fix));
+            first
+        }
+        wanted => wanted.unwrap_or(first),
     }
+}
+
+/// Keeps the calling thread, and the threads that it starts, on the cores for housekeeping; without any, off the cores of the real-time
+/// threads, which go there by themselves. A planner or a reader of files would be interrupted there at once, but what the kernel does for
+/// it, its timers and its caches stay in the way. Where there is no other core, nothing is changed; it is no finding either.
+pub(super) fn keep_off(taken: &[usize], housekeeping: &[usize]) -> Option<Finding> {
+    let this = Pid::from_raw(0);
+    let allowed = sched_getaffinity(this).ok()?;
+    let wanted = |cpu: &usize| match housekeeping {
+        [] => !taken.contains(cpu) && allowed.is_set(*cpu).unwrap_or(false),
+        some => some.contains(cpu),
+    };
+    let mut others = CpuSet::new();
+    for cpu in (0..CpuSet::count()).filter(wanted) {
+        others.set(cpu).ok()?;
+    }
+    let is_set = others == CpuSet::new() || sched_setaffinity(this, &others).is_ok();
+    // Without a list, a core less is a wish: the thread does its work anywhere.
+    (!is_set && !housekeeping.is_empty()).then(|| {
+        let what = format!("none of the cores {housekeeping:?} for housekeeping can be taken");
+        Finding::new(
+            Item::Core,
+            what,
+            "set rt.housekeeping_cpus to cores that are online, or leave it out",
+        )
+    })
 }
 
 /// Puts a thread on one core for good; number 0: the calling thread.

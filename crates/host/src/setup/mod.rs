@@ -8,7 +8,7 @@
 //!
 //! | what | where | against |
 //! |---|---|---|
-//! | one core for both threads, the other threads of the process elsewhere | `cpu.rs` | other work; moves between caches |
+//! | one core for both threads (or one for each), the other threads of the process elsewhere | `cpu.rs` | other work; moves between caches |
 //! | SCHED_FIFO | `priority.rs` | whatever else wants the core |
 //! | locked memory, touched stacks and heap, no trimming | `memory.rs` | page faults in a cycle |
 //! | no idle state that takes long to leave | `awake.rs` | late wake-ups |
@@ -61,6 +61,8 @@ pub enum Role {
 pub struct Process {
     /// The core of the real-time threads.
     pub cpu: usize,
+    /// That of the time-out thread, mostly the same.
+    pub timeout_cpu: usize,
     /// SCHED_FIFO priority of the cycle thread.
     pub priority: u8,
     /// What is missing; empty: nothing. For one warning each.
@@ -85,12 +87,14 @@ pub fn prepare_process(rt: &Rt) -> Result<Process, Refusal> {
         &other_controls(),
         &mut findings,
     );
-    cpu::keep_off(cpu);
+    let timeout_cpu = cpu::choose_second(rt.timeout_cpu, cpu, &cpu::online(), &mut findings);
+    findings.extend(cpu::keep_off(&[cpu, timeout_cpu], &rt.housekeeping_cpus));
     if rt.lock_memory {
         findings.extend(memory::lock());
     }
     let mut process = Process {
         cpu,
+        timeout_cpu,
         priority: rt.priority,
         findings,
         awake: Awake::default(),
@@ -152,7 +156,11 @@ pub fn enter_thread(role: Role, process: &Process) -> Vec<Finding> {
         Role::Logic(rank) => (process.priority.saturating_sub(1 + rank).max(1), Work::RealTime),
         Role::Machine => (process.priority + 2, Work::Ordinary),
     };
-    let mut findings = enter_core(process.cpu, priority);
+    let core = match role {
+        Role::Timeout => process.timeout_cpu,
+        Role::Cycle | Role::Logic(_) | Role::Machine => process.cpu,
+    };
+    let mut findings = enter_core(core, priority);
     if let Err(cause) = capabilities::give_up(work) {
         let what = format!("rights that are no longer needed cannot be given up ({cause})");
         findings.push(unexpected(what));

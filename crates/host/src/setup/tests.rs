@@ -241,11 +241,46 @@ fn ordinary_threads_keep_off_the_core_and_stay_where_there_is_no_other() {
         // One core after the other, until the last one, which stays.
         while wanted.len() > 1 {
             let core = wanted.remove(0);
-            cpu::keep_off(core);
+            assert_eq!(cpu::keep_off(&[core], &[]), None);
             assert_eq!(cores(), wanted);
         }
-        cpu::keep_off(wanted[0]);
+        assert_eq!(cpu::keep_off(&[wanted[0]], &[]), None);
         assert_eq!(cores(), wanted);
     };
     std::thread::scope(|scope| scope.spawn(check).join().unwrap());
+}
+
+#[test]
+fn cores_for_housekeeping_are_those_that_are_named() {
+    let cores = || {
+        let set = sched_getaffinity(Pid::from_raw(0)).unwrap();
+        (0..CpuSet::count())
+            .filter(|cpu| set.is_set(*cpu).unwrap())
+            .collect::<Vec<_>>()
+    };
+    let check = || {
+        let all = cores();
+        let last = *all.last().unwrap();
+        // Also one that is a core of real time: that is how it was asked for.
+        assert_eq!(cpu::keep_off(&[last], &[last, 9998]), None);
+        assert_eq!(cores(), [last]);
+        // One that is not there changes nothing, and is told.
+        let finding = cpu::keep_off(&[last], &[CpuSet::count() - 1]).expect("a finding");
+        assert!(finding.to_string().contains("housekeeping"), "{finding}");
+        assert_eq!(cores(), [last]);
+    };
+    std::thread::scope(|scope| scope.spawn(check).join().unwrap());
+}
+
+#[test]
+fn the_time_out_thread_has_a_core_of_its_own_where_that_is_there() {
+    let choose = |wanted| {
+        let mut findings = Vec::new();
+        let cpu = cpu::choose_second(wanted, 1, &[0, 1, 2], &mut findings);
+        (cpu, findings.len())
+    };
+    assert_eq!(
+        [None, Some(2), Some(1), Some(3)].map(choose),
+        [(1, 0), (2, 0), (1, 0), (1, 1)]
+    );
 }

@@ -14,6 +14,8 @@ mod streamed;
 #[cfg(test)]
 mod tests;
 #[cfg(test)]
+mod tests_by_hand;
+#[cfg(test)]
 mod tests_days;
 mod wishes;
 

@@ -1,13 +1,19 @@
-//! What pins want of the operator's loop: the switch for lines that begin with a slash, the counter of parts.
+//! What pins want of the operator's loop: drives on and off, the program that is loaded, the switch for lines that begin with a slash,
+//! the counter of parts.
 //!
 //! In:  edges that the cycle thread has seen. Out: the same as orders of clients; how things are, for the pins.
 
 use super::clients::Clients;
 use crate::console::Operator;
 use crate::table_writer::Keeper;
+use api::orders::Order;
+use api::server::Ticket;
 use machine::permission::Wish;
 use machine::tables::lock;
-use rt::desk::Desk;
+use rt::desk::{Desk, PinOrder};
+
+/// Ticket of what a pin orders: no client has it, and no client is answered.
+pub(super) const PIN_TICKET: Ticket = Ticket::MAX;
 
 impl Clients<'_, '_> {
     /// Once a turn.
@@ -32,6 +38,21 @@ impl Clients<'_, '_> {
             keeper.memory.set_parts(parts);
             operator.add_entry(format!("pin: parts {parts}"));
         }
+        for order in shared.desk.take_orders() {
+            let order = match order {
+                PinOrder::Off => Order::Off,
+                PinOrder::On => Order::On,
+                PinOrder::Start => Order::Start {
+                    from_line: None,
+                    yes: false,
+                    runs: 1,
+                    dry_feed_min: None,
+                    revision: None,
+                },
+            };
+            self.early.push_back((PIN_TICKET, order));
+        }
+        desk.show_mode(self.mode);
         let block_delete = lock(self.tables).block_delete;
         desk.show(block_delete, [parts.count, parts.target.unwrap_or(0)]);
     }

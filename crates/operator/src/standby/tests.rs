@@ -15,6 +15,7 @@ use sim::NetConfig;
 use std::path::Path;
 use std::sync::Mutex;
 
+pub(super) const MILL: &str = include_str!("../../../../configs/mill3-demo.toml");
 const PART: &str = "G21 G90 G94 G54\nG0 X5 Y5\nM2\n";
 
 fn run_order() -> Order {
@@ -33,15 +34,19 @@ fn endless() -> Source {
 
 /// Clients of a machine that stands by, its drives off.
 fn while_standing_by(act: impl FnOnce(&mut Rehearsal<'_>, Clients<'_, '_>, &OrderClient)) {
-    while_one_stands_by(include_str!("../../../../configs/mill3-demo.toml"), act);
+    while_one_stands_by(MILL, PART, act);
 }
 
-/// The same of the machine of this file.
-fn while_one_stands_by(machine: &str, act: impl FnOnce(&mut Rehearsal<'_>, Clients<'_, '_>, &OrderClient)) {
+/// The same of the machine of this file, which has this program.
+pub(super) fn while_one_stands_by(
+    machine: &str,
+    program: &str,
+    act: impl FnOnce(&mut Rehearsal<'_>, Clients<'_, '_>, &OrderClient),
+) {
     let config = config::parse(machine, Path::new("demo.toml")).unwrap();
     let tables = Mutex::new(Tables::read(&config).unwrap());
     let net = NetConfig::clean(1);
-    rehearse_with(&config, PART.as_bytes(), net, Operator::standing_by, |run| {
+    rehearse_with(&config, program.as_bytes(), net, Operator::standing_by, |run| {
         let up = run.run_until(60_000, |run| run.control.state() == State::Disabled)?;
         assert!(up);
         let (client, inbox) = order_channel();
@@ -60,7 +65,7 @@ fn serve_clients(run: &mut Rehearsal<'_>, clients: &mut Clients<'_, '_>) {
 
 #[test]
 fn a_silenced_machine_refuses_every_order_with_the_cause_and_ends() {
-    let mill = include_str!("../../../../configs/mill3-demo.toml");
+    let mill = MILL;
     // Its motors have step pulses, and no frames.
     let plotter = include_str!("../../../../configs/plotter2-steps.toml");
     for (machine, said) in [(mill, silenced(true, false)), (plotter, silenced(false, true))] {
@@ -69,7 +74,7 @@ fn a_silenced_machine_refuses_every_order_with_the_cause_and_ends() {
             machine == mill,
             "{said}"
         );
-        while_one_stands_by(machine, |run, mut clients, client| {
+        while_one_stands_by(machine, PART, |run, mut clients, client| {
             let now_ns = run.now_ns();
             let report = timeout::Report {
                 at_ns: now_ns,

@@ -27,6 +27,7 @@ pub(super) fn wish(order: &Order) -> Option<Wish> {
         Order::Change(Change::Offset { .. } | Change::Rotation { .. } | Change::Tool { .. }) => Wish::Set,
         Order::Change(_) => Wish::TouchOff,
         Order::Jog(_) => Wish::Jog,
+        Order::Spindle(_) | Order::Coolant { .. } => Wish::ByHand,
         Order::Hold => Wish::Hold,
         Order::Resume | Order::ToolChanged => Wish::Resume,
         Order::Skip => Wish::Skip,

@@ -1018,6 +1018,8 @@ export interface Calls {
   "jog": { params: { axis?: "X" | "Y" | "Z" | "A" | "B" | "C" | "U" | "V" | "W"; joint?: number; velocity_mm_s: number; distance_mm?: number; request_id?: string }; answer: Jog };
   "jog.keep": { params: { axis?: "X" | "Y" | "Z" | "A" | "B" | "C" | "U" | "V" | "W"; joint?: number; request_id?: string }; answer: Jog };
   "jog.stop": { params: { axis?: "X" | "Y" | "Z" | "A" | "B" | "C" | "U" | "V" | "W"; joint?: number; request_id?: string }; answer: Jog };
+  "spindle": { params: { speed_rpm: number; request_id?: string }; answer: Nothing };
+  "coolant": { params: { flood?: boolean; mist?: boolean; request_id?: string }; answer: Nothing };
   "hold": { params: { request_id?: string }; answer: Nothing };
   "resume": { params: { request_id?: string }; answer: Resumed };
   "skip": { params: { request_id?: string }; answer: Skipped };

@@ -239,6 +239,44 @@ enum Switch {
     Off,
 }
 
+/// Arguments of `spindle`.
+#[derive(Clone, Debug, Args)]
+pub struct SpindleArgs {
+    #[command(flatten)]
+    control: ControlArgs,
+    /// Speed, rpm, counter-clockwise below 0; or off
+    #[arg(allow_negative_numbers = true, value_parser = spindle_speed)]
+    speed: f64,
+}
+
+/// # Errors
+/// Neither a number nor `off`.
+fn spindle_speed(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(rpm) if rpm.is_finite() => Ok(rpm),
+        _ if text.eq_ignore_ascii_case("off") => Ok(0.0),
+        _ => Err("expected a speed in rpm, like 1200 or -1200, or off".into()),
+    }
+}
+
+/// Arguments of `coolant`.
+#[derive(Clone, Debug, Args)]
+pub struct CoolantArgs {
+    #[command(flatten)]
+    control: ControlArgs,
+    /// Which of them
+    which: Coolant,
+    /// What it is to be
+    switch: Switch,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Coolant {
+    Flood,
+    Mist,
+    Both,
+}
+
 /// Arguments of `override`.
 #[derive(Clone, Debug, Args)]
 pub struct OverrideArgs {
@@ -588,6 +626,39 @@ pub fn single_block(args: &SwitchArgs) -> anyhow::Result<ExitCode> {
         Switch::Off => "blocks follow each other; a program that rests goes on with: isocnc resume",
     };
     switch::<method::SingleBlock>(args, done)
+}
+
+/// Turns the spindle by hand.
+///
+/// # Errors
+/// No control answers, or it refuses.
+pub fn spindle(args: &SpindleArgs) -> anyhow::Result<ExitCode> {
+    let done = match args.speed {
+        0.0 => "spindle off".to_owned(),
+        rpm => format!("spindle at {rpm} rpm"),
+    };
+    let wanted = params::Spindle { speed_rpm: args.speed };
+    order::<method::Spindle>(&args.control, &wanted, &done)
+}
+
+/// Switches coolant by hand.
+///
+/// # Errors
+/// No control answers, or it refuses.
+pub fn coolant(args: &CoolantArgs) -> anyhow::Result<ExitCode> {
+    let on = args.switch == Switch::On;
+    let of = |which| (args.which == which || args.which == Coolant::Both).then_some(on);
+    let wanted = params::Coolant {
+        flood: of(Coolant::Flood),
+        mist: of(Coolant::Mist),
+    };
+    let name = match args.which {
+        Coolant::Flood => "flood",
+        Coolant::Mist => "mist",
+        Coolant::Both => "flood and mist",
+    };
+    let done = format!("{name} {}", if on { "on" } else { "off" });
+    order::<method::Coolant>(&args.control, &wanted, &done)
 }
 
 /// Turns an override.

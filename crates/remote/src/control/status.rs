@@ -5,7 +5,7 @@ use crate::place::places;
 use crate::progress;
 use api::client::Client;
 use host::terminal;
-use protocol::{Direction, Forced, LastResult, Message, Parts, State, Status, StatusProgram, Step, method, params};
+use protocol::{Direction, Forced, LastResult, Message, Parts, State, Status, Step, method, params};
 use serde_json::json;
 use std::io::Write;
 use std::process::ExitCode;
@@ -244,7 +244,7 @@ fn words(status: &Status, text: Option<&str>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use protocol::{Coolant, Next, Outcome, Overrides, Power, Spindle, StatusAxis};
+    use protocol::{Coolant, Next, Outcome, Overrides, Power, Spindle, StatusAxis, StatusProgram};
 
     #[test]
     fn a_status_reads_as_sentences() {

@@ -10,6 +10,7 @@
 //! bounded by the number of nodes, joints or ring slots. Budget in `benches/cycle.rs`.
 
 mod actions;
+mod by_hand;
 mod laps;
 mod orders;
 mod outlets;
@@ -45,6 +46,7 @@ use crate::tool_changer::ToolChanger;
 use crate::waiting::Waiting;
 use crate::way_back::{Place, Progress, WayBack};
 use bus::{BusEvent, BusState, CycleReport, CyclicBus, InputImage, NodeState, OutputImage};
+use by_hand::Continuation;
 use cia402::axis::{AxisFault, Request, Status};
 use config::JOINTS_MAX;
 use hal_pins::scope::Sampler;
@@ -359,6 +361,7 @@ impl MotionController<dyn CyclicBus + '_> {
         self.parts.drives.leave_out(skipped);
         self.take_orders();
         self.step_state();
+        self.see_continuation();
         self.laps.end(Part::Orders);
         self.interpolate();
         self.laps.end(Part::Interpolation);

@@ -50,6 +50,13 @@ impl MotionController<dyn CyclicBus + '_> {
         if self.parts.desk.take_resume() {
             self.obey(Command::Resume);
         }
+        let wanted = self.parts.desk.take();
+        if wanted.pause {
+            self.obey(Command::Hold);
+        }
+        for what in wanted.by_hand.into_iter().flatten() {
+            self.obey(Command::ByHand(what));
+        }
         let homed = self.homed();
         for number in 0..self.parts.jog.count() {
             let wanted = self.parts.jog.take(number, &self.parts.hand, homed);
@@ -84,7 +91,12 @@ impl MotionController<dyn CyclicBus + '_> {
             }
             (Command::Home(_), _) => self.notice(Notice::NotBegun),
             (Command::TakeHome { joint, zero_mm }, State::Disabled) => self.parts.drives.take_home(joint, zero_mm),
-            (Command::Jog(order), State::Ready | State::Jogging | State::Held | State::Away) => self.jog(&order),
+            (Command::Jog(order), State::Ready | State::Jogging | State::Held | State::Away) => {
+                if let JogMotion::Run { .. } | JogMotion::Advance { .. } = order.motion {
+                    self.drop_continuation();
+                }
+                self.jog(&order);
+            }
             (Command::Start { program, mdi }, State::Ready)
                 if self.limits == [0; 2] && self.parts.drives.all(|drive| drive.is_homed()) =>
             {
@@ -100,18 +112,28 @@ impl MotionController<dyn CyclicBus + '_> {
                     self.tool_is_changed(tool);
                 }
             }
-            // What a line of MDI has switched on.
+            (Command::ByHand(what), State::Ready | State::Jogging | State::Running | State::Held | State::Away) => {
+                self.by_hand(what)
+            }
+            // What a line of MDI or a hand has switched on.
             (Command::Stop, State::Ready) => self.all_off(),
             (Command::Hold, State::Running) => {
+                self.drop_continuation();
                 if let Some(run) = &mut self.program {
                     run.hold = true;
                 }
             }
+            (Command::Hold, State::Held) => self.drop_continuation(),
             (Command::Hold, State::Jogging) => self.parts.hand.release_all(),
             (Command::Hold, State::Away | State::Returning) => {
+                self.drop_continuation();
                 self.come_back(false);
                 self.parts.hand.release_all();
             }
+            (Command::Resume, State::Away | State::Running | State::Held)
+                if !self.has_own_spindle(Continuation::Resume) => {}
+            (Command::Reverse(share), State::Running | State::Held)
+                if !self.has_own_spindle(Continuation::Reverse(share)) => {}
             (Command::Resume, State::Away) => {
                 self.come_back(true);
                 self.parts.hand.release_all();
@@ -125,7 +147,9 @@ impl MotionController<dyn CyclicBus + '_> {
                 }
             }
             (Command::Skip(waiting), State::Running) if !self.is_held() && self.waits_for() == Some(waiting) => {
-                self.skip()
+                if self.has_own_spindle(Continuation::Skip(waiting)) {
+                    self.skip();
+                }
             }
             (Command::Reverse(share), State::Running | State::Held) => self.run_along(Some(share)),
             (Command::SingleBlock(on), _) => {
@@ -172,6 +196,7 @@ impl MotionController<dyn CyclicBus + '_> {
             (Command::Enable, _)
             | (Command::TakeHome { .. }, _)
             | (Command::Jog(_), _)
+            | (Command::ByHand(_), _)
             | (Command::EstopReset, _)
             | (Command::Hold, _)
             | (Command::ToolChanged, _)

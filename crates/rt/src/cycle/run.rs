@@ -1,5 +1,6 @@
 //! A program in the cycle, and how it is run.
 
+use super::by_hand::{Continuation, Programmed};
 use super::{Action, Interpolator, Place, Sample, SampleState, State, Waiting};
 
 /// A program from its start to its end.
@@ -22,6 +23,10 @@ pub(super) struct Run {
     pub(super) is_fed_nothing: bool,
     pub(super) cycles: u64,
     pub(super) has_moved: bool,
+    /// Spindle and coolant as the program had them, while a hand has changed them.
+    pub(super) programmed: Option<Programmed>,
+    /// Waits until the spindle has the speed of the program again.
+    pub(super) continuation: Option<Continuation>,
 }
 
 impl Run {
@@ -38,6 +43,8 @@ impl Run {
             is_fed_nothing: false,
             cycles: 0,
             has_moved: false,
+            programmed: None,
+            continuation: None,
         }
     }
 

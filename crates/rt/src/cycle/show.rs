@@ -1,6 +1,7 @@
 //! What a cycle tells everyone else: pins, the latest values, a record for the trace, notices.
 
 use super::*;
+use crate::desk::ProgramState;
 
 impl MotionController<dyn CyclicBus + '_> {
     /// Tells everyone else what happened.
@@ -9,11 +10,22 @@ impl MotionController<dyn CyclicBus + '_> {
         parts
             .pins
             .publish(&self.bus, &parts.drives, &self.sample, self.state, self.fault_seen);
+        let program = match &self.program {
+            Some(run) if !run.is_mdi => match self.state {
+                State::Running if run.waiting != Some(Action::ProgramStop) => ProgramState::Running,
+                _ => ProgramState::Paused,
+            },
+            _ => ProgramState::Idle,
+        };
+        let pumps = [parts.program_outputs.has_flood(), parts.program_outputs.has_mist()];
+        parts.desk.show(program, pumps);
         parts.nodes.publish(&self.bus);
         parts.estop.show(self.state);
         for (joint, drive) in parts.drives.iter().enumerate() {
             self.outlets.live.show_place(joint, drive.place());
         }
+        let in_position = self.at_rest();
+        self.parts.pins.show_in_position(in_position);
         self.outlets.live.show(&self.snapshot());
         if let Some(run) = &self.program {
             let phase = match self.sample.state {

@@ -86,7 +86,7 @@ impl MotionController<dyn CyclicBus + '_> {
         self.bus.state() == BusState::Operational && self.parts.nodes.mandatory_node_down(&self.bus).is_none()
     }
 
-    fn at_rest(&self) -> bool {
+    pub(super) fn at_rest(&self) -> bool {
         let (hand, homer) = (&self.parts.hand, &self.parts.homer);
         self.program.as_ref().is_none_or(|run| run.program.is_at_rest())
             && (!hand.is_active() || hand.is_at_rest())

@@ -36,9 +36,9 @@ const FOLLOWED: f64 = 0.99;
 /// A change of the share of the feed that is not worth following.
 const SHARE_STEP: f64 = 0.003;
 
-/// What the program wants.
+/// What it is told: M3, M4, S.
 #[derive(Clone, Copy, Debug)]
-struct Wanted {
+pub struct Commanded {
     /// As programmed; with a speed of the surface, the most.
     rpm: f64,
     direction: SpindleDirection,
@@ -149,7 +149,7 @@ pub struct Spindle {
     rpm_max: f64,
     tolerance: f64,
     timeout_s: f64,
-    wanted: Option<Wanted>,
+    wanted: Option<Commanded>,
     overridden: Override,
     /// What it is told now, 1/min, above 0 with M3.
     rpm: f64,
@@ -263,13 +263,39 @@ impl Spindle {
     /// M3, M4, S. RT.
     pub fn command(&mut self, rpm: f64, direction: SpindleDirection, surface: Option<Surface>) {
         self.orientation.end();
-        self.wanted = Some(Wanted {
+        self.wanted = Some(Commanded {
             rpm,
             direction,
             surface,
         });
         self.waited_s = 0.0;
         self.publish(None);
+    }
+
+    /// By hand: at this speed, 1/min, clockwise above 0; 0: it stops. RT.
+    pub fn turn(&mut self, rpm: f64) {
+        match rpm {
+            0.0 => self.stop(),
+            _ if rpm > 0.0 => self.command(rpm, SpindleDirection::Clockwise, None),
+            _ => self.command(-rpm, SpindleDirection::Counterclockwise, None),
+        }
+    }
+
+    /// What it is told; `None`: to stand. RT.
+    pub fn commanded(&self) -> Option<Commanded> {
+        self.wanted
+    }
+
+    /// It is told again what it was told before. RT.
+    pub fn restore(&mut self, commanded: Option<Commanded>) {
+        match commanded {
+            Some(Commanded {
+                rpm,
+                direction,
+                surface,
+            }) => self.command(rpm, direction, surface),
+            None => self.stop(),
+        }
     }
 
     /// M5. RT.

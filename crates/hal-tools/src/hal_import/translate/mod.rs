@@ -345,8 +345,6 @@ fn in_place_of(pin: &str) -> Option<&'static str> {
         ["iocontrol", _, "lube" | "lube-level"] => "lubrication is a program, as configs/logic/lubrication.st",
         ["axis", _, pin] if pin.starts_with("eoffset") => "there are no external offsets",
         ["halui", pin] if pin.starts_with("mdi-command-") => "`isocnc mdi`, or a client of the control socket",
-        ["halui", "machine", "on" | "off"] => "`isocnc on`, `isocnc off`, or a client of the control socket",
-        ["halui", "program", "pause"] => "motion.feed-hold holds, halui.program.resume goes on",
         ["halui", "abort"] => "halui.program.stop",
         _ => return None,
     })

@@ -8,6 +8,7 @@ mod shown;
 use executed::Executed;
 
 use super::check::{Checked, Part, Subject, examine};
+use super::pins::PIN_TICKET;
 use super::streamed::Streamed;
 use super::wishes::wish;
 use crate::console::Operator;
@@ -83,7 +84,7 @@ pub(crate) struct Clients<'scope, 'env> {
     given: Option<(&'env str, &'env Overview)>,
     /// The program to start.
     loaded: Option<Arc<Part>>,
-    mode: Mode,
+    pub(super) mode: Mode,
     /// Lines of MDI that wait for their turn, and who wants them.
     mdi: VecDeque<(Ticket, Typed)>,
     /// The text that grows, while it runs or is about to.
@@ -103,7 +104,7 @@ pub(crate) struct Clients<'scope, 'env> {
     /// Who has changed what the machine remembers, and hears once that is on the disk.
     unsettled: Vec<(Ticket, Unsettled)>,
     /// Orders that came before the cycle had taken the one in front of them.
-    early: VecDeque<(Ticket, Order)>,
+    pub(super) early: VecDeque<(Ticket, Order)>,
     /// Since when drives go off behind an acknowledge or a reset, if they do.
     settles_since_ns: Option<u64>,
     /// Programs that are only looked at.
@@ -353,7 +354,12 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         let shown = self.shown(operator, keeper, is_settled);
         self.inbox.show(shown);
         for (ticket, answer) in answers {
-            self.inbox.answer(ticket, answer);
+            match answer {
+                Err(why) if ticket == PIN_TICKET => {
+                    operator.add_entry(message!("pin.refused", "pin: refused: {why}", why = *why.message));
+                }
+                answer => self.inbox.answer(ticket, answer),
+            }
         }
     }
 

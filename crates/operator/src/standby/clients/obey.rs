@@ -20,7 +20,7 @@ use machine::tables::lock;
 use motion::canon::Axis;
 use program::{Change, changed};
 use protocol::{Lines, Message, Mode, Nothing, Offsets, Resumed, Skipped, message};
-use rt::shared::{Command, Snapshot};
+use rt::shared::{ByHand, Command, Snapshot};
 use rt::waiting::Waiting;
 use rt::way_back::SLOW_MM;
 use serde_json::json;
@@ -129,6 +129,8 @@ impl Clients<'_, '_> {
                 lock(self.tables).block_delete = on;
                 Ok(())
             }
+            Order::Spindle(rpm) => by_hand(operator, [Some(ByHand::Spindle(rpm)), None]),
+            Order::Coolant { flood, mist } => by_hand(operator, [flood.map(ByHand::Flood), mist.map(ByHand::Mist)]),
             Order::Hold => given(operator, Command::Hold),
             Order::Reverse(share) => given(operator, Command::Reverse(share)),
             // Of a program that has not begun yet as well.
@@ -296,6 +298,21 @@ fn later(begun: Result<(), Message>) -> Option<Answer> {
 
 fn given(operator: &mut Operator, command: Command) -> Result<(), Message> {
     operator.give(command);
+    Ok(())
+}
+
+/// Switches spindle or coolant; of a program that runs, only where it waits for the operator.
+fn by_hand(operator: &mut Operator, all: [Option<ByHand>; 2]) -> Result<(), Message> {
+    let live = operator.live();
+    if live.state == State::Running && live.waiting != Some(Waiting::Operator) {
+        return Err(message!(
+            "refused.not_by_hand",
+            "a program runs: isocnc hold first, or a pause of its own (M0)"
+        ));
+    }
+    for what in all.into_iter().flatten() {
+        operator.give(Command::ByHand(what));
+    }
     Ok(())
 }
 
