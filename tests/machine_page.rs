@@ -23,7 +23,8 @@ until_status() {
 /// The commands of the page as a script; what the reader waits for is between them.
 fn script() -> String {
     // What was started ends with the shell, also where a command fails.
-    let mut script = String::from("set -eux\ntrap 'kill $(jobs -p) 2>/dev/null || true' EXIT\n") + &UNTIL.replace("TRIES", &(PATIENCE.as_secs() * 5).to_string());
+    let mut script = String::from("set -eux\ntrap 'kill $(jobs -p) 2>/dev/null || true' EXIT\n")
+        + &UNTIL.replace("TRIES", &(PATIENCE.as_secs() * 5).to_string());
     let mut is_command = false;
     for line in PAGE.lines() {
         match line {
