@@ -435,6 +435,76 @@ test("logic: all variables are found, a forced one is told on every page and rel
   await page.close();
 });
 
+/** Waits until the prompt says what a pattern fits, or nothing. */
+const prompted = (page, pattern) =>
+  until(`the prompt ${pattern}`, async () => {
+    const said = await text(page, "prompt");
+    return pattern ? new RegExp(pattern).test(said) : said === "";
+  }).catch(async (error) => assert.fail(`says ${await text(page, "prompt")}: ${error.message}`));
+/** Which buttons of these are whole on the screen, with nothing over them. */
+const reachable = (page, names) =>
+  page.evaluate(
+    (names) =>
+      names.filter((name) => {
+        const button = document.querySelector(`[data-testid="${name}"]`);
+        const { left, right, top, bottom } = button?.getBoundingClientRect() ?? {};
+        return left >= 0 && right <= innerWidth && top >= 0 && bottom <= innerHeight && button.contains(document.elementFromPoint((left + right) / 2, (top + bottom) / 2));
+      }),
+    names,
+  );
+
+test("what a program says is on every page: a stop with its text goes on by one button, a message stays until it is read", { skip, timeout: 120_000 }, async () => {
+  await ready();
+  const page = await openAs(SIZES[0], "en", "dark");
+  const context = await browser.createBrowserContext();
+  const other = await open({ width: 390, height: 844, context });
+  const lines = "G21 G90 G54 F1800\nG0 X5\n(MSG,turn the part over)\nM0 (jaws 40 Nm)\nG1 X6\n(MSG,measure it)\nG1 X5\nM2\n";
+  await ask("program.load", { name: "turn.ngc", text: lines });
+  await ask("program.start");
+  await until("it waits", async () => (await ask("status")).waiting?.for === "operator");
+  const said = "Program stop \\(M0\\).*line 4 of turn\\.ngc.*turn the part over.*M0 \\(jaws 40 Nm\\).*Resume";
+  for (const [where] of PAGES) {
+    for (const one of [page, other]) {
+      await go(one, where);
+      await prompted(one, said);
+      const wanted = ["prompt-resume", "resume", "hold", "stop"];
+      assert.deepEqual(await reachable(one, wanted), wanted, where);
+    }
+    await picture(page, `prompt-${where}`);
+    await picture(other, `prompt-${where}-phone`);
+  }
+  // It waits for a person: a key that someone is just pressing is no answer.
+  for (const key of ["Enter", "Space", "ArrowUp"]) await page.keyboard.press(key);
+  assert.equal((await ask("status")).waiting?.for, "operator");
+  assert.equal(await page.$(id("prompt-read")), null);
+  // A panel that comes up meanwhile says it as well.
+  await page.reload();
+  await prompted(page, said);
+  // Both at once: one of them goes on, and the other one goes on with nothing else.
+  await Promise.all([click(page, "prompt-resume"), click(other, "prompt-resume")]);
+  await until("the end", async () => (await ask("status")).program.result === "completed");
+  for (const one of [page, other]) {
+    await prompted(one, "^measure it");
+    assert.ok(!/turn the part/.test(await text(one, "prompt")));
+  }
+  await click(page, "prompt-read");
+  await prompted(page, null);
+  // Read by one person, not by another one.
+  await prompted(other, "^measure it");
+  await page.reload();
+  await page.waitForFunction(() => document.querySelector("[data-testid=state]")?.dataset.state);
+  await ask("logic.force", { program: "door", variable: "closed", value: "1" });
+  await new Promise((wake) => setTimeout(wake, 600));
+  await ask("logic.release", { program: "door" });
+  await prompted(page, "^the door was opened");
+  assert.ok(!/measure/.test(await text(page, "prompt")), "what was read does not come back");
+  await prompted(other, "^the door was opened.*1 more");
+  await click(page, "prompt-read");
+  await prompted(page, null);
+  await context.close();
+  await page.close();
+});
+
 test("what was measured of the machine is shown", { skip, timeout: 60_000 }, async () => {
   const page = await open({ hash: "#/bus" });
   for (const [part, name] of [["part-tuning", "step-0"], ["part-jitter", "jitter"]]) {
@@ -658,12 +728,15 @@ const SIZES = [
 /** A page of this size and language, as it is after it was loaded anew. */
 async function openAs([width, height], language, theme, hash = "") {
   const page = await open({ width, height, hash });
-  await page.evaluate((language, theme) => {
+  // What programs have said before has been read.
+  const read = (await ask("status")).messages.at(-1).seq;
+  await page.evaluate((language, theme, read) => {
     localStorage.setItem("language", language);
     localStorage.setItem("theme", theme);
     const pins = ["joint.0.motor-pos-cmd", "joint.1.motor-pos-cmd", "joint.2.motor-pos-cmd", "motion.fault"];
     for (const list of ["watched", "scoped"]) localStorage.setItem(list, JSON.stringify(pins));
-  }, language, theme);
+    localStorage.setItem("messages-read", read);
+  }, language, theme, read);
   await page.reload();
   await page.waitForFunction(() => document.querySelector("[data-testid=state]")?.dataset.state);
   return page;

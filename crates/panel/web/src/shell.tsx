@@ -324,7 +324,7 @@ function switchDrives(on: boolean): void {
 /** Two taps in this time are one. */
 const DOUBLE_MS = 600;
 
-async function resume(): Promise<void> {
+export async function resume(): Promise<void> {
   const answer = await order("resume");
   if (answer?.returns?.length) say("note", t("returns", { way: answer.returns.map(inWords).join(" · ") }));
 }
