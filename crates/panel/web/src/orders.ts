@@ -26,12 +26,18 @@ export function refuses(store: Store, what: string): boolean {
       return !on || activity !== "idle" || !program;
     case "hold":
       return !["running", "jogging", "returning"].includes(activity);
+    case "estop":
+      return isEstop(power);
+    case "reverse":
+      return activity !== "held";
     case "resume":
       return !["held", "away"].includes(activity) && waiting?.for !== "operator" && !status.single_block;
     case "skip":
       return !["operator", "dwell", "input"].includes(waiting?.for ?? "");
     case "reset":
-      return !isEstop(power) && power !== "alarm";
+    case "alarm.acknowledge":
+      // An alarm that has stopped no drive is acknowledged at rest.
+      return !isEstop(power) && power !== "alarm" && !(status.alarm && ["on", "off"].includes(power) && activity === "idle");
     case "jog":
       return !on || !["idle", "jogging", "held", "away"].includes(activity);
     case "home":

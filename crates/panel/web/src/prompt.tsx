@@ -9,7 +9,7 @@ import { inWords } from "./control-words";
 import { t, timeOfDay } from "./i18n";
 import { isInProgram } from "./orders";
 import { goTo } from "./route";
-import { resume } from "./shell";
+import { heldBy, resume } from "./shell";
 import { ask, getStore, tellRefused, useStatus } from "./store";
 import type { Entry, Status } from "./types";
 import { Button, Icon } from "./ui";
@@ -75,9 +75,12 @@ export function Prompt() {
   }, [stands]);
   const message = unread.at(-1);
   const shown = stands || message !== undefined;
+  // A phone has no room for it at the top.
+  const held = useStatus(heldBy);
   const code = STOP.exec(text.replace(/\(.*?\)|;.*/g, ""))?.[1];
   return (
     <section class={shown ? "prompt shown" : "prompt"} data-testid="prompt" role="status" aria-live="polite" aria-label={t("prompt")}>
+      {held && <p class="held">{held}</p>}
       {shown && (
         <>
           <Icon name={stands ? "hold" : "message"} />

@@ -32,6 +32,8 @@ const ICONS = {
   trash: "M5 7h14M10 7V4h4v3M7 7l1 13h8l1-13",
   eye: "M2 12c4-7 16-7 20 0-4 7-16 7-20 0zM12 9a3 3 0 1 0 0 6 3 3 0 0 0 0-6z",
   up: "M12 19V5M6 11l6-6 6 6",
+  estop: "M8.500 3h7l5.500 5.500v7l-5.500 5.500h-7L3 15.500v-7zM12 7.500v5.500M12 16v1",
+  tool: "M9 3h6v5h-6zM10 8h4v9l-2 4-2-4z",
   message: "M4 5h16v11h-9l-5 4v-4H4z",
 } as const;
 
