@@ -3,7 +3,7 @@
 // ISOCNC names the program (target/debug/isocnc), CHROMIUM the browser. Where one of them, or the modules of crates/panel/web, is missing,
 // the tests say so and pass. SCREENS=write makes the pictures in screens/ anew: look at each of them before it is committed.
 import assert from "node:assert/strict";
-import { spawn } from "node:child_process";
+import { execFileSync, spawn } from "node:child_process";
 import { mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
@@ -435,6 +435,76 @@ test("logic: all variables are found, a forced one is told on every page and rel
   await page.close();
 });
 
+/** Waits until the prompt says what a pattern fits, or nothing. */
+const prompted = (page, pattern) =>
+  until(`the prompt ${pattern}`, async () => {
+    const said = await text(page, "prompt");
+    return pattern ? new RegExp(pattern).test(said) : said === "";
+  }).catch(async (error) => assert.fail(`says ${await text(page, "prompt")}: ${error.message}`));
+/** Which buttons of these are whole on the screen, with nothing over them. */
+const reachable = (page, names) =>
+  page.evaluate(
+    (names) =>
+      names.filter((name) => {
+        const button = document.querySelector(`[data-testid="${name}"]`);
+        const { left, right, top, bottom } = button?.getBoundingClientRect() ?? {};
+        return left >= 0 && right <= innerWidth && top >= 0 && bottom <= innerHeight && button.contains(document.elementFromPoint((left + right) / 2, (top + bottom) / 2));
+      }),
+    names,
+  );
+
+test("what a program says is on every page: a stop with its text goes on by one button, a message stays until it is read", { skip, timeout: 120_000 }, async () => {
+  await ready();
+  const page = await openAs(SIZES[0], "en", "dark");
+  const context = await browser.createBrowserContext();
+  const other = await open({ width: 390, height: 844, context });
+  const lines = "G21 G90 G54 F1800\nG0 X5\n(MSG,turn the part over)\nM0 (jaws 40 Nm)\nG1 X6\n(MSG,measure it)\nG1 X5\nM2\n";
+  await ask("program.load", { name: "turn.ngc", text: lines });
+  await ask("program.start");
+  await until("it waits", async () => (await ask("status")).waiting?.for === "operator");
+  const said = "Program stop \\(M0\\).*line 4 of turn\\.ngc.*turn the part over.*M0 \\(jaws 40 Nm\\).*Resume";
+  for (const [where] of PAGES) {
+    for (const one of [page, other]) {
+      await go(one, where);
+      await prompted(one, said);
+      const wanted = ["prompt-resume", "resume", "hold", "stop"];
+      assert.deepEqual(await reachable(one, wanted), wanted, where);
+    }
+    await picture(page, `prompt-${where}`);
+    await picture(other, `prompt-${where}-phone`);
+  }
+  // It waits for a person: a key that someone is just pressing is no answer.
+  for (const key of ["Enter", "Space", "ArrowUp"]) await page.keyboard.press(key);
+  assert.equal((await ask("status")).waiting?.for, "operator");
+  assert.equal(await page.$(id("prompt-read")), null);
+  // A panel that comes up meanwhile says it as well.
+  await page.reload();
+  await prompted(page, said);
+  // Both at once: one of them goes on, and the other one goes on with nothing else.
+  await Promise.all([click(page, "prompt-resume"), click(other, "prompt-resume")]);
+  await until("the end", async () => (await ask("status")).program.result === "completed");
+  for (const one of [page, other]) {
+    await prompted(one, "^measure it");
+    assert.ok(!/turn the part/.test(await text(one, "prompt")));
+  }
+  await click(page, "prompt-read");
+  await prompted(page, null);
+  // Read by one person, not by another one.
+  await prompted(other, "^measure it");
+  await page.reload();
+  await page.waitForFunction(() => document.querySelector("[data-testid=state]")?.dataset.state);
+  await ask("logic.force", { program: "door", variable: "closed", value: "1" });
+  await new Promise((wake) => setTimeout(wake, 600));
+  await ask("logic.release", { program: "door" });
+  await prompted(page, "^the door was opened");
+  assert.ok(!/measure/.test(await text(page, "prompt")), "what was read does not come back");
+  await prompted(other, "^the door was opened.*1 more");
+  await click(page, "prompt-read");
+  await prompted(page, null);
+  await context.close();
+  await page.close();
+});
+
 test("what was measured of the machine is shown", { skip, timeout: 60_000 }, async () => {
   const page = await open({ hash: "#/bus" });
   for (const [part, name] of [["part-tuning", "step-0"], ["part-jitter", "jitter"]]) {
@@ -538,6 +608,44 @@ test("from elsewhere, the token of the address lets somebody in, and no other do
       }
       await context.close();
     }
+  } finally {
+    other.removeAllListeners("exit");
+    other.kill("SIGINT");
+    rmSync(own, { recursive: true });
+  }
+});
+
+test("a panel that may only watch sees which buttons are not for it, and stops the machine all the same", { skip, timeout: 120_000 }, async () => {
+  const own = mkdtempSync(join(tmpdir(), "panel-"));
+  writeFileSync(join(own, "machine.toml"), machineFile(`panel-${process.pid}-c`).replace("\ncycle_us", '\nstate_directory = "state"\ncycle_us'));
+  const watch = execFileSync(program, ["panel", "token", "machine.toml", "--name", "hall", "--role", "watch"], { cwd: own, encoding: "utf8" }).trim();
+  const other = spawn(program, ["run", "machine.toml", "--panel", "0.0.0.0:0"], { cwd: own, stdio: ["ignore", "pipe", "ignore"] });
+  try {
+    const otherPort = await new Promise((resolve, reject) => {
+      let text = "";
+      other.stdout.on("data", (data) => {
+        text += data;
+        const found = /http:\/\/0\.0\.0\.0:(\d+)/.exec(text);
+        if (found) resolve(found[1]);
+      });
+      other.on("exit", (code) => reject(new Error(`the control has ended: ${code}`)));
+    });
+    const context = await browser.createBrowserContext();
+    const page = await context.newPage();
+    await page.goto(`http://127.0.0.1:${otherPort}/#token=${watch}`);
+    await page.waitForFunction(() => document.querySelector("[data-testid=state]")?.dataset.state === "disabled");
+    const may = await page.$$eval(".actions button", (all) => all.map((button) => [button.dataset.testid, button.title, button.classList.contains("dim")]));
+    for (const [name, title, dim] of may) {
+      const open = ["estop", "hold", "stop"].includes(name);
+      assert.equal(title === "This panel can only watch.", !open, name);
+      if (!open) assert.ok(dim, name);
+    }
+    await click(page, "power");
+    await page.waitForFunction(() => /the role "operate"/.test(document.querySelector("[data-testid=toast]")?.textContent));
+    await click(page, "estop");
+    await page.waitForFunction(() => document.querySelector("[data-testid=state]").dataset.state === "estop");
+    assert.ok(await isDim(page, "acknowledge"), "somebody else resets it");
+    await context.close();
   } finally {
     other.removeAllListeners("exit");
     other.kill("SIGINT");
@@ -658,12 +766,15 @@ const SIZES = [
 /** A page of this size and language, as it is after it was loaded anew. */
 async function openAs([width, height], language, theme, hash = "") {
   const page = await open({ width, height, hash });
-  await page.evaluate((language, theme) => {
+  // What programs have said before has been read.
+  const read = (await ask("status")).messages.at(-1).seq;
+  await page.evaluate((language, theme, read) => {
     localStorage.setItem("language", language);
     localStorage.setItem("theme", theme);
     const pins = ["joint.0.motor-pos-cmd", "joint.1.motor-pos-cmd", "joint.2.motor-pos-cmd", "motion.fault"];
     for (const list of ["watched", "scoped"]) localStorage.setItem(list, JSON.stringify(pins));
-  }, language, theme);
+    localStorage.setItem("messages-read", read);
+  }, language, theme, read);
   await page.reload();
   await page.waitForFunction(() => document.querySelector("[data-testid=state]")?.dataset.state);
   return page;
@@ -738,6 +849,7 @@ test("pages look as they did, have no serious finding of axe, are no wider than 
     // One that is in the spindle is not asked for.
     await ask("mdi", { line: "M61 Q0" });
     await until("it", async () => (await ask("status")).tool === 0);
+    await atRest();
     await ask("program.start");
     await until("a tool", async () => (await ask("status")).waiting?.for === "tool_change");
     await everywhere("tool-dialogue");
@@ -892,7 +1004,7 @@ test("a phone has every order of the foot, and what is said stays on any screen 
         return { name: button.dataset.testid, whole, width: right - left };
       }),
     );
-    assert.deepEqual(seen.filter(({ whole }) => whole).map(({ name }) => name), ["power", "reset", "start", "resume", "hold", "stop"], `${width}`);
+    assert.deepEqual(seen.filter(({ whole }) => whole).map(({ name }) => name), ["estop", "power", "reset", "start", "resume", "hold", "stop"], `${width}`);
     assert.equal(Math.max(...seen.map(({ width }) => width)), seen.at(-1).width, "stop is the largest");
     // Refused with a line that no screen has room for, in words that have no space.
     for (const feed of [101, 102, 103]) {
@@ -936,6 +1048,317 @@ test("buttons that order nothing without a connection do not look as if they did
   await picture(page, "lost-setup");
   control.kill("SIGCONT");
   await page.waitForFunction((names) => names.every((name) => !document.querySelector(`[data-testid="${name}"]`).classList.contains("dim")), { timeout: 30_000 }, alive);
+  await page.close();
+});
+
+/** Clicks a button once it can be, and waits for what it opens. */
+const clickOnce = async (page, name, wanted) => {
+  await page.waitForFunction((name) => !document.querySelector(`[data-testid="${name}"]`)?.disabled, {}, name);
+  await click(page, name);
+  if (wanted) await page.waitForSelector(id(wanted));
+};
+const position = async () => (await ask("status")).position_mm;
+const atRest = () => until("rest", async () => ((now) => now.state === "ready" && now.activity === "idle")(await ask("status")));
+const run = async (line) => {
+  await ask("mdi", { line });
+  await atRest();
+};
+const gone = (page, name) => page.waitForFunction((name) => !document.querySelector(`[data-testid="${name}"]`), {}, name);
+const near = (a, b) => assert.ok(Math.abs(a - b) < 0.002, `${a} is not ${b}`);
+
+test("an alarm stands with its remedy and what the docs say of it, and one button acknowledges it", { skip, timeout: 120_000 }, async () => {
+  await ready();
+  const page = await openAs(SIZES[0], "en", "dark");
+  const german = await openAs(SIZES[2], "de", "light");
+  await ask("sim.fault", { node: 1, kind: "overcurrent" });
+  await shown(page, ["faulted"]);
+  await page.waitForFunction(() => /J-201.*Remedy: Read the error code/.test(document.querySelector("[data-testid=alarm]").textContent));
+  await german.waitForFunction(() => /J-201.*Abhilfe: Fehlernummer/.test(document.querySelector("[data-testid=alarm]").textContent));
+  // Whatever comes after it, the first cause stays.
+  for (let count = 0; count < 12; count++) await ask("parts.set", { count });
+  await page.waitForFunction(() => /order: parts 11/.test(document.querySelector(".messages").textContent));
+  assert.match(await text(page, "alarm"), /J-201/);
+  for (const one of [page, german]) {
+    await click(one, "more-J-201");
+    await one.waitForSelector(id("alarm-dialogue"));
+    assert.match(await text(one, "alarm-dialogue"), /A drive is in fault, refuses a step or does not follow\..*manual of the drive/);
+    assert.deepEqual(await reachable(one, ["stop", "hold"]), ["stop", "hold"]);
+    await picture(one, `alarm-dialogue-${one === page ? 1280 : 390}`);
+    await close(one);
+    await picture(one, `alarm-shown-${one === page ? 1280 : 390}`);
+  }
+  await go(page, "machine");
+  await page.waitForFunction(() => /J-201.*Remedy: Read/.test(document.querySelector("[data-testid=journal]").textContent));
+  await picture(page, "journal-alarm");
+  // By two at the same time: what is left for the second one is a refusal, or nothing.
+  await Promise.all([click(page, "acknowledge"), click(german, "acknowledge")]);
+  await until("acknowledged", async () => (await ask("status")).alarms.length === 0);
+  await page.waitForFunction(() => document.querySelector("[data-testid=alarm]").textContent === "");
+  await until("drives off", async () => (await state()) === "disabled");
+  await german.close();
+  await page.close();
+});
+
+test("what holds is told where held is shown: a client, a pin with its net, an override", { skip, timeout: 120_000 }, async (t) => {
+  await ready();
+  // Left on, it would keep those after it from all that moves.
+  t.after(() => Promise.all([ask("logic.release", { program: "many" }), ask("stop")]).catch(() => {}));
+  const page = await openAs(SIZES[0], "en", "dark");
+  const phone = await openAs(SIZES[2], "de", "light");
+  const told = (pattern) => page.waitForFunction((pattern) => new RegExp(pattern).test(document.querySelector("[data-testid=waiting]").textContent), {}, pattern);
+  await run("G53 G1 X30 F3000");
+  const program = `G21 G90 G54 F300\n${Array.from({ length: 60 }, (_, i) => `G53 G1 X${i % 2 ? 30 : 40}`).join("\n")}\nM2\n`;
+  await ask("program.load", { name: "to-and-fro", text: program });
+  await ask("program.start");
+  await shown(page, ["running"]);
+  await click(page, "hold");
+  await told("^held by panel \\(process \\d+\\)$");
+  await phone.waitForFunction(() => /angehalten von panel/.test(document.querySelector("[data-testid=prompt]").textContent));
+  assert.deepEqual(await reachable(phone, ["resume", "hold", "stop"]), ["resume", "hold", "stop"]);
+  await picture(phone, "held-phone");
+  await ask("logic.force", { program: "many", variable: "hold", value: "1" });
+  await told("motion\\.feed-hold is on: net guard-hold, driven by logic\\.many\\.hold");
+  await picture(page, "held-twice");
+  // Goes on as far as the client is concerned.
+  await click(page, "resume");
+  await told("^motion\\.feed-hold is on: net guard-hold, driven by logic\\.many\\.hold$");
+  await ask("logic.release", { program: "many" });
+  await until("it moves", async () => (await ask("status")).velocity_mm_s > 1);
+  await told("^$");
+  await ask("override", { feed: 0 });
+  await told("^feed override at 0 %$");
+  await ask("override", { feed: 100 });
+  await told("^$");
+  // Of another client, by its name; and nothing is left of it once the program has ended.
+  await ask("hold");
+  await told("^held by node \\(process \\d+\\)$");
+
+  // Back along the path, while it is held.
+  await page.waitForFunction(() => !document.querySelector("[data-testid=reverse]").classList.contains("dim"));
+  await click(page, "reverse");
+  await until("it runs back", async () => (await ask("status")).direction === "reverse");
+  await page.waitForFunction(() => document.querySelector("[data-testid=reverse]").getAttribute("aria-pressed") === "true");
+  await click(page, "hold");
+  await shown(page, ["held"]);
+  await click(page, "resume");
+  await until("it runs forward", async () => ((now) => now.direction === "forward" && now.state === "running")(await ask("status")));
+  await page.waitForFunction(() => document.querySelector("[data-testid=reverse]").classList.contains("dim"));
+  await ask("stop");
+  await atRest();
+  await told("^$");
+  await phone.close();
+  await page.close();
+});
+
+test("the journal tells what was changed from what to what, and by whom", { skip, timeout: 120_000 }, async () => {
+  await ready();
+  const page = await openAs(SIZES[0], "en", "dark", "#/machine");
+  const before = (await ask("offset.list")).systems[1].origin.Z;
+  await ask("offset.set", { system: "G55", axis: "Z", value: before + 1.25 });
+  await ask("tool.set", { tool: 7, remark: "ball nose" });
+  await ask("override", { rapid: 50 });
+  await until("50 %", async () => (await ask("journal.since", { seq: 0 })).entries.some(({ code, params, by }) => code === "override.rapid" && params.from === 100 && by === "node"));
+  await ask("override", { rapid: 100 });
+  await click(page, "journal-changes");
+  const changes = (pattern) => page.waitForFunction((pattern) => [...document.querySelectorAll("[data-testid=journal] li")].some((one) => new RegExp(pattern).test(one.textContent)), {}, pattern);
+  const digits = (value) => String(Math.round(1e4 * value) / 1e4).replace(".", "\\.");
+  await changes(`G55 Z, origin${digits(before)}→${digits(before + 1.25)}.*by node`);
+  await changes("T7, remark–→ball nose.*by node");
+  await changes("rapid override.*100→50.*by node");
+  // By hand, and by a line that was typed.
+  await go(page, "setup");
+  await page.waitForSelector(id("jog-x-plus"));
+  await fill(page, "jog-speed", "0");
+  assert.match(await text(page, "jog-slower"), /not a number/);
+  await fill(page, "jog-speed", "600");
+  await click(page, "step-10");
+  const [x] = await position();
+  const box = await (await page.$(id("jog-x-plus"))).boundingBox();
+  await page.mouse.click(box.x + 10, box.y + 10);
+  // A PC that does something else for a fifth of a second ends it early.
+  await until("it moves", async () => (await position())[0] > x + 1);
+  await atRest();
+  const [to] = await position();
+  near((await ordered(page, "jog"))[0].velocity_mm_s, 10);
+  await run("G10 L2 P2 Z3");
+  await go(page, "machine");
+  await click(page, "journal-changes");
+  await changes(`jog X${digits(x)}→${digits(to)}.*by panel`);
+  await changes("G55 Z, origin.*→3");
+  await picture(page, "journal-changes");
+  await ask("offset.set", { system: "G55", axis: "Z", value: before });
+  await ask("tool.set", { tool: 7, remark: "" });
+  await page.close();
+});
+
+test("touch off: in any work system, half of the reading, all axes, the length of a tool; a system is made active; G28, G92", { skip, timeout: 180_000 }, async () => {
+  await ready();
+  await ask("mdi", { line: "G54 G92.1 G49" });
+  await run("G53 G1 X20 Y30 Z-30 F3000");
+  const page = await openAs(SIZES[0], "en", "dark", "#/setup");
+  const system = async (number) => (await ask("offset.list")).systems[number];
+  const kept = (await ask("offset.list")).systems.slice(0, 2).map(({ origin }) => origin);
+  await click(page, "part-touch-off");
+  // In one that is not active: that one alone changes.
+  await click(page, "touch-off-G55");
+  await fill(page, "touch-off-value-x", "2.5");
+  await click(page, "touch-off-x");
+  await until("G55", async () => Math.abs((await system(1)).origin.X - 17.5) < 0.001);
+  near((await system(0)).origin.X, kept[0].X);
+  assert.equal((await ordered(page, "touch_off"))[0].system, "G55");
+  await picture(page, "touch-off-other");
+  // Half of what it reads, from a side that reads 0.
+  await click(page, "touch-off-G54");
+  await fill(page, "touch-off-value-x", "0");
+  await click(page, "touch-off-x");
+  await page.waitForFunction(() => Math.abs(Number(document.querySelector("[data-testid=dro-x]").textContent)) < 0.001);
+  await run("G53 G1 X60.5 F3000");
+  await page.waitForFunction(() => Math.abs(Number(document.querySelector("[data-testid=dro-x]").textContent) - 40.5) < 0.001);
+  await click(page, "touch-off-half-x");
+  assert.equal(await page.$eval(id("touch-off-value-x"), ({ value }) => value), "20.25");
+  await click(page, "touch-off-x");
+  await page.waitForFunction(() => Math.abs(Number(document.querySelector("[data-testid=dro-x]").textContent) - 20.25) < 0.001);
+  // All of them, by a line that is shown first; a key that someone is just pressing is no answer.
+  await clickOnce(page, "touch-off-zero", "line-dialogue");
+  assert.equal(await text(page, "line"), "G10 L20 P1 X0 Y0 Z0");
+  await page.keyboard.press("Enter");
+  await gone(page, "line-dialogue");
+  assert.deepEqual(await ordered(page, "mdi"), []);
+  await clickOnce(page, "touch-off-zero", "line-dialogue");
+  await picture(page, "touch-off-zero");
+  await click(page, "line-run");
+  await gone(page, "line-dialogue");
+  await page.waitForFunction(() => ["x", "y", "z"].every((axis) => Math.abs(Number(document.querySelector(`[data-testid=dro-${axis}]`).textContent)) < 0.001));
+  await atRest();
+
+  // The length of a tool, by a surface that is 1.5 high.
+  await ask("tool.set", { tool: 6, length: 0 });
+  await click(page, "touch-off-tool");
+  await fill(page, "touch-off-tool-number", "600");
+  await page.waitForFunction(() => /not in the tool table/.test(document.querySelector("[data-testid=touch-off-tool-preview]").textContent));
+  assert.ok(await page.$eval(id("touch-off-tool-set"), ({ disabled }) => disabled));
+  await fill(page, "touch-off-tool-number", "6");
+  await fill(page, "touch-off-tool-value", "1.5");
+  const length = (await position())[2] - (await system(0)).origin.Z - 1.5;
+  await page.waitForFunction((length) => document.querySelector("[data-testid=touch-off-tool-preview]").textContent.endsWith(length), {}, length.toFixed(3));
+  await click(page, "touch-off-tool-set");
+  await until("T6", async () => Math.abs((await ask("tool.list")).tools.find(({ tool }) => tool === 6).length - length) < 0.001);
+  await picture(page, "touch-off-tool");
+  await ask("tool.set", { tool: 6, length: 0 });
+
+  // Another system is made active, and the first one again.
+  await click(page, "part-offsets");
+  for (const [name, other] of [["G55", "G54"], ["G54", "G55"]]) {
+    await clickOnce(page, `activate-${name}`, "line-dialogue");
+    assert.equal(await text(page, "line"), name);
+    await click(page, "line-run");
+    await until(name, async () => (await ask("status")).codes.includes(name));
+    await page.waitForSelector(id(`activate-${other}`));
+    await atRest();
+  }
+  await picture(page, "places");
+  const lines = [
+    ["g28-set", "G28.1", async () => near((await ask("offset.list")).g28.X, (await position())[0])],
+    ["g28-clear", "#5161=0 #5162=0 #5163=0", async () => assert.deepEqual((await ask("offset.list")).g28, { X: 0, Y: 0, Z: 0 })],
+    ["g30-set", "G30.1", async () => near((await ask("offset.list")).g30.Y, (await position())[1])],
+    ["g30-clear", "#5181=0 #5182=0 #5183=0", async () => assert.deepEqual((await ask("offset.list")).g30, { X: 0, Y: 0, Z: 0 })],
+    ["g92-set", "G92 X0 Y0 Z0", async () => assert.ok((await ask("offset.list")).g92_active)],
+    ["g92-clear", "G92.1", async () => assert.ok(!(await ask("offset.list")).g92_active)],
+    // Twice: nothing is left to be cleared, and nothing else happens.
+    ["g92-clear", "G92.1", async () => assert.ok(!(await ask("offset.list")).g92_active)],
+  ];
+  for (const [button, line, holds] of lines) {
+    await clickOnce(page, button, "line-dialogue");
+    assert.equal(await text(page, "line"), line);
+    const before = (await ordered(page, "mdi")).length;
+    await click(page, "line-run");
+    await gone(page, "line-dialogue");
+    assert.equal((await ordered(page, "mdi")).length, before + 1);
+    await atRest();
+    await holds();
+  }
+  for (const [number, origin] of kept.entries()) for (const [axis, value] of Object.entries(origin)) await ask("offset.set", { system: `G${54 + number}`, axis, value });
+  await page.close();
+});
+
+test("tools are added, described, put into the spindle and deleted, for all panels", { skip, timeout: 120_000 }, async () => {
+  await ready();
+  await run("M61 Q0");
+  const page = await openAs(SIZES[0], "en", "dark", "#/setup");
+  const context = await browser.createBrowserContext();
+  const other = await open({ width: 390, height: 844, context, hash: "#/setup" });
+  for (const one of [page, other]) await click(one, "part-tools");
+  const tool = async () => (await ask("tool.list")).tools.find(({ tool }) => tool === 555);
+  await fill(page, "tool-find", "5.5");
+  assert.equal(await page.$(id("tool-add")), null);
+  await fill(page, "tool-find", "555");
+  await fill(other, "tool-find", "555");
+  await click(page, "tool-add");
+  await page.waitForSelector(id("tool-edit"));
+  assert.deepEqual(await tool(), { tool: 555, pocket: 555, length: 0, diameter: 0, remark: "" });
+  assert.ok(await page.$eval(id("tool-set"), ({ disabled }) => disabled), "nothing is changed yet");
+  await fill(page, "tool-remark", "face mill 63");
+  await fill(page, "tool-pocket", "12");
+  await picture(page, "tool-edit");
+  await click(page, "tool-set");
+  await gone(page, "tool-edit");
+  assert.deepEqual(await tool(), { tool: 555, pocket: 12, length: 0, diameter: 0, remark: "face mill 63" });
+  // Another panel sees it without being told, and cannot add it once more.
+  await other.waitForFunction(() => /T55512.*face mill 63/.test(document.querySelector(".grid tbody").textContent));
+  assert.equal(await other.$(id("tool-add")), null);
+  await click(other, "tool-555");
+  await clickOnce(other, "tool-m61", "line-dialogue");
+  assert.equal(await text(other, "line"), "M61 Q555");
+  await picture(other, "tool-m61-phone");
+  await click(other, "line-run");
+  await until("it is in", async () => (await ask("status")).tool === 555);
+  await atRest();
+  // The one in the spindle stays, whoever asks.
+  await click(page, "tool-555");
+  await page.waitForFunction(() => document.querySelector("[data-testid=tool-delete]").disabled);
+  await assert.rejects(ask("tool.delete", { tool: 555 }), /in the spindle/);
+  await close(page);
+  await run("M61 Q0");
+  // A change asks a person, as in a program.
+  await clickOnce(page, "tool-555", "tool-edit");
+  await clickOnce(page, "tool-m6", "line-dialogue");
+  assert.equal(await text(page, "line"), "T555 M6");
+  await click(page, "line-run");
+  await page.waitForSelector(id("tool-dialogue"));
+  assert.match(await text(page, "tool-dialogue"), /T555.*face mill 63/);
+  await click(page, "tool-changed");
+  await until("it is in", async () => (await ask("status")).tool === 555);
+  await atRest();
+  await run("M61 Q0");
+  await close(other).catch(() => {});
+  if (await page.$(id("tool-edit"))) await close(page);
+  await clickOnce(page, "tool-555", "tool-edit");
+  await clickOnce(page, "tool-delete", "tool-delete-dialogue");
+  await page.keyboard.press("Enter");
+  await gone(page, "tool-delete-dialogue");
+  assert.ok(await tool());
+  await clickOnce(page, "tool-delete", "tool-delete-dialogue");
+  await click(page, "tool-delete-yes");
+  await until("it is gone", async () => (await tool()) === undefined);
+  await page.waitForSelector(id("tool-add"));
+  await other.waitForSelector(id("tool-add"));
+  await context.close();
+  await page.close();
+});
+
+test("the emergency stop is on every page, and once more changes nothing", { skip, timeout: 60_000 }, async () => {
+  await ready();
+  const page = await open({ width: 390, height: 844, hash: "#/programs" });
+  await click(page, "estop");
+  await click(page, "estop");
+  await shown(page, ["estop"]);
+  assert.ok(await isDim(page, "estop"));
+  await page.waitForFunction(() => /E-501.*Remedy/.test(document.querySelector("[data-testid=alarm]").textContent));
+  await picture(page, "estop-phone");
+  await click(page, "acknowledge");
+  await shown(page, ["disabled"]);
+  assert.deepEqual((await ordered(page, "estop.reset")).length, 1);
+  assert.ok(!(await isDim(page, "estop")));
   await page.close();
 });
 

@@ -32,10 +32,14 @@ export function machineFile(name) {
 }
 
 const MANY = `PROGRAM many
+VAR_OUTPUT hold : BOOL; END_VAR
 VAR last_of_all : INT; level : ARRAY [0..1199] OF INT; END_VAR
-level[0] := level[0] + 1; last_of_all := level[0];
+hold := FALSE; level[0] := level[0] + 1; last_of_all := level[0];
 END_PROGRAM
 `;
+
+/** What holds the feed where the logic says so. */
+const HOLD = '\n[[hal.net]]\nname = "guard-hold"\nsource = "logic.many.hold"\ntargets = ["motion.feed-hold"]\n';
 
 /** Starts a control; gives its process, its folder and a way to ask it beside the browser. */
 export async function start(port) {
@@ -49,7 +53,7 @@ export async function start(port) {
   });
   mkdirSync(join(folder, "state/measurements"), { recursive: true });
   for (const measured of ["step-0", "jitter"]) copyFileSync(join(root, `tests/panel/measured-${measured}.svg`), join(folder, `state/measurements/${measured}.svg`));
-  writeFileSync(join(folder, "machine.toml"), machineFile(name).replace("\ncycle_us", '\nstate_directory = "state"\ncycle_us') + sections.join(""));
+  writeFileSync(join(folder, "machine.toml"), machineFile(name).replace("\ncycle_us", '\nstate_directory = "state"\ncycle_us') + HOLD + sections.join(""));
   const control = spawn(program, ["run", "machine.toml", "--panel", `127.0.0.1:${port}`], { cwd: folder, stdio: ["ignore", "ignore", "inherit"] });
   const folders = ["/run/isocnc", process.env.XDG_RUNTIME_DIR && `${process.env.XDG_RUNTIME_DIR}/isocnc`, `/dev/shm/isocnc-${process.getuid()}`];
   const path = await new Promise((resolve, reject) => {

@@ -99,7 +99,9 @@ pub enum Order {
     /// Show the journal behind this number.
     Journal(u64),
     /// Write this into the journal.
-    Note(String),
+    Note(Message),
+    /// Overrides have been turned by the client that gives this, which the journal tells once they rest.
+    Turned,
     /// Show the report of a program by its number, or the last one.
     Report(Option<u64>),
     /// Draw the way of the program that is loaded.
@@ -178,6 +180,8 @@ pub struct Shown {
     pub tool: u32,
     /// Why the machine stopped by itself; stands until it is acknowledged or another program begins.
     pub alarm: Option<Message>,
+    /// Entries of alarms that nobody has acknowledged, the first cause first.
+    pub alarms: Vec<Entry>,
     /// What ended the last jog, if something was in its way.
     pub obstruction: Option<Message>,
     /// The last entries of the journal, the newest last.
@@ -229,21 +233,26 @@ pub struct ShownProgram {
 /// The clients' side.
 #[derive(Debug)]
 pub struct OrderClient {
-    orders: SyncSender<(Ticket, Order)>,
+    orders: SyncSender<Given>,
     answers: Receiver<(Ticket, Result<Value, RpcError>)>,
     shown: Arc<Mutex<Shown>>,
     wake: Option<Arc<EventFd>>,
 }
 
+/// An order as it is given: its ticket, and the name of the client that gives it.
+type Given = (Ticket, Order, Option<String>);
+
 /// The operator's side.
 #[derive(Debug)]
 pub struct OrderInbox {
-    orders: Receiver<(Ticket, Order)>,
+    orders: Receiver<Given>,
     answers: Sender<(Ticket, Result<Value, RpcError>)>,
     shown: Arc<Mutex<Shown>>,
     latest: Shown,
     /// What has ended a wait.
-    first: Option<(Ticket, Order)>,
+    first: Option<Given>,
+    /// Who has given the order that was taken last.
+    by: Option<String>,
     /// Ends a wait of the clients' side; `None`: it looks now and then.
     wake: Option<Arc<EventFd>>,
 }
@@ -266,6 +275,7 @@ pub fn order_channel() -> (OrderClient, OrderInbox) {
         shown,
         latest: Shown::default(),
         first: None,
+        by: None,
         wake,
     };
     (client, inbox)
@@ -277,7 +287,15 @@ impl OrderClient {
     /// # Errors
     /// There is no room, or nobody at the inbox.
     pub fn put(&self, ticket: Ticket, order: Order) -> Result<(), &'static str> {
-        self.orders.try_send((ticket, order)).map_err(|error| match error {
+        self.put_by(ticket, order, None)
+    }
+
+    /// The same, of the client of this name.
+    ///
+    /// # Errors
+    /// As [`OrderClient::put`].
+    pub fn put_by(&self, ticket: Ticket, order: Order, by: Option<String>) -> Result<(), &'static str> {
+        self.orders.try_send((ticket, order, by)).map_err(|error| match error {
             TrySendError::Full(_) => "too many orders at once",
             TrySendError::Disconnected(_) => "the control is ending",
         })
@@ -286,7 +304,7 @@ impl OrderClient {
     /// Says that nobody waits for the answer to an order any more. False: there is no room, say it again.
     pub fn withdraw(&self, ticket: Ticket) -> bool {
         !matches!(
-            self.orders.try_send((ticket, Order::Withdraw)),
+            self.orders.try_send((ticket, Order::Withdraw, None)),
             Err(TrySendError::Full(_))
         )
     }
@@ -310,7 +328,14 @@ impl OrderClient {
 impl OrderInbox {
     /// The next order.
     pub fn take(&mut self) -> Option<(Ticket, Order)> {
-        self.first.take().or_else(|| self.orders.try_recv().ok())
+        let (ticket, order, by) = self.first.take().or_else(|| self.orders.try_recv().ok())?;
+        self.by = by;
+        Some((ticket, order))
+    }
+
+    /// The client that has given the order that was taken last, where that is known.
+    pub fn by(&self) -> Option<String> {
+        self.by.clone()
     }
 
     /// Waits for an order, this long at the most, and a little even where there is one: so many that they come all the time are
@@ -359,9 +384,12 @@ mod tests {
     fn orders_and_answers_keep_their_tickets() {
         let (client, mut inbox) = order_channel();
         client.put(7, Order::Hold).unwrap();
-        client.put(8, Order::Stop).unwrap();
-        assert_eq!(inbox.take(), Some((7, Order::Hold)));
-        assert_eq!(inbox.take(), Some((8, Order::Stop)));
+        client.put_by(8, Order::Stop, Some("panel".into())).unwrap();
+        assert_eq!((inbox.take(), inbox.by()), (Some((7, Order::Hold)), None));
+        assert_eq!(
+            (inbox.take(), inbox.by()),
+            (Some((8, Order::Stop)), Some("panel".into()))
+        );
         assert_eq!((inbox.take(), client.answer()), (None, None));
         inbox.answer(8, Ok(Value::Null));
         assert_eq!(client.answer(), Some((8, Ok(Value::Null))));

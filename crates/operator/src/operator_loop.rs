@@ -206,7 +206,7 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
         // What it may still find wrong concerns nobody any more.
         if let Some(Ok(planned)) = self.planner.take().map(ScopedJoinHandle::join) {
             self.probed_time_s = planned.probed_time_s;
-            self.keep(planned.left);
+            self.keep(planned.left, &mut running.operator);
         }
         let outcome = running.operator.outcome().unwrap_or(Outcome::Faulted);
         self.settle(outcome);
@@ -332,9 +332,13 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
     }
 
     /// A program that is repeated measures something and leaves nothing behind.
-    fn keep(&mut self, left: gcode::Settings) {
+    fn keep(&mut self, left: gcode::Settings, operator: &mut Operator) {
         match self.session.task {
-            Task::Once(..) | Task::StandBy => self.keeper.hand_in(left),
+            Task::Once(..) | Task::StandBy => {
+                for what in self.keeper.hand_in(left) {
+                    operator.add_entry(what);
+                }
+            }
             Task::Repeat(_) => {}
         }
     }
@@ -452,7 +456,7 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
             })) => {
                 self.modes_left = Some(modes);
                 self.probed_time_s = probed_time_s;
-                self.keep(left);
+                self.keep(left, &mut running.operator);
                 if let Some(error) = error {
                     let name = self.program_name().unwrap_or_default();
                     running.operator.fail(now_ns, error.located(name));

@@ -8,10 +8,12 @@
 
 use crate::console::Operator;
 use crate::memory::Memory;
+use crate::remembered;
 use gcode::ToolChanger;
 use host::capabilities;
 use machine::safe_file::Disk;
 use machine::tables::{self, Tables, lock};
+use protocol::Message;
 use std::sync::Mutex;
 use std::thread::{Scope, ScopedJoinHandle};
 
@@ -63,10 +65,14 @@ impl<'scope, 'env> Keeper<'scope, 'env> {
     }
 
     /// Takes what a program left behind; the next one finds it.
-    pub(super) fn hand_in(&mut self, left: gcode::Settings) {
+    ///
+    /// What is otherwise than before, for the journal.
+    pub(super) fn hand_in(&mut self, left: gcode::Settings) -> Vec<Message> {
         let mut tables = lock(self.tables);
+        let before = tables.clone();
         tables.adopt(left);
         self.handed_in += u64::from(tables.has_files());
+        remembered::changes(&before, &tables)
     }
 
     /// What was handed in last is of a program that was given up: the work system in force is the one before it, for the program was

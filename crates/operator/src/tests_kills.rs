@@ -81,10 +81,12 @@ fn the_process_that_is_killed() {
                 number: 5,
                 length: Some(number as f64),
                 diameter: None,
+                pocket: None,
+                remark: None,
             };
             for change in [offset, tool] {
                 let left = changed(config, &lock(tables), Position::ZERO, None, &change);
-                keeper.hand_in(left.unwrap());
+                let _ = keeper.hand_in(left.unwrap());
             }
             keeper.memory.add_mdi(&text(number));
             let (count, target) = (number, None);

@@ -2,6 +2,18 @@
 import { build } from "esbuild";
 import { cpSync, mkdirSync, readFileSync, readdirSync, rmSync, writeFileSync } from "node:fs";
 
+/** Rows of a table of the docs: its cells. */
+const docs = (name) => readFileSync(new URL(`../../../docs/${name}.md`, import.meta.url), "utf8");
+const rows = (text) => text.split("\n").filter((line) => line.startsWith("| ")).map((line) => line.slice(2, -2).split(" | "));
+// What docs/faults.md says of each code of docs/alarms.md.
+const explained = new Map(rows(docs("faults").split("\n## Faults\n")[1]).map(([fault, what, , remedy]) => [fault, { what, remedy }]));
+const plain = (text) => text.replace(/\[([^\]]*)\]\([^)]*\)/g, "$1");
+const faults = Object.fromEntries(
+  rows(docs("alarms"))
+    .filter(([, , , fault]) => explained.has(fault))
+    .map(([code, , , fault]) => [code, { what: plain(explained.get(fault).what), remedy: plain(explained.get(fault).remedy) }]),
+);
+
 const out = process.argv[2] ?? "../dist";
 rmSync(out, { recursive: true, force: true });
 mkdirSync(out, { recursive: true });
@@ -17,6 +29,7 @@ await build({
   minify: true,
   legalComments: "none",
   chunkNames: "[name]-[hash]",
+  define: { FAULTS: JSON.stringify(faults) },
   external: ["*.svg"],
 });
 cpSync("src/index.html", `${out}/index.html`);

@@ -23,12 +23,16 @@ pub enum Change {
     Offset { axis: Axis, value: f64, system: Option<u8> },
     /// Rotation of a work system (1: G54; `None`: the one in force) about Z of its origin, degrees.
     Rotation { degrees: f64, system: Option<u8> },
-    /// Measures of a tool; those that are `None` stay. One that the table does not have is added.
+    /// What the table has of a tool; what is `None` stays. One that the table does not have is added.
     Tool {
         number: u32,
         length: Option<f64>,
         diameter: Option<f64>,
+        pocket: Option<u32>,
+        remark: Option<String>,
     },
+    /// Takes a tool out of the table.
+    DeleteTool { number: u32 },
 }
 
 impl Change {
@@ -38,7 +42,7 @@ impl Change {
             Change::TouchOffWork { axis, .. } | Change::TouchOffTool { axis, .. } | Change::Offset { axis, .. } => {
                 Some(*axis)
             }
-            Change::Rotation { .. } | Change::Tool { .. } => None,
+            Change::Rotation { .. } | Change::Tool { .. } | Change::DeleteTool { .. } => None,
         }
     }
 
@@ -46,7 +50,10 @@ impl Change {
     pub fn tool(&self) -> Option<u32> {
         match self {
             Change::TouchOffTool { tool, .. } | Change::Tool { number: tool, .. } => Some(*tool),
-            Change::TouchOffWork { .. } | Change::Offset { .. } | Change::Rotation { .. } => None,
+            Change::TouchOffWork { .. }
+            | Change::Offset { .. }
+            | Change::Rotation { .. }
+            | Change::DeleteTool { .. } => None,
         }
     }
 }
@@ -62,17 +69,22 @@ pub fn changed(
     modes: Option<&Modes>,
     change: &Change,
 ) -> Result<Settings, String> {
-    let settings = settings_with(config, tables, at);
+    let mut settings = settings_with(config, tables, at);
     let line = match *change {
         Change::TouchOffWork { axis, value, system } => set("L20", u32::from(system.unwrap_or(0)), axis, value),
         Change::Offset { axis, value, system } => set("L2", u32::from(system.unwrap_or(0)), axis, value),
         Change::Rotation { degrees, system } => format!("G10 L2 P{} R{degrees}", system.unwrap_or(0)),
         Change::TouchOffTool { axis, value, tool } => set("L10", tool, axis, value),
-        Change::Tool {
-            number,
-            length,
-            diameter,
-        } => return with_tool(settings, config.unit, number, length, diameter),
+        Change::Tool { .. } => return with_tool(settings, config.unit, change),
+        Change::DeleteTool { number } if number == tables.tool_in_spindle() => {
+            return Err(format!("tool {number} is in the spindle"));
+        }
+        Change::DeleteTool { number } => {
+            return match settings.tools.remove(number) {
+                true => Ok(settings),
+                false => Err(format!("the tool table has no tool {number}")),
+            };
+        }
     };
     let unit = match config.unit {
         LengthUnit::Millimetre => "G21",
@@ -93,13 +105,17 @@ fn set(how: &str, what: u32, axis: Axis, value: f64) -> String {
     format!("G10 {how} P{what} {}{value}", axis.letter())
 }
 
-fn with_tool(
-    mut settings: Settings,
-    unit: LengthUnit,
-    number: u32,
-    length: Option<f64>,
-    diameter: Option<f64>,
-) -> Result<Settings, String> {
+fn with_tool(mut settings: Settings, unit: LengthUnit, change: &Change) -> Result<Settings, String> {
+    let Change::Tool {
+        number,
+        length,
+        diameter,
+        pocket,
+        ref remark,
+    } = *change
+    else {
+        return Ok(settings);
+    };
     let known = settings.tools.by_number(number).cloned();
     if number == 0 && known.is_none() {
         return Err("tool 0 stands for none: numbers of tools begin at 1".into());
@@ -114,6 +130,12 @@ fn with_tool(
     }
     if let Some(diameter) = diameter {
         tool.diameter_mm = diameter * unit.mm();
+    }
+    if let Some(pocket) = pocket {
+        tool.pocket = pocket;
+    }
+    if let Some(remark) = remark {
+        tool.remark.clone_from(remark);
     }
     settings.tools.set(tool).map_err(|error| error.to_string())?;
     Ok(settings)
@@ -178,14 +200,20 @@ mod tests {
             number: 5,
             length: Some(12.3),
             diameter: Some(6.0),
+            pocket: Some(7),
+            remark: Some("end mill\n2 flutes".into()),
         };
         let found = changed(&config, &tables, at, None, &set).unwrap();
         assert_eq!(length(&found, 5), 12.3);
-        assert_eq!(found.tools.by_number(5).unwrap().diameter_mm, 6.0);
+        let tool = found.tools.by_number(5).unwrap();
+        assert_eq!((tool.diameter_mm, tool.pocket), (6.0, 7));
+        assert_eq!(tool.remark, "end mill 2 flutes", "the table has one line for it");
         let none = Change::Tool {
             number: 0,
             length: Some(1.0),
             diameter: None,
+            pocket: None,
+            remark: None,
         };
         let refused = changed(&config, &tables, at, None, &none).unwrap_err();
         assert_eq!(refused, "tool 0 stands for none: numbers of tools begin at 1");
@@ -204,5 +232,18 @@ mod tests {
             6.0,
             "what was not named stays"
         );
+    }
+
+    #[test]
+    fn a_tool_is_taken_out_of_the_table_unless_it_is_in_the_spindle() {
+        let (config, mut tables) = demo();
+        let delete =
+            |tables: &Tables, number| changed(&config, tables, Position::ZERO, None, &Change::DeleteTool { number });
+        let found = delete(&tables, 5).unwrap();
+        assert!(found.tools.by_number(5).is_none() && found.tools.by_number(4).is_some());
+        tables.adopt(found);
+        assert_eq!(delete(&tables, 5).unwrap_err(), "the tool table has no tool 5");
+        tables.set_tool_in_spindle(4);
+        assert_eq!(delete(&tables, 4).unwrap_err(), "tool 4 is in the spindle");
     }
 }

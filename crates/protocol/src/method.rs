@@ -76,6 +76,7 @@ methods! {
     OffsetSet "offset.set" (OffsetSet) -> answers::Kept;
     ToolList "tool.list" (NoParams) -> answers::Tools;
     ToolSet "tool.set" (ToolSet) -> answers::Kept;
+    ToolDelete "tool.delete" (ToolDelete) -> answers::Kept;
     ToolChanged "tool.changed" (NoParams) -> answers::Nothing;
     Jog "jog" (Jog) -> answers::JogOutlook;
     JogKeep "jog.keep" (Jogging) -> answers::JogOutlook;

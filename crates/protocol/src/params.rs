@@ -323,7 +323,7 @@ params! {
         pub rotation_degrees: Option<f64>,
     }
 
-    /// What a tool measures.
+    /// What a tool measures, and what is kept of it.
     ToolSet {
         /// Its number.
         pub tool: u32,
@@ -331,6 +331,16 @@ params! {
         pub length: Option<f64>,
         /// In the unit of the machine.
         pub diameter: Option<f64>,
+        /// Its place in the magazine.
+        pub pocket: Option<u32>,
+        /// What is written next to it in the table.
+        pub remark: Option<String>,
+    }
+
+    /// A tool of the table.
+    ToolDelete {
+        /// Its number.
+        pub tool: u32,
     }
 
     /// A motion by hand, of an axis or of a joint.

@@ -279,6 +279,7 @@ pub fn tool(args: &ToolArgs) -> anyhow::Result<ExitCode> {
                 tool: *tool,
                 length: *length,
                 diameter: *diameter,
+                ..Default::default()
             };
             let kept = ask::<method::ToolSet>(&args.control, &wanted)?;
             warn(&args.control, kept.warning.as_deref());

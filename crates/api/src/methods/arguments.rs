@@ -321,16 +321,30 @@ pub(super) fn offset(params: &Params) -> Result<Change, RpcError> {
 /// What "tool.set" is to do.
 pub(super) fn tool(params: &Params) -> Result<Change, RpcError> {
     let (length, diameter) = (params.real("length")?, params.real("diameter")?);
-    if length.is_none() && diameter.is_none() {
+    let pocket = match params.has("pocket") {
+        true => Some(params.number("pocket", 0, u64::from(u32::MAX))? as u32),
+        false => None,
+    };
+    let remark = params.text("remark")?.map(str::to_owned);
+    if length.is_none() && diameter.is_none() && pocket.is_none() && remark.is_none() {
         return Err(RpcError::new(
             code::INVALID_PARAMS,
-            "expected \"length\" or \"diameter\", or both",
+            "expected \"length\", \"diameter\", \"pocket\" or \"remark\"",
         ));
     }
     Ok(Change::Tool {
         number: tool_number(params)?,
         length,
         diameter,
+        pocket,
+        remark,
+    })
+}
+
+/// The tool of "tool.delete".
+pub(super) fn deleted_tool(params: &Params) -> Result<Change, RpcError> {
+    Ok(Change::DeleteTool {
+        number: tool_number(params)?,
     })
 }
 

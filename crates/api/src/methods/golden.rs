@@ -239,6 +239,11 @@ impl Rig {
             tool: 7,
             alarm: Some(message!("node.lost", "{node} lost", node = "x-drive")),
             obstruction: Some("jog ended".into()),
+            alarms: messages
+                .iter()
+                .filter(|entry| entry.kind == Kind::Alarm)
+                .cloned()
+                .collect(),
             messages,
             parts: Parts {
                 count: 3,
@@ -294,6 +299,8 @@ fn answers_are_the_same_to_the_octet() {
     }
     orders(&mut rig);
     rig.ask("override", json!({ "feed": 80, "rapid": 25.5, "spindle": 110 }));
+    // For the journal, as behind the others.
+    assert!(matches!(rig.inbox.take(), Some((0, Order::Turned))));
     upload(&mut rig);
     rig.ask("program.text", json!({ "from_line": 2, "lines": 2 }));
     rig.ask("program.text", none());
@@ -310,6 +317,7 @@ fn answers_are_the_same_to_the_octet() {
     rig.show_idle();
     let changed = format!("{DEMO}\n# changed\n");
     rig.ask("machine.write", json!({ "text": changed, "sha256": sum(DEMO) }));
+    assert!(rig.inbox.take().is_some());
     rig.ask(
         "machine.write",
         json!({ "text": "cycle_ms = 1\n", "sha256": sum(DEMO) }),

@@ -144,6 +144,6 @@ impl Methods {
         let name = self.logic.names()[task].to_owned();
         let _ = self
             .operator
-            .put(0, Order::Note(format!("warning: logic {name}: {what}")));
+            .put(0, Order::Note(format!("warning: logic {name}: {what}").into()));
     }
 }

@@ -3,15 +3,17 @@
 //! In:  texts of whoever may change what the machine is. Out: what is wrong with them, each with its place; a file that takes effect
 //! at the next start, with the one before beside it.
 
-use super::{Call, Methods, value};
+use super::{Call, Methods, value, who};
 use crate::errands::Errand;
+use crate::orders::Order;
 use crate::rpc::{RpcError, code, to_hex};
+use crate::server::Ticket;
 use files::read::TEXT_MAX;
 use machine::state::State;
-use protocol::{Activity, Doctor, Errors, FileError, FileWritten, MachineFile, OrdersTaken, Power, Times};
+use protocol::{Activity, Doctor, Errors, FileError, FileWritten, MachineFile, OrdersTaken, Power, Times, message};
 use rt::times::Histogram;
 use serde::Serialize;
-use serde_json::json;
+use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -159,7 +161,7 @@ impl Methods {
     }
 
     /// Puts a text in its place, for the next start.
-    pub(super) fn write_machine_file(&self, call: &Call<'_>) -> Result<Errand, RpcError> {
+    pub(super) fn write_machine_file(&mut self, call: &Call<'_>) -> Result<Errand, RpcError> {
         let text = text(call)?;
         let sum = to_hex(&call.params.octets("sha256", 32)?);
         let state = self.live.snapshot().state;
@@ -173,7 +175,27 @@ impl Methods {
             );
             return Err(refused(what));
         }
-        self.errand(move |path| write(&path, &text, &sum))
+        let errand = self.errand(move |path| write(&path, &text, &sum))?;
+        self.writing.push((call.ticket, who(call.caller).name));
+        Ok(errand)
+    }
+
+    /// The answer to an errand: where that has replaced the machine file, the journal has it.
+    pub(super) fn note_machine_file(&mut self, ticket: Ticket, answer: &Result<Value, RpcError>) {
+        let Some(at) = self.writing.iter().position(|(of, _)| *of == ticket) else {
+            return;
+        };
+        let (_, by) = self.writing.swap_remove(at);
+        if let Ok(written) = answer {
+            let before = written["before"].as_str().unwrap_or_default();
+            let what = message!(
+                "machine.file_written",
+                "the machine file was replaced for the next start; the one before is {before}",
+                before = before
+            );
+            // Nobody waits for its answer.
+            let _ = self.operator.put_by(0, Order::Note(what), Some(by));
+        }
     }
 
     pub(super) fn doctor(&self) -> Result<Errand, RpcError> {

@@ -7,6 +7,7 @@
 
 mod arguments;
 mod described;
+mod held;
 mod logic;
 mod machine;
 mod pin_values;
@@ -128,6 +129,12 @@ pub struct Methods {
     joints: usize,
     /// A client that had taken control and is lost holds the program.
     holds_on_lost_control: bool,
+    /// Who has held the program.
+    holder: held::Holder,
+    /// Machine files that are being written, and by whom.
+    writing: Vec<(Ticket, String)>,
+    /// What drives the pins that hold the feed.
+    feed_nets: held::FeedNets,
     /// Where the text of a program was last read.
     text_place: Place,
     /// Folder of programs.
@@ -169,6 +176,9 @@ impl Methods {
             joint_of: Vec::new(),
             joints: 0,
             holds_on_lost_control: false,
+            holder: held::Holder::default(),
+            writing: Vec::new(),
+            feed_nets: held::FeedNets::default(),
             text_place: Place::default(),
             programs: None,
             pins: Box::new(|_| None),
@@ -206,6 +216,7 @@ impl Methods {
             joints: config.joints.len(),
             holds_on_lost_control: (config.panel.as_ref())
                 .is_some_and(|panel| panel.on_lost_control == OnLostControl::Hold),
+            feed_nets: held::FeedNets::of(config),
             pins: Box::new(pins),
             external: config.external.iter().map(|of| of.name.clone()).collect(),
             time_of_day,
@@ -366,6 +377,7 @@ impl Methods {
             job: shown.job,
             program: shown.program.map(StatusProgram::from),
             mdi: shown.mdi,
+            held_by: self.held_by(&live),
             waiting: shown.waiting,
             codes: shown.codes,
             tool: shown.tool,
@@ -382,6 +394,7 @@ impl Methods {
                 upper: numbers(live.limits[1]),
             },
             alarm: shown.alarm,
+            alarms: shown.alarms,
             forced: self.forced(),
             obstruction: shown.obstruction,
             messages: shown.messages,
@@ -601,6 +614,8 @@ impl Methods {
         for (what, percent) in wanted {
             self.live.overrides.order(what, percent).map_err(invalid)?;
         }
+        // Nobody waits for its answer.
+        let _ = self.operator.put_by(0, Order::Turned, Some(who(call.caller).name));
         Ok(self.overrides())
     }
 
@@ -629,7 +644,17 @@ impl Methods {
     }
 
     fn order(&mut self, call: &Call<'_>, order: Order) -> Result<(), RpcError> {
-        let put = self.operator.put(call.ticket, order);
+        // What a hand says many times a second needs no name.
+        let is_kept = matches!(
+            order,
+            Order::Jog(Jog {
+                motion: JogMotion::Keep | JogMotion::Release,
+                ..
+            })
+        );
+        let who = (!is_kept).then(|| who(call.caller));
+        self.holder.follow(&order, who.as_ref());
+        let put = self.operator.put_by(call.ticket, order, who.map(|who| who.name));
         put.map_err(|what| RpcError::new(code::REFUSED, what))
     }
 
@@ -726,7 +751,7 @@ impl Methods {
             value: Some(fault.order.octets().to_vec()),
         })?;
         // Nobody waits for its answer.
-        let _ = self.operator.put(0, Order::Note(fault.to_string()));
+        let _ = self.operator.put(0, Order::Note(fault.to_string().into()));
         self.faults.push((call.ticket, fault));
         Ok(())
     }
@@ -743,8 +768,12 @@ impl Methods {
         if let Some(replaced) = self.logic.replaced() {
             return Some(self.logic_replaced(replaced));
         }
-        if let Some(part) = self.paths.later().or_else(|| self.errands.later()) {
+        if let Some(part) = self.paths.later() {
             return Some(part);
+        }
+        if let Some((ticket, answer)) = self.errands.later() {
+            self.note_machine_file(ticket, &answer);
+            return Some((ticket, answer));
         }
         let reply = self.bus.reply()?;
         let read = self.reading.iter().position(|ticket| *ticket == reply.ticket);
@@ -855,6 +884,8 @@ impl Serve for Methods {
         if self.holds_on_lost_control && self.control.is_taken_by(client) {
             // Of no effect where nothing runs.
             let _ = self.operator.put(0, Order::Hold);
+            let now_ns = (self.now_ns)();
+            self.holder.lose(self.control.shown(now_ns).map(|control| control.name));
         }
         if self.control.release(client, (self.now_ns)()) {
             let motion = JogMotion::Release;

@@ -1,11 +1,11 @@
 //! Pins by name: what they are, and values for those that nothing drives.
 
-use super::{Call, Methods, done, pin};
+use super::{Call, Methods, done, pin, value_json, who};
 use crate::orders::Order;
 use crate::rpc::{RpcError, code};
 use hal_pins::AnyValue;
 use protocol::limits::VALUES_MAX;
-use protocol::{Nothing, Pin, Pins};
+use protocol::{Nothing, Pin, Pins, message};
 
 fn refused(error: impl ToString) -> RpcError {
     RpcError::new(code::REFUSED, error.to_string())
@@ -38,9 +38,13 @@ impl Methods {
         let kind = pins.get(name).map_err(refused)?.value_type();
         let value = AnyValue::parse(kind, text)
             .map_err(|error| RpcError::new(code::INVALID_PARAMS, format!("{name}: {error}")))?;
+        let before = pins.get(name).map_err(refused)?.value;
         pins.set(name, value).map_err(refused)?;
+        let mut what = message!("pin.set", "pin {pin} set to {to}", pin = name, to = text);
+        what.params
+            .insert("from".to_owned(), value_json(before).to_string().into());
         // Nobody waits for its answer.
-        let _ = self.operator.put(0, Order::Note(format!("pin {name} set to {text}")));
+        let _ = self.operator.put_by(0, Order::Note(what), Some(who(call.caller).name));
         done()
     }
 }

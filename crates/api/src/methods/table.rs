@@ -364,7 +364,7 @@ pub static METHODS: LazyLock<Vec<Method>> = LazyLock::new(|| {
              force), or once the length of a \"tool\" is in force",
         )
             .order(|_, call| arguments::touch_off(call.params).map(Order::Change)),
-        look::<method::OffsetList>("origins and rotations of G54 to G59.3, and G92")
+        look::<method::OffsetList>("origins and rotations of G54 to G59.3, G92, and where G28 and G30 go")
             .order(|_, _| Ok(Order::Offsets)),
         order::<method::OffsetSet>(
             "puts the origin of a work \"system\" (else the one in force) on an \"axis\" to this \"value\", machine coordinates; or \
@@ -374,10 +374,12 @@ pub static METHODS: LazyLock<Vec<Method>> = LazyLock::new(|| {
         look::<method::ToolList>("the tool table, and the tool in the spindle")
             .order(|_, _| Ok(Order::Tools)),
         order::<method::ToolSet>(
-            "\"length\" or \"diameter\" of a \"tool\", or both, in the unit of the machine; one that the table lacks is added. A length \
-             whose G43 is in force counts at once",
+            "\"length\", \"diameter\" (in the unit of the machine), \"pocket\" and \"remark\" of a \"tool\", one or several of them; a tool \
+             that the table lacks is added. A length whose G43 is in force counts at once",
         )
             .order(|_, call| arguments::tool(call.params).map(Order::Change)),
+        order::<method::ToolDelete>("takes a \"tool\" out of the table; refused for the one in the spindle")
+            .order(|_, call| arguments::deleted_tool(call.params).map(Order::Change)),
         order::<method::ToolChanged>("the tool that the program waits for is in the spindle")
             .order(|_, _| Ok(Order::ToolChanged)),
         order::<method::Jog>(

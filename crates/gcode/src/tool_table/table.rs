@@ -107,6 +107,11 @@ impl ToolTable {
         }
     }
 
+    /// Unit of its file.
+    pub fn unit(&self) -> LengthUnit {
+        self.unit
+    }
+
     /// What the pockets mean.
     pub fn changer(&self) -> ToolChanger {
         self.changer
@@ -159,6 +164,14 @@ impl ToolTable {
         }
         self.lines.push(Line::Tool { tool, text: None });
         Ok(())
+    }
+
+    /// Takes a tool out of the table, with its line; false: it has none of this number.
+    pub fn remove(&mut self, number: u32) -> bool {
+        let before = self.lines.len();
+        self.lines
+            .retain(|line| !matches!(line, Line::Tool { tool, .. } if tool.number == number));
+        self.lines.len() < before
     }
 
     /// Tools are in the pockets in which another table has them; those that it does not have stay where they are.

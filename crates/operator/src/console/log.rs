@@ -32,6 +32,8 @@ pub struct Log {
     /// Who writes entries to the disk, and how far that is.
     keeper: Option<(mpsc::Sender<Entry>, Arc<Kept>)>,
     bursts: Bursts,
+    /// The client whose order is being carried out.
+    by: Option<String>,
 }
 
 impl Log {
@@ -48,6 +50,22 @@ impl Log {
     /// Entries have the time of day from this clock, s since 1970.
     pub fn set_time_of_day(&mut self, clock: fn() -> f64) {
         self.time_of_day = Some(clock);
+    }
+
+    /// Entries from now on come of an order of this client; `None`: of no order.
+    pub(crate) fn set_by(&mut self, by: Option<String>) {
+        self.by = by;
+    }
+
+    /// The client whose order is being carried out.
+    pub(crate) fn by(&self) -> Option<String> {
+        self.by.clone()
+    }
+
+    /// The entry of this number, while it is kept.
+    pub(super) fn entry(&self, seq: u64) -> Option<&Entry> {
+        let at = self.entries.binary_search_by_key(&seq, |entry| entry.seq).ok()?;
+        self.entries.get(at)
     }
 
     /// Everything noted so far, or the latest of it.
@@ -115,6 +133,7 @@ impl Log {
             unix_s: self.unix_s(),
             time_s,
             kind: kind(&message.text),
+            by: self.by.clone(),
             alarm: more.alarm,
             program: more.program,
             acknowledges: more.acknowledges,

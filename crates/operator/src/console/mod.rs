@@ -11,6 +11,7 @@ mod names;
 mod notices;
 
 pub use log::Log;
+pub(crate) use notices::changed;
 
 use super::recorder::Recorder;
 use bus::{BusEvent, BusState};
@@ -21,7 +22,7 @@ use machine::journal::{AlarmRecord, Entry, Kind, ProgramRecord};
 use machine::modules::Modules;
 use machine::sequence::{Job, Outcome, Sequence, Step};
 use machine::state::State;
-use motion::canon::Position;
+use motion::canon::{Axis, Position};
 use motion::element::Action;
 use motion::rt::Interpolator;
 use motion::rt::jog::{Obstacle, Obstruction};
@@ -189,6 +190,12 @@ pub struct Operator {
     needs_restart: bool,
     /// Overrides at the last look, and those of the journal, percent.
     overrides: [[f64; 2]; 3],
+    /// The client that has turned them since.
+    turned_by: Option<String>,
+    /// Axes of the machine, where it has rested last, and who jogs it away from there.
+    axes: Vec<Axis>,
+    rested_at: Position,
+    jogged_by: Option<String>,
     /// What ended the last jog.
     obstruction: Option<Message>,
     tool_changes: ToolChanges,
@@ -223,6 +230,10 @@ impl Operator {
             lateness: Lateness::default(),
             needs_restart: false,
             overrides: [[100.0; 2]; 3],
+            turned_by: None,
+            axes: config.axes.iter().map(|map| map.axis).collect(),
+            rested_at: Position::ZERO,
+            jogged_by: None,
             obstruction: None,
             tool_changes: ToolChanges::default(),
             messages: None,
@@ -429,6 +440,10 @@ impl Operator {
     pub fn poll(&mut self, now_ns: u64) -> Option<Position> {
         while let Ok(notice) = self.endpoints.notices.pop() {
             self.apply_notice(notice);
+        }
+        let live = self.live();
+        if live.state == State::Ready && self.state == State::Ready {
+            self.rested_at = live.position;
         }
         while let Ok(record) = self.endpoints.trace.pop() {
             if self.records {
@@ -660,6 +675,21 @@ impl Operator {
     /// Name of a joint, for messages.
     pub fn joint_name(&self, joint: usize) -> &Message {
         &self.names.joints[joint]
+    }
+
+    /// Entries of alarms that nobody has acknowledged, the first cause first.
+    pub fn unacknowledged(&self) -> impl Iterator<Item = &Entry> {
+        self.alarms.unacknowledged.iter().filter_map(|seq| self.log.entry(*seq))
+    }
+
+    /// Overrides have been turned by this client.
+    pub(super) fn turned(&mut self, by: Option<String>) {
+        self.turned_by = by;
+    }
+
+    /// A jog of this client begins.
+    pub(super) fn jogged(&mut self, by: Option<String>) {
+        self.jogged_by = by;
     }
 
     /// What ended the last jog, if something was in its way.

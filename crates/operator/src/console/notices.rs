@@ -25,6 +25,9 @@ impl Operator {
                 }
                 self.log
                     .note(time_s, message!("machine.state", "machine {state}", state = state.message()));
+                if before == State::Jogging && state == State::Ready {
+                    self.note_jog(time_s);
+                }
             }
             Notice::Bus(event) => self.take_bus(time_s, event),
             Notice::Fault {
@@ -308,15 +311,45 @@ impl Operator {
             let now = self.endpoints.live.overrides.percent(what);
             let [last, noted] = &mut self.overrides[what as usize];
             let rests = now == std::mem::replace(last, now);
+            let from = *noted;
             if rests && now != std::mem::replace(noted, now) {
-                self.add_entry(match what {
+                let mut turned = match what {
                     Overridden::Feed => message!("override.feed", "feed override {percent} %", percent = now),
                     Overridden::Rapid => message!("override.rapid", "rapid override {percent} %", percent = now),
                     Overridden::Spindle => message!("override.spindle", "spindle override {percent} %", percent = now),
-                });
+                };
+                turned.params.insert("from".to_owned(), from.into());
+                self.log.set_by(self.turned_by.clone());
+                self.add_entry(turned);
+                self.log.set_by(None);
             }
         }
     }
+
+    /// Notes where a jog has led, unless that is next to where it began.
+    fn note_jog(&mut self, time_s: f64) {
+        let to = self.live().position;
+        let from = std::mem::replace(&mut self.rested_at, to);
+        self.log.set_by(self.jogged_by.take());
+        for axis in self
+            .axes
+            .iter()
+            .filter(|axis| (to[**axis] - from[**axis]).abs() >= JOG_TOLD)
+        {
+            let what = message!("changed.jog", "jog {axis}", axis = axis.letter().to_string());
+            self.log.note(time_s, changed(what, from[*axis], to[*axis]));
+        }
+        self.log.set_by(None);
+    }
+}
+
+/// Jogs from this length on are told, mm or degrees.
+const JOG_TOLD: f64 = 1.0;
+
+/// Something has another value than before; as many digits as matter at a machine.
+pub(crate) fn changed(what: Message, from: f64, to: f64) -> Message {
+    let [from, to] = [from, to].map(|value| (value * 1e4).round() / 1e4 + 0.0);
+    message!("changed", "{what}: {from} -> {to}", what = what, from = from, to = to)
 }
 
 /// What a program tells the operator.

@@ -50,7 +50,7 @@ impl Clients<'_, '_> {
                     revision: None,
                 },
             };
-            self.early.push_back((PIN_TICKET, order));
+            self.early.push_back((PIN_TICKET, order, None));
         }
         desk.show_mode(self.mode);
         let block_delete = lock(self.tables).block_delete;

@@ -11,6 +11,7 @@ pub(super) fn wish(order: &Order) -> Option<Wish> {
         | Order::Tools
         | Order::Journal(_)
         | Order::Note(_)
+        | Order::Turned
         | Order::TakenOver(_)
         | Order::MdiHistory
         | Order::Report(_)
@@ -24,7 +25,9 @@ pub(super) fn wish(order: &Order) -> Option<Wish> {
         Order::Start { .. } => Wish::Start,
         Order::Run(_) => Wish::Run,
         Order::Mdi(_) | Order::Lines { .. } => Wish::Mdi,
-        Order::Change(Change::Offset { .. } | Change::Rotation { .. } | Change::Tool { .. }) => Wish::Set,
+        Order::Change(
+            Change::Offset { .. } | Change::Rotation { .. } | Change::Tool { .. } | Change::DeleteTool { .. },
+        ) => Wish::Set,
         Order::Change(_) => Wish::TouchOff,
         Order::Jog(_) => Wish::Jog,
         Order::Spindle(_) | Order::Coolant { .. } => Wish::ByHand,

@@ -5,8 +5,8 @@ import { getStore } from "./store";
 
 /** 0: for as long as it is held. */
 export const STEPS_MM = [0, 10, 1, 0.1, 0.01];
-/** Share of the speed of an axis. */
-export const SPEEDS_PERCENT = [1, 5, 25, 100];
+/** Speeds that need not be typed, mm/min or degrees/min. */
+export const SPEEDS_MM_MIN = [30, 150, 750, 3000];
 
 /** Where the machine does not say how fast it may be, mm/s. */
 const SPEED_UNKNOWN_MM_S = 50;
@@ -15,12 +15,16 @@ const SPEED_MAX_MM_S = 50;
 
 export const jogSettings = {
   step_mm: 0,
-  percent: 25,
+  /** mm/min or degrees/min. */
+  mm_min: 750,
+  /** The most that an axis is moved with by hand, mm/s or degrees/s. */
+  most(axis: string): number {
+    const described = machine.get()?.axes.find((one) => one.axis === axis);
+    return Math.min(SPEED_MAX_MM_S, described?.velocity_per_s ?? SPEED_UNKNOWN_MM_S);
+  },
   /** mm/s or degrees/s. */
   speed(axis: string, fast: boolean): number {
-    const described = machine.get()?.axes.find((one) => one.axis === axis);
-    const most = Math.min(SPEED_MAX_MM_S, described?.velocity_per_s ?? SPEED_UNKNOWN_MM_S);
-    return (most * (fast ? 100 : this.percent)) / 100;
+    return fast ? this.most(axis) : Math.min(this.most(axis), this.mm_min / 60);
   },
   /** Axes need their joints homed; before that a joint is moved by its number. */
   what(axis: string): What {

@@ -59,8 +59,12 @@ export function step(what: What, distance_mm: number, velocity_mm_s: number): vo
   ask("jog", { ...what, velocity_mm_s, distance_mm }).catch(tellRefused);
   // A step is short, or is renewed for as long as it takes: until it is done, or a button is released elsewhere.
   const until = performance.now() + (1000 * Math.abs(distance_mm)) / Math.max(0.01, velocity_mm_s) + 1500;
+  // What is told of the machine may be of before it began.
+  let begun = false;
   const renew = window.setInterval(() => {
-    if (performance.now() > until || getStore().status?.activity === "idle" || document.visibilityState !== "visible") clearInterval(renew);
+    const activity = getStore().status?.activity;
+    begun ||= activity === "jogging";
+    if (performance.now() > until || (begun && activity === "idle") || document.visibilityState !== "visible") clearInterval(renew);
     else connection.call("jog.keep", { ...what }).catch(() => clearInterval(renew));
   }, KEEP_MS);
 }

@@ -8,6 +8,7 @@ import { Operate } from "./pages/operate";
 import { Programs } from "./pages/programs";
 import { Setup } from "./pages/setup";
 import { Signals } from "./pages/signals";
+import { Prompt } from "./prompt";
 import { PAGES, type Page, usePage } from "./route";
 import { Actions, Banners, chosenTheme, StateBar, Toasts, TokenDialogue, ToolDialogue } from "./shell";
 import { connect, useStore } from "./store";
@@ -43,10 +44,13 @@ function App() {
         <Banners />
         {known ? <View /> : <p class="muted">{t("connecting")}</p>}
       </main>
-      <Actions />
+      <div class="foot">
+        <Prompt />
+        <Actions />
+        <Toasts />
+      </div>
       <ToolDialogue />
       <TokenDialogue />
-      <Toasts />
     </div>
   );
 }

@@ -2,9 +2,18 @@
 import { ALWAYS, type Store, order } from "./store";
 import type { Next, Power, Status } from "./types";
 
+/** What a panel that may only watch orders all the same. Overrides: slower ones. */
+const OPEN: ReadonlySet<string> = new Set(["stop", "hold", "estop", "override"]);
+
+/** Whether this panel may never order it, as it may only watch. */
+export function isBarred({ role }: Store, what: string): boolean {
+  return role === "watch" && !OPEN.has(what);
+}
+
 /** Whether it would not be sent, or refused by the control: the button is dim then. The control itself decides, and says why. */
-export function refuses({ status, connected, age }: Store, what: string): boolean {
-  if (!status || !connected) return true;
+export function refuses(store: Store, what: string): boolean {
+  const { status, connected, age } = store;
+  if (!status || !connected || isBarred(store, what)) return true;
   if (age > 0 && !ALWAYS.has(what)) return true;
   // It always does something: of an idle machine, it ends what a line of MDI has switched on.
   if (what === "stop") return false;
@@ -17,12 +26,18 @@ export function refuses({ status, connected, age }: Store, what: string): boolea
       return !on || activity !== "idle" || !program;
     case "hold":
       return !["running", "jogging", "returning"].includes(activity);
+    case "estop":
+      return isEstop(power);
+    case "reverse":
+      return activity !== "held";
     case "resume":
       return !["held", "away"].includes(activity) && waiting?.for !== "operator" && !status.single_block;
     case "skip":
       return !["operator", "dwell", "input"].includes(waiting?.for ?? "");
     case "reset":
-      return !isEstop(power) && power !== "alarm";
+    case "alarm.acknowledge":
+      // An alarm that has stopped no drive is acknowledged at rest.
+      return !isEstop(power) && power !== "alarm" && !(status.alarm && ["on", "off"].includes(power) && activity === "idle");
     case "jog":
       return !on || !["idle", "jogging", "held", "away"].includes(activity);
     case "home":

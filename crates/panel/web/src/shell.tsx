@@ -1,12 +1,13 @@
 /** What is around every page: state bar, alarm, orders at the foot, dialogues. */
 import { useEffect, useState } from "preact/hooks";
+import { Alarm } from "./alarms";
 import { inWords } from "./control-words";
-import { type Key, dateAndTime, fixed, language, setLanguage, t, timeOfDay, word } from "./i18n";
+import { type Key, fixed, language, setLanguage, t, word } from "./i18n";
 import { keys } from "./keys";
-import { isEstop, nextStep, refuses, reset } from "./orders";
+import { nextStep, refuses, reset } from "./orders";
 import { StartButton } from "./start";
 import { ask, clientName, connection, controlOf, dismiss, getStore, logIn, order, say, setStore, tellRefused, token, useStatus, useStore } from "./store";
-import type { Entry, Waiting } from "./types";
+import type { Status, Waiting } from "./types";
 import { Button, Dialog, Field, Form, Icon, type IconName } from "./ui";
 import { useEveryHalfSecond } from "./hooks";
 
@@ -36,6 +37,7 @@ export function StateBar() {
   const mode = useStatus((s) => s.mode);
   const waiting = useStatus((s) => s.waiting);
   const obstruction = useStatus((s) => s.obstruction);
+  const held = useStatus(heldBy);
   const [look, icon] = LOOKS[state] ?? ["off", "power"];
   return (
     <header class="bar">
@@ -53,7 +55,7 @@ export function StateBar() {
       </div>
       <NextStep />
       <div class="waiting" data-testid="waiting" aria-live="polite">
-        {waiting ? waitingFor(waiting, state) : obstruction && inWords(obstruction)}
+        {held || (waiting ? waitingFor(waiting, state) : obstruction && inWords(obstruction))}
       </div>
       <ForcedChip />
       <ControlChip />
@@ -62,6 +64,11 @@ export function StateBar() {
       <Display />
     </header>
   );
+}
+
+/** What holds the program or its feed; "" where nothing does, or it is not known. */
+export function heldBy({ held_by }: Status): string {
+  return held_by.map(inWords).join("; ");
 }
 
 /** In a word of the panel where there is one. */
@@ -252,47 +259,6 @@ export function Banners() {
   );
 }
 
-/** The first cause that still stands, what else is known of it, and its cure. */
-function Alarm() {
-  const alarm = useStatus((s) => s.alarm);
-  const power = useStatus((s) => s.power);
-  const step = useStatus((s) => nextStep(s));
-  const entry = useStatus((s) => [...s.messages].reverse().find((one) => one.kind === "alarm" && !one.alarm?.acknowledged)) ?? null;
-  const estop = isEstop(power);
-  return (
-    <div class={alarm || estop ? "alarm shown" : "alarm"} data-testid="alarm" role="alert" aria-live="assertive">
-      {(alarm || estop) && (
-        <>
-          <Icon name="warning" />
-          <div>
-            <b>
-              {entry?.alarm?.code && <code>{entry.alarm.code}</code>} {alarm ? inWords(alarm) : t("state-estop")}
-            </b>
-            {entry?.alarm && <small>{about(entry)}</small>}
-          </div>
-          {(power === "alarm" || step?.method === "alarm.acknowledge") && (
-            <Button id="acknowledge" kind="warn" icon="check" label={t("acknowledge")} orders="alarm.acknowledge" onClick={() => void order("alarm.acknowledge")} />
-          )}
-        </>
-      )}
-    </div>
-  );
-}
-
-export function about(entry: Entry): string {
-  const { alarm } = entry;
-  if (!alarm) return "";
-  const parts = [dateOrTime(entry.unix_s)];
-  if (alarm.line !== null && alarm.program !== null) parts.push(t("alarm-at", { line: alarm.line, program: alarm.program }));
-  parts.push(t("alarm-reaction", { reaction: word("reaction", alarm.reaction) }));
-  if (alarm.acknowledged) parts.push(t("acknowledged-by", { by: alarm.acknowledged.by, time: timeOfDay(alarm.acknowledged.unix_s) }));
-  return parts.join(" · ");
-}
-
-function dateOrTime(unix_s: number): string {
-  return Date.now() / 1000 - unix_s < 12 * 3600 ? timeOfDay(unix_s) : dateAndTime(unix_s);
-}
-
 // ------------------------------------------------------------------------------------------------ orders
 
 export function Actions() {
@@ -301,6 +267,7 @@ export function Actions() {
   const on = power === "on" || power === "switching";
   return (
     <footer class="actions" role="group">
+      <Button id="estop" icon="estop" kind="tall estop" label={t("estop")} title={t("estop-explained")} orders="estop" onClick={() => void order("estop")} />
       <Button id="power" icon="power" kind={on ? "tall lit" : "tall"} pressed={on} label={t(on ? "power-off" : "power-on")} orders={on ? "off" : "on"} onClick={() => switchDrives(on)} />
       <Button id="reset" icon="reset" kind={nothing ? "tall" : "tall warn"} label={t("reset")} orders="reset" onClick={() => getStore().status && void reset(getStore().status!)} />
       <StartButton />
@@ -324,7 +291,7 @@ function switchDrives(on: boolean): void {
 /** Two taps in this time are one. */
 const DOUBLE_MS = 600;
 
-async function resume(): Promise<void> {
+export async function resume(): Promise<void> {
   const answer = await order("resume");
   if (answer?.returns?.length) say("note", t("returns", { way: answer.returns.map(inWords).join(" · ") }));
 }

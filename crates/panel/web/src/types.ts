@@ -137,6 +137,8 @@ export interface Entry {
   acknowledges?: [number[], Acknowledged];
   /** More of an alarm or a warning. */
   alarm?: AlarmRecord;
+  /** The client whose order it comes from. */
+  by?: string;
   /** What: its code, as of a message. */
   code: string;
   /** What kind of thing happened. */
@@ -433,6 +435,10 @@ export interface Octets {
 
 /** Origins and rotations of work systems, in machine coordinates. */
 export interface Offsets {
+  /** Where G28 goes, by letter, in machine coordinates. */
+  g28: Record<string, number>;
+  /** Where G30 goes, by letter, in machine coordinates. */
+  g30: Record<string, number>;
   /** G92, by letter. */
   g92: Record<string, number>;
   /** G92 is active. */
@@ -736,6 +742,8 @@ export interface Status {
   activity: Activity;
   /** Why the machine stopped by itself; stands until it is acknowledged or another program begins. */
   alarm: Message | null;
+  /** Entries of alarms that no one has acknowledged, the first cause first, up to eight. */
+  alarms: Entry[];
   /** Version of the methods. */
   api: string;
   /** Axes of the machine. */
@@ -768,6 +776,8 @@ export interface Status {
   forced: Forced[];
   /** Where the program is held from which a hand has moved the machine away, mm and degrees. */
   held_at_mm: number[] | null;
+  /** What holds a program or its feed: who has held it, a pin and its net, an override. */
+  held_by: Message[];
   /** Joints that know where they are. */
   homed: number[];
   /** How the last order that takes time ended; null: it has not. */
@@ -1013,7 +1023,8 @@ export interface Calls {
   "offset.list": { params: Record<string, never>; answer: Offsets };
   "offset.set": { params: { system?: "G54" | "G55" | "G56" | "G57" | "G58" | "G59" | "G59.1" | "G59.2" | "G59.3"; axis?: "X" | "Y" | "Z" | "A" | "B" | "C" | "U" | "V" | "W"; value?: number; rotation_degrees?: number; request_id?: string }; answer: Kept };
   "tool.list": { params: Record<string, never>; answer: Tools };
-  "tool.set": { params: { tool: number; length?: number; diameter?: number; request_id?: string }; answer: Kept };
+  "tool.set": { params: { tool: number; length?: number; diameter?: number; pocket?: number; remark?: string; request_id?: string }; answer: Kept };
+  "tool.delete": { params: { tool: number; request_id?: string }; answer: Kept };
   "tool.changed": { params: { request_id?: string }; answer: Nothing };
   "jog": { params: { axis?: "X" | "Y" | "Z" | "A" | "B" | "C" | "U" | "V" | "W"; joint?: number; velocity_mm_s: number; distance_mm?: number; request_id?: string }; answer: Jog };
   "jog.keep": { params: { axis?: "X" | "Y" | "Z" | "A" | "B" | "C" | "U" | "V" | "W"; joint?: number; request_id?: string }; answer: Jog };

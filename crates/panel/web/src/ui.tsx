@@ -2,7 +2,7 @@
 import type { ComponentChildren } from "preact";
 import { useLayoutEffect, useRef } from "preact/hooks";
 import { t } from "./i18n";
-import { refuses } from "./orders";
+import { isBarred, refuses } from "./orders";
 import { useStore } from "./store";
 
 // Outlines on a grid of 24.
@@ -32,6 +32,9 @@ const ICONS = {
   trash: "M5 7h14M10 7V4h4v3M7 7l1 13h8l1-13",
   eye: "M2 12c4-7 16-7 20 0-4 7-16 7-20 0zM12 9a3 3 0 1 0 0 6 3 3 0 0 0 0-6z",
   up: "M12 19V5M6 11l6-6 6 6",
+  estop: "M8.500 3h7l5.500 5.500v7l-5.500 5.500h-7L3 15.500v-7zM12 7.500v5.500M12 16v1",
+  tool: "M9 3h6v5h-6zM10 8h4v9l-2 4-2-4z",
+  message: "M4 5h16v11h-9l-5 4v-4H4z",
 } as const;
 
 export type IconName = keyof typeof ICONS;
@@ -67,6 +70,8 @@ type ButtonProps = {
 
 export function Button({ id, label, icon, kind = "", pressed, orders, dim, disabled, submit, title, onClick, children }: ButtonProps) {
   const refused = useStore((s) => orders !== undefined && refuses(s, orders));
+  // What a role may not do it will not be able to do later on either: said before it is pressed.
+  const barred = useStore((s) => orders !== undefined && isBarred(s, orders));
   return (
     <button
       type={submit ? "submit" : "button"}
@@ -75,7 +80,7 @@ export function Button({ id, label, icon, kind = "", pressed, orders, dim, disab
       aria-pressed={pressed}
       aria-label={children || !label ? undefined : label}
       disabled={disabled}
-      title={title}
+      title={barred ? t("role-watch") : title}
       onClick={onClick}
     >
       {icon && <Icon name={icon} />}

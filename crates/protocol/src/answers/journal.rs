@@ -21,6 +21,10 @@ pub struct Entry {
     pub params: BTreeMap<String, Param>,
     /// The sentence, in English.
     pub text: String,
+    /// The client whose order it comes from.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "String")]
+    pub by: Option<String>,
     /// More of an alarm or a warning.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "AlarmRecord")]
@@ -46,6 +50,7 @@ impl Entry {
             code,
             params,
             text,
+            by: None,
             alarm: None,
             program: None,
             acknowledges: None,

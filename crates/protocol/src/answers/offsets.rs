@@ -22,6 +22,10 @@ pub struct Offsets {
     pub g92: BTreeMap<String, f64>,
     /// G92 is active.
     pub g92_active: bool,
+    /// Where G28 goes, by letter, in machine coordinates.
+    pub g28: BTreeMap<String, f64>,
+    /// Where G30 goes, by letter, in machine coordinates.
+    pub g30: BTreeMap<String, f64>,
 }
 
 /// A work system.

@@ -70,6 +70,8 @@ pub struct Status {
     pub mdi: Vec<String>,
     /// What a machine that waits waits for.
     pub waiting: Option<Waiting>,
+    /// What holds a program or its feed: who has held it, a pin and its net, an override.
+    pub held_by: Vec<Message>,
     /// Active G and M codes, with S, F and T.
     pub codes: Vec<String>,
     /// Tool in the spindle; 0: none.
@@ -96,6 +98,8 @@ pub struct Status {
     pub limit_switches: LimitSwitches,
     /// Why the machine stopped by itself; stands until it is acknowledged or another program begins.
     pub alarm: Option<Message>,
+    /// Entries of alarms that no one has acknowledged, the first cause first, up to eight.
+    pub alarms: Vec<Entry>,
     /// Variables that are forced.
     pub forced: Vec<Forced>,
     /// What to do next for a program to run; null: it could be started.

@@ -10,7 +10,7 @@ use protocol::Message;
 impl Clients<'_, '_> {
     /// Nothing of what waits begins; whoever waits is told why.
     pub(super) fn refuse_queue(&mut self, why: &Message) {
-        let early = self.early.drain(..).map(|(ticket, _)| ticket);
+        let early = self.early.drain(..).map(|(ticket, ..)| ticket);
         for ticket in self.mdi.drain(..).map(|(ticket, _)| ticket).chain(early) {
             self.inbox.answer(ticket, Err(why.clone().into()));
         }
@@ -46,7 +46,7 @@ impl Clients<'_, '_> {
         if let Some(streamed) = &mut self.streamed {
             streamed.withdraw(ticket);
         }
-        self.early.retain(|(wanted, _)| *wanted != ticket);
+        self.early.retain(|(wanted, ..)| *wanted != ticket);
         self.unsettled.retain(|(wanted, _)| *wanted != ticket);
         for (_, cancel, _) in self.inspected.iter().filter(|(wanted, ..)| *wanted == ticket) {
             cancel.cancel();

@@ -104,7 +104,7 @@ pub(crate) struct Clients<'scope, 'env> {
     /// Who has changed what the machine remembers, and hears once that is on the disk.
     unsettled: Vec<(Ticket, Unsettled)>,
     /// Orders that came before the cycle had taken the one in front of them.
-    pub(super) early: VecDeque<(Ticket, Order)>,
+    pub(super) early: VecDeque<(Ticket, Order, Option<String>)>,
     /// Since when drives go off behind an acknowledge or a reset, if they do.
     settles_since_ns: Option<u64>,
     /// Programs that are only looked at.
@@ -274,9 +274,12 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         let mut answers = Vec::new();
         self.follow_pins(operator, keeper);
         let mut early = std::mem::take(&mut self.early);
-        while let Some((ticket, order)) = early.pop_front().or_else(|| self.inbox.take()) {
+        while let Some((ticket, order, by)) = early.pop_front().or_else(|| {
+            let (ticket, order) = self.inbox.take()?;
+            Some((ticket, order, self.inbox.by()))
+        }) {
             if self.is_too_early(&order, operator, now_ns) {
-                self.early.push_back((ticket, order));
+                self.early.push_back((ticket, order, by));
                 continue;
             }
             match order {
@@ -291,7 +294,10 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                 }
                 _ => {}
             }
-            if let Some(answer) = self.obey(ticket, order, operator, keeper, now_ns) {
+            operator.log_mut().set_by(by);
+            let answer = self.obey(ticket, order, operator, keeper, now_ns);
+            operator.log_mut().set_by(None);
+            if let Some(answer) = answer {
                 answers.push((ticket, answer.map_err(RpcError::from)));
             }
         }

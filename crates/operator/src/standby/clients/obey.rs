@@ -7,6 +7,7 @@ use super::super::wishes::{is_told, moves, wish};
 use super::executed::Executed;
 use super::{Answer, Clients, MDI_MAX, Then, Typed, Unsettled};
 use crate::console::Operator;
+use crate::console::changed as changed_from;
 use crate::manual_mode;
 use crate::remembered;
 use crate::table_writer::Keeper;
@@ -20,6 +21,7 @@ use machine::tables::lock;
 use motion::canon::Axis;
 use program::{Change, changed};
 use protocol::{Lines, Message, Mode, Nothing, Offsets, Resumed, Skipped, message};
+use rt::joint_jog::JogMotion;
 use rt::shared::{ByHand, Command, Snapshot};
 use rt::waiting::Waiting;
 use rt::way_back::SLOW_MM;
@@ -42,8 +44,17 @@ impl Clients<'_, '_> {
         let done = match order {
             // It has no answer.
             Order::Withdraw => return None,
-            Order::Note(text) | Order::TakenOver(text) => {
+            Order::Note(what) => {
+                operator.add_entry(what);
+                Ok(())
+            }
+            Order::TakenOver(text) => {
                 operator.add_entry(text);
+                Ok(())
+            }
+            Order::Turned => {
+                let by = operator.log().by();
+                operator.turned(by);
                 Ok(())
             }
             Order::Inspect(source) => return later(self.inspect(ticket, source, operator)),
@@ -116,6 +127,10 @@ impl Clients<'_, '_> {
             }
             Order::Jog(jog) => {
                 self.mode = Mode::Manual;
+                if matches!(jog.motion, JogMotion::Run { .. } | JogMotion::Advance { .. }) {
+                    let by = operator.log().by();
+                    operator.jogged(by);
+                }
                 return Some(manual_mode::jog(&jog, self.config, operator).map(|outlook| json!(outlook)));
             }
             Order::Resume => {
@@ -257,7 +272,7 @@ impl Clients<'_, '_> {
     }
 
     /// Changes what the machine remembers.
-    fn change(&mut self, change: &Change, operator: &Operator, keeper: &mut Keeper<'_, '_>) -> Result<(), Message> {
+    fn change(&mut self, change: &Change, operator: &mut Operator, keeper: &mut Keeper<'_, '_>) -> Result<(), Message> {
         if let Some(axis) = change.axis() {
             manual_mode::joints(Jogged::Axis(axis), self.config)?;
         }
@@ -273,7 +288,9 @@ impl Clients<'_, '_> {
         if let (Some(tool), Some(modes)) = (change.tool(), &mut self.modes) {
             Arc::make_mut(modes).use_offset_of(tool, &left.tools);
         }
-        keeper.hand_in(left);
+        for what in keeper.hand_in(left) {
+            operator.add_entry(what);
+        }
         Ok(())
     }
 }
@@ -281,6 +298,7 @@ impl Clients<'_, '_> {
 /// Sets the counter of parts, and how many are wanted; 0: nobody says.
 fn set_parts(count: Option<u64>, target: Option<u64>, operator: &mut Operator, keeper: &mut Keeper<'_, '_>) {
     let mut parts = keeper.memory.now().parts;
+    let before = parts;
     parts.count = count.unwrap_or(parts.count);
     parts.target = target.map_or(parts.target, |target| Some(target).filter(|target| *target > 0));
     keeper.memory.set_parts(parts);
@@ -289,6 +307,16 @@ fn set_parts(count: Option<u64>, target: Option<u64>, operator: &mut Operator, k
         "order: parts {parts}",
         parts = parts.to_string()
     ));
+    let number = |value: u64| value as f64;
+    if parts.count != before.count {
+        let what = message!("changed.parts", "parts");
+        operator.add_entry(changed_from(what, number(before.count), number(parts.count)));
+    }
+    if parts.target != before.target {
+        let what = message!("changed.parts_target", "parts wanted");
+        let [from, to] = [before.target, parts.target].map(|target| number(target.unwrap_or(0)));
+        operator.add_entry(changed_from(what, from, to));
+    }
 }
 
 /// The answer comes later, where the order is not refused.

@@ -135,6 +135,7 @@ impl Clients<'_, '_> {
             block_delete,
             tool,
             alarm: operator.alarm().map(|alarm| alarm.cause.clone()),
+            alarms: operator.unacknowledged().take(MESSAGES).cloned().collect(),
             obstruction: operator.obstruction().cloned(),
             messages: operator.journal().iter().rev().take(MESSAGES).rev().cloned().collect(),
             parts: keeper.memory.now().parts,

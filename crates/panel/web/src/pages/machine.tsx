@@ -1,16 +1,16 @@
 /** The journal, the machine file, this PC, and what runs here. */
 import { useEffect, useState } from "preact/hooks";
+import { More, Remedy, about } from "../alarms";
 import { inWords } from "../control-words";
 import { useSmall } from "../hooks";
-import { dateAndTime, t } from "../i18n";
+import { dateAndTime, fixed, t } from "../i18n";
 import { machine } from "../machine";
-import { about } from "../shell";
 import { ask, authorised, say, tellRefused, useStatus, useStore } from "../store";
-import type { Entry } from "../types";
+import type { Entry, Param } from "../types";
 import { Button, Card, Choice, Icon } from "../ui";
 import { FileEditor } from "./machine-file";
 
-type Kind = "all" | "alarm" | "warning";
+type Kind = "all" | "change" | "alarm" | "warning";
 
 function Journal() {
   const [entries, setEntries] = useState<Entry[]>([]);
@@ -29,7 +29,7 @@ function Journal() {
     fetch(0, []).catch(tellRefused);
     return () => void (wanted = false);
   }, [last, connected]);
-  const shown = entries.filter((entry) => kind === "all" || entry.kind === kind).slice(0, 300);
+  const shown = entries.filter((entry) => kind === "all" || (kind === "change" ? entry.params?.from !== undefined : entry.kind === kind)).slice(0, 300);
   return (
     <Card
       kind="journal"
@@ -40,6 +40,7 @@ function Journal() {
           value={kind}
           options={[
             { value: "all", label: t("all") },
+            { value: "change", label: t("journal-changes"), id: "journal-changes" },
             { value: "alarm", label: t("alarm") },
             { value: "warning", label: t("warning") },
           ]}
@@ -52,14 +53,37 @@ function Journal() {
           <li key={entry.seq} class={entry.kind}>
             <time>{dateAndTime(entry.unix_s)}</time>
             <span>
-              {entry.alarm && <code>{entry.alarm.code}</code>} {inWords(entry)}
+              {entry.alarm && <code>{entry.alarm.code}</code>} <Said entry={entry} />
+              {entry.by && <small data-testid="journal-by">{t("journal-by", { by: entry.by })}</small>}
               {entry.alarm && <small>{about(entry)}</small>}
+              {entry.alarm && <Remedy entry={entry} />}
             </span>
+            {entry.alarm && <More entry={entry} />}
           </li>
         ))}
       </ul>
     </Card>
   );
+}
+
+/** What an entry says; of a value that was changed what, from, to. */
+function Said({ entry }: { entry: Entry }) {
+  const { what, from, to = entry.params?.percent } = entry.params ?? {};
+  if (from === undefined || to === undefined) return <>{inWords(entry)}</>;
+  return (
+    <span class="change" data-testid="journal-change">
+      <span>{typeof what === "object" ? inWords(what) : inWords(entry)}</span>
+      <span>{valueOf(from)}</span>
+      <span aria-label={t("journal-to")}>→</span>
+      <b>{valueOf(to)}</b>
+    </span>
+  );
+}
+
+function valueOf(param: Param): string {
+  if (typeof param === "object") return inWords(param);
+  // As many digits as it has.
+  return typeof param === "number" ? fixed(param, Math.min(4, String(param).split(".")[1]?.length ?? 0)) : param || "–";
 }
 
 function Versions() {

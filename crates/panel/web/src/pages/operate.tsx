@@ -1,11 +1,11 @@
 /** The page from which programs are run. */
 import { useState } from "preact/hooks";
+import { about } from "../alarms";
 import { inWords } from "../control-words";
 import { duration, fixed, t, timeOfDay } from "../i18n";
 import { PathView } from "../path/path-view";
 import { ProgramText } from "../program-text";
 import { refuses } from "../orders";
-import { about } from "../shell";
 import { pickedLine } from "../start";
 import { order, useStatus, useStore } from "../store";
 import { LETTERS } from "../machine";
@@ -191,6 +191,7 @@ function send(what: string, value: number, done: () => void): void {
 }
 
 function Switches() {
+  const back = useStatus((s) => s.direction === "reverse" && s.activity !== "idle") ?? false;
   const on = useStatus((s) => ({ single_block: s.single_block, optional_stop: s.optional_stop, block_delete: s.block_delete }));
   return (
     <Card kind="switches">
@@ -198,6 +199,7 @@ function Switches() {
         const method = name.replace("-", "_") as "single_block" | "optional_stop" | "block_delete";
         return <Button key={name} id={name} kind="toggle" pressed={on?.[method] ?? false} label={t(name)} orders={method} onClick={() => void order(method, { on: !on?.[method] })} />;
       })}
+      <Button id="reverse" kind="toggle" pressed={back} orders="reverse" label={t("reverse")} title={t("reverse-explained")} onClick={() => void order("reverse", { percent: 100 })} />
       <Button id="skip" kind="toggle" orders="skip" label={t("skip")} onClick={() => void order("skip")} />
     </Card>
   );

@@ -2,14 +2,14 @@
 import { useEffect, useState } from "preact/hooks";
 import { type Key, fixed, parseNumber, t } from "../i18n";
 import { isHeld, press, release, step } from "../jog";
-import { SPEEDS_PERCENT, STEPS_MM, jogSettings } from "../jog-settings";
+import { SPEEDS_MM_MIN, STEPS_MM, jogSettings } from "../jog-settings";
 import { refuses } from "../orders";
 import { useSmall } from "../hooks";
-import { ask, order, say, tellRefused, useStatus, useStore } from "../store";
-import { LETTERS, type Letter } from "../machine";
-import type { Offsets, Status, Tools as ToolTable } from "../types";
+import { ask, order, tellRefused, useStatus, useStore } from "../store";
 import { Button, Card, Choice, Dialog, Field, Form } from "../ui";
-import { Dro, inWork } from "./operate";
+import { Offsets, TouchOff, workOf } from "./offsets";
+import { Dro } from "./operate";
+import { Tools } from "./tools";
 
 // ------------------------------------------------------------------------------------------------ jog
 
@@ -84,6 +84,14 @@ function Jog() {
   const small = useSmall();
   const rest = useStatus((s) => s.axes.filter((axis) => !"XYZ".includes(axis.axis)).map((axis) => axis.axis)) ?? [];
   const place = useStatus((s) => s.axes.map((axis) => `${axis.axis} ${fixed(workOf(s, axis.axis), 3)}`).join("   "));
+  // As it is being typed; null: the speed itself.
+  const [typed, setTyped] = useState<string | null>(null);
+  const axes = useStatus((s) => s.axes) ?? [];
+  const slow = axes.filter(({ axis }) => jogSettings.most(axis) * 60 < jogSettings.mm_min);
+  const wrong = typed !== null && !(parseNumber(typed) > 0);
+  const slower = wrong
+    ? t("no-number")
+    : slow.map(({ axis, unit }) => t("jog-most", { axis, speed: fixed(60 * jogSettings.most(axis), 0), unit: unit === "degrees" ? "°" : unit })).join(", ");
   const change = (values: Partial<typeof jogSettings>) => {
     release();
     Object.assign(jogSettings, values);
@@ -109,18 +117,31 @@ function Jog() {
         options={STEPS_MM.map((value) => ({ value, label: value ? String(value) : t("hold-to-move"), id: `step-${value}` }))}
         onChange={(step_mm) => change({ step_mm })}
       />
-      <Choice
-        label={t("jog-speed")}
-        value={jogSettings.percent}
-        options={SPEEDS_PERCENT.map((value) => ({ value, label: `${value} %` }))}
-        onChange={(percent) => change({ percent })}
-      />
+      <div class="jog-speed">
+        <Field
+          numeric
+          id="jog-speed"
+          label={t("jog-speed")}
+          value={typed ?? String(jogSettings.mm_min)}
+          onInput={(text) => {
+            const mm_min = parseNumber(text);
+            setTyped(text);
+            if (mm_min > 0) change({ mm_min });
+          }}
+        />
+        <Choice
+          label={t("jog-speed")}
+          value={jogSettings.mm_min}
+          options={SPEEDS_MM_MIN.map((value) => ({ value, label: String(value), id: `jog-speed-${value}` }))}
+          onChange={(mm_min) => {
+            setTyped(null);
+            change({ mm_min });
+          }}
+        />
+      </div>
+      {slower && <p class="muted" data-testid="jog-slower">{slower}</p>}
     </Card>
   );
-}
-
-function workOf(s: Status, letter: string): number {
-  return inWork(s)[LETTERS.indexOf(letter)] ?? 0;
 }
 
 // ------------------------------------------------------------------------------------------------ parts
@@ -198,205 +219,6 @@ function Mdi() {
           </li>
         ))}
       </ul>
-    </Card>
-  );
-}
-
-function useOffsets(): [Offsets | null, () => void] {
-  const [systems, setSystems] = useState<Offsets | null>(null);
-  const key = useStatus((s) => JSON.stringify([s.work_offset_mm, s.work_rotation_degrees]));
-  const fetch = () => void ask("offset.list").then(setSystems, tellRefused);
-  useEffect(fetch, [key]);
-  return [systems, fetch];
-}
-
-function TouchOff() {
-  const axes = useStatus((s) => s.axes) ?? [];
-  const [values, setValues] = useState<Record<string, string>>({});
-  const [systems, fetch] = useOffsets();
-  const active = systems?.systems.find((one) => one.active);
-  const plain = active && active.rotation_degrees === 0 && !systems!.g92_active;
-  const now = useStatus((s) => Object.fromEntries(s.axes.map((axis) => [axis.axis, workOf(s, axis.axis)]))) ?? {};
-  return (
-    <Card title={`${t("touch-off")} ${active?.system ?? ""}`}>
-      <p class="muted">{t("touch-off-explained")}</p>
-      <ul class="touch">
-        {axes.map(({ axis }) => {
-          const value = parseNumber(values[axis] ?? "0");
-          const shift = (now[axis] ?? 0) - value;
-          const origin = active?.origin[axis];
-          return (
-            <li key={axis}>
-              <Form
-                onSend={() =>
-                  void order("touch_off", { axis: axis as Letter, value }).then((answer) => {
-                    if (answer?.warning) say("note", answer.warning);
-                    fetch();
-                  })
-                }
-              >
-              <Field numeric id={`touch-off-value-${axis.toLowerCase()}`} label={`${axis}, ${systems?.unit ?? ""}`} value={values[axis] ?? "0"} onInput={(text) => setValues({ ...values, [axis]: text })} />
-              <p class="preview">
-                {Number.isNaN(value) ? (
-                  t("no-number")
-                ) : (
-                  <>
-                    {axis}: {fixed(now[axis] ?? 0, 3)} → <b>{fixed(value, 3)}</b>
-                    {plain && origin !== undefined && (
-                      <small>
-                        {t("origin")}: {fixed(origin, 3)} → {fixed(origin + shift, 3)}
-                      </small>
-                    )}
-                  </>
-                )}
-              </p>
-              <Button id={`touch-off-${axis.toLowerCase()}`} label={t("set")} kind="go" orders="touch-off" disabled={Number.isNaN(value)} submit />
-              </Form>
-            </li>
-          );
-        })}
-      </ul>
-    </Card>
-  );
-}
-
-/** Where a number is changed: which, and what it is now. */
-interface Edited {
-  title: string;
-  value: string;
-  set: (value: number) => Promise<unknown>;
-}
-
-function Edit({ edited, onClose }: { edited: Edited; onClose: () => void }) {
-  const [text, setText] = useState(edited.value);
-  const value = parseNumber(text);
-  const set = () => void edited.set(value).then((answer) => answer !== undefined && onClose());
-  return (
-    <Dialog id="edit-dialogue" title={edited.title} onClose={onClose}>
-      <Form onSend={set}>
-        <Field numeric label={t("value")} value={text} onInput={setText} id="edit-value" />
-        <p class="preview">
-          {Number.isNaN(value) ? (
-            t("no-number")
-          ) : (
-            <>
-              {edited.value} → <b>{fixed(value, 4)}</b>
-            </>
-          )}
-        </p>
-        <footer>
-          <Button id="edit-set" kind="go" label={t("set")} orders="offset set, tool set" disabled={Number.isNaN(value)} submit />
-        </footer>
-      </Form>
-    </Dialog>
-  );
-}
-
-function Offsets() {
-  const [systems, fetch] = useOffsets();
-  const [edited, setEdited] = useState<Edited | null>(null);
-  const axes = useStatus((s) => s.axes.map((axis) => axis.axis)) ?? [];
-  const set = (params: Record<string, unknown>) => order("offset.set", params).then((answer) => (fetch(), answer));
-  return (
-    <Card title={`${t("offsets")}, ${systems?.unit ?? ""}`}>
-      <div class="scroll" tabIndex={0} role="group" aria-label={t("offsets")}>
-        <table class="grid">
-          <thead>
-            <tr>
-              <th scope="col">{t("system")}</th>
-              {axes.map((axis) => (
-                <th scope="col" key={axis}>
-                  {axis}
-                </th>
-              ))}
-              <th scope="col">{t("rotation")}</th>
-            </tr>
-          </thead>
-          <tbody>
-            {systems?.systems.map((one) => (
-              <tr key={one.system} class={one.active ? "active" : ""}>
-                <th scope="row">
-                  {one.system}
-                  {one.active && <small> {t("active")}</small>}
-                </th>
-                {axes.map((axis) => (
-                  <td key={axis}>
-                    <button
-                      type="button"
-                      onClick={() =>
-                        setEdited({ title: `${one.system} ${axis}`, value: fixed(one.origin[axis] ?? 0, 4), set: (value) => set({ system: one.system, axis, value }) })
-                      }
-                    >
-                      {fixed(one.origin[axis] ?? 0, 3)}
-                    </button>
-                  </td>
-                ))}
-                <td>
-                  <button
-                    type="button"
-                    onClick={() => setEdited({ title: `${one.system} ${t("rotation")}`, value: fixed(one.rotation_degrees, 4), set: (rotation_degrees) => set({ system: one.system, rotation_degrees }) })}
-                  >
-                    {fixed(one.rotation_degrees, 3)}°
-                  </button>
-                </td>
-              </tr>
-            ))}
-          </tbody>
-        </table>
-      </div>
-      {systems?.g92_active && <p class="tag">G92: {axes.map((axis) => `${axis} ${fixed(systems.g92[axis] ?? 0, 3)}`).join(", ")}</p>}
-      {edited && <Edit edited={edited} onClose={() => setEdited(null)} />}
-    </Card>
-  );
-}
-
-function Tools() {
-  const [tools, setTools] = useState<ToolTable | null>(null);
-  const [number, setNumber] = useState("");
-  const [edited, setEdited] = useState<Edited | null>(null);
-  const now = useStatus((s) => s.tool) ?? 0;
-  const fetch = () => void ask("tool.list").then(setTools, tellRefused);
-  useEffect(fetch, [now]);
-  const set = (tool: number, what: "length" | "diameter") => (value: number) => order("tool.set", { tool, [what]: value }).then((answer) => (fetch(), answer));
-  const wanted = number === "" ? null : parseNumber(number);
-  const shown = tools?.tools.filter((one) => (wanted === null ? one.tool === now || one.length !== 0 || one.diameter !== 0 || tools.tools.length < 30 : one.tool === wanted)) ?? [];
-  return (
-    <Card title={`${t("tools")}, ${tools?.unit ?? ""}`}>
-      <div class="row wide">
-        <Field numeric label={t("tool-find")} value={number} onInput={setNumber} />
-        <p class="muted">{t("in-spindle", { tool: now ? `T${now}` : t("tool-none") })}</p>
-      </div>
-      <div class="scroll" tabIndex={0} role="group" aria-label={t("tools")}>
-        <table class="grid">
-          <thead>
-            <tr>
-              <th scope="col">T</th>
-              <th scope="col">{t("pocket")}</th>
-              <th scope="col">{t("length")}</th>
-              <th scope="col">{t("diameter")}</th>
-              <th scope="col">{t("remark")}</th>
-            </tr>
-          </thead>
-          <tbody>
-            {shown.map((one) => (
-              <tr key={one.tool} class={one.tool === now ? "active" : ""}>
-                <th scope="row">T{one.tool}</th>
-                <td>{one.pocket}</td>
-                {(["length", "diameter"] as const).map((what) => (
-                  <td key={what}>
-                    <button type="button" onClick={() => setEdited({ title: `T${one.tool} ${t(what)}`, value: fixed(one[what], 4), set: set(one.tool, what) })}>
-                      {fixed(one[what], 3)}
-                    </button>
-                  </td>
-                ))}
-                <td>{one.remark}</td>
-              </tr>
-            ))}
-          </tbody>
-        </table>
-      </div>
-      <p class="muted">{t("tool-g43")}</p>
-      {edited && <Edit edited={edited} onClose={() => setEdited(null)} />}
     </Card>
   );
 }
