@@ -40,6 +40,9 @@ export function refuses(store: Store, what: string): boolean {
       return !isEstop(power) && power !== "alarm" && !(status.alarm && ["on", "off"].includes(power) && activity === "idle");
     case "jog":
       return !on || !["idle", "jogging", "held", "away"].includes(activity);
+    case "spindle":
+    case "coolant":
+      return !on || (!["idle", "jogging", "held", "away"].includes(activity) && waiting?.for !== "operator");
     case "home":
       return (!on && power !== "off") || activity !== "idle";
     case "mdi":

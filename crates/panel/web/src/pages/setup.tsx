@@ -288,21 +288,21 @@ function Spindle() {
   const spindle = useStatus((s) => s.spindle);
   const coolant = useStatus((s) => s.coolant);
   const rpm = parseNumber(speed);
-  const mdi = (line: string) => () => void order("mdi", { line });
+  const turn = (speed_rpm: number) => () => void order("spindle", { speed_rpm });
   return (
     <Card title={t("by-hand")}>
       {spindle && (
         <div class="row">
           <Field numeric label={`${t("spindle")}, 1/min`} value={speed} onInput={setSpeed} />
-          <Button id="spindle-forward" orders="mdi" label={`M3 ${t("forward")}`} disabled={Number.isNaN(rpm)} onClick={mdi(`M3 S${rpm}`)} />
-          <Button id="spindle-backward" orders="mdi" label={`M4 ${t("backward")}`} disabled={Number.isNaN(rpm)} onClick={mdi(`M4 S${rpm}`)} />
-          <Button id="spindle-stop" orders="mdi" label={`M5 ${t("stop")}`} onClick={mdi("M5")} />
+          <Button id="spindle-forward" orders="spindle" label={t("forward")} disabled={Number.isNaN(rpm)} onClick={turn(rpm)} />
+          <Button id="spindle-backward" orders="spindle" label={t("backward")} disabled={Number.isNaN(rpm)} onClick={turn(-rpm)} />
+          <Button id="spindle-stop" orders="spindle" label={t("stop")} onClick={turn(0)} />
         </div>
       )}
       <div class="row">
-        <Button kind="toggle" pressed={coolant?.flood ?? false} orders="mdi" label={`M8 ${t("flood")}`} onClick={mdi("M8")} />
-        <Button kind="toggle" pressed={coolant?.mist ?? false} orders="mdi" label={`M7 ${t("mist")}`} onClick={mdi("M7")} />
-        <Button orders="mdi" label={`M9 ${t("coolant-off")}`} onClick={mdi("M9")} />
+        {(["flood", "mist"] as const).map((what) => (
+          <Button key={what} id={`coolant-${what}`} kind="toggle" pressed={coolant?.[what] ?? false} orders="coolant" label={t(what)} onClick={() => void order("coolant", { [what]: !coolant?.[what] })} />
+        ))}
       </div>
     </Card>
   );
