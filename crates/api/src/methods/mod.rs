@@ -7,6 +7,7 @@
 
 mod arguments;
 mod described;
+mod jobs;
 mod logic;
 mod machine;
 mod pin_values;
