@@ -18,6 +18,7 @@ pub use ::config;
 pub use ::hal_tools;
 pub use ::host;
 pub use ::jitter;
+pub use ::jobs;
 pub use ::machine;
 pub use ::operator;
 pub use ::plan_report;

@@ -18,6 +18,7 @@ mod fuzz_corpus;
 mod hal_components;
 mod homing;
 mod input_output;
+mod jobs;
 mod logic_machine;
 mod modules_at_start;
 mod no_allocation;

@@ -7,6 +7,7 @@ pub mod demo;
 pub mod doctor;
 pub mod interpret;
 pub mod jitter;
+pub mod job;
 pub mod logic;
 pub mod pages;
 #[cfg(feature = "panel")]
@@ -140,6 +141,8 @@ enum Command {
     /// How well step pulses by digital differential analysers follow a circle: path variance of each method and register width.
     #[command(after_help = "Example: isocnc dda --width 6,8 --svg dda.svg")]
     Dda(dda::DdaArgs),
+    /// Write the program of a simple job: facing, pockets, holes, threads, engraving.
+    Job(job::JobArgs),
     /// Be the machine of a machine file: its drives and I/O as the nodes of its bus on an interface.
     #[command(after_help = "Example: isocnc simulate configs/mill3-powerlink.toml --interface eth1")]
     Simulate(simulate::SimulateArgs),
@@ -228,6 +231,7 @@ pub fn main() -> ExitCode {
         Command::Init(args) => init::init(args),
         Command::Interpret(args) => interpret::interpret(args),
         Command::Plan(args) => plan_report::plan(args),
+        Command::Job(args) => job::job(args),
         Command::Simulate(args) => simulate::simulate(args),
         Command::Jitter(args) => jitter::jitter(args),
         Command::Dda(args) => dda::dda(args),

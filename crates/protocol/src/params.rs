@@ -2,6 +2,7 @@
 //!
 //! The order of fields is that in which the control names and checks them.
 
+use crate::answers::JobValue;
 use crate::limits::{
     CHANNELS_MAX, DRIVE_AXIS_MAX, JOINT_MAX, LETTERS, LINES_MAX, PART_MAX, PROGRAM_MAX, SCOPE_RATE_MAX_HZ,
     SDO_VALUE_MAX, SHA256, SIM_FAULTS, STATE_RATE_MAX_HZ, VALUES_MAX, WORK_SYSTEMS,
@@ -10,6 +11,7 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{Deserializer, Error};
 use serde::{Deserialize, Serialize, Serializer};
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 
 /// Octets, as pairs of hexadecimal digits on the wire.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -470,6 +472,14 @@ params! {
         /// SHA-256 of the file that it replaces.
         #[schemars(length(max = 2 * SHA256))]
         pub sha256: Hex,
+    }
+
+    /// A job and its numbers.
+    JobMake {
+        /// Its kind.
+        pub kind: String,
+        /// By the names of fields; one that is missing has its default.
+        pub numbers: Option<BTreeMap<String, JobValue>>,
     }
 
     /// Pins whose values are asked for.

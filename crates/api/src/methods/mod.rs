@@ -8,6 +8,7 @@
 mod arguments;
 mod described;
 mod held;
+mod jobs;
 mod logic;
 mod machine;
 mod pin_values;

@@ -2,7 +2,7 @@
 //!
 //! To add one: its types in `protocol`, a row here and its function. [`API_VERSION`] goes on with it.
 
-use super::{Answer, Call, Methods, arguments, done};
+use super::{Answer, Call, Methods, arguments, done, jobs};
 use crate::control::Needs;
 use crate::errands::Errand;
 use crate::orders::Order;
@@ -527,6 +527,15 @@ pub static METHODS: LazyLock<Vec<Method>> = LazyLock::new(|| {
         )
             .role(Role::SetUp)
             .quick(|methods, call| methods.set_pin(call)),
+        look::<method::JobKinds>(
+            "the kinds of simple jobs (facing, pockets, holes, threads, engraving), each with its numbers: names, units, defaults and bounds",
+        )
+            .quick(|_, _| Ok(jobs::kinds())),
+        look::<method::JobMake>(
+            "writes the program of a job of a \"kind\" with its \"numbers\" and loads nothing: \"program.load\" takes the text. A number that \
+             is not given has its default; what is wrong is refused with the \"field\" in the data",
+        )
+            .errand(|_, call| jobs::make(call)),
         look::<method::CycleTimes>(
             "how many cycles since the start took how long, \"counts\" up to each of \"edges_us\" and beyond: \"period\" (what the \
              distance of two SoCs differs from the cycle), \"lateness\" of the SoC, \"exchange\", \"compute\"; how many \"orders\" the cycle \

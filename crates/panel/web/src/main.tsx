@@ -3,6 +3,7 @@ import { useState } from "preact/hooks";
 import { language, t } from "./i18n";
 import { listenToKeys } from "./keys";
 import { Bus } from "./pages/bus";
+import { Jobs } from "./pages/jobs";
 import { Machine } from "./pages/machine";
 import { Operate } from "./pages/operate";
 import { Programs } from "./pages/programs";
@@ -18,6 +19,7 @@ const VIEWS: Partial<Record<Page, () => preact.JSX.Element>> = {
   operate: Operate,
   setup: Setup,
   programs: Programs,
+  jobs: Jobs,
   signals: Signals,
   bus: Bus,
   machine: Machine,

@@ -1,7 +1,7 @@
 /** Which page is shown: the fragment of the address. */
 import { useEffect, useState } from "preact/hooks";
 
-export const PAGES = ["operate", "setup", "programs", "signals", "bus", "machine"] as const;
+export const PAGES = ["operate", "setup", "programs", "jobs", "signals", "bus", "machine"] as const;
 export type Page = (typeof PAGES)[number];
 
 const current = (): Page => PAGES.find((page) => location.hash === `#/${page}`) ?? "operate";

@@ -17,13 +17,16 @@ export type Given<M extends Method> = Record<never, never> extends Params<M> ? [
 export class Refused extends Error {
   /** The same by its code and its values. */
   readonly said: Message;
+  /** Which of the parameters is wrong, where the control says so. */
+  readonly field: string | undefined;
 
   constructor(
     readonly code: number,
     message: string,
-    { code: what = "text", params = {} }: Partial<Message> = {},
+    { code: what = "text", params = {}, field }: Partial<Message> & { field?: string } = {},
   ) {
     super(message);
+    this.field = field;
     this.said = { code: what, params, text: message };
   }
 }

@@ -232,6 +232,52 @@ export interface Identified {
   version: string;
 }
 
+/** The program of a job. */
+export interface Job {
+  /** A name for its file. */
+  name: string;
+  /** The program, at most 10,000 lines. */
+  text: string;
+}
+
+/** A number of a job, or a word or a text. */
+export interface JobField {
+  /** The words that it can be; empty if it is no choice. */
+  choices: string[];
+  /** What it is if it is not given. */
+  default: JobValue;
+  /** What it means, in English. */
+  doc: string;
+  /** Max number of characters of a text; null otherwise. */
+  length_max: number | null;
+  /** Max; null for a word or a text. */
+  max: number | null;
+  /** Min; null for a word or a text. */
+  min: number | null;
+  /** Its name. */
+  name: string;
+  /** `mm`, `degrees`, `mm/min`, `1/min`, `s`, `%`; empty without one. */
+  unit: string;
+  /** It is a whole number. */
+  whole: boolean;
+}
+
+/** A kind of job. */
+export interface JobKind {
+  /** What it makes, in English. */
+  about: string;
+  /** Its numbers, in the order of a form. */
+  fields: JobField[];
+  /** Its name. */
+  kind: string;
+}
+
+/** The kinds of jobs. */
+export type JobKinds = JobKind[];
+
+/** A value of a job. */
+export type JobValue = number | string;
+
 /** What comes of a jog; empty if one goes on or ends. */
 export interface Jog {
   /** Letter of the axis. */
@@ -1054,6 +1100,8 @@ export interface Calls {
   "machine.doctor": { params: Record<string, never>; answer: Doctor };
   "hal.values": { params: { pins: string[] }; answer: Pins };
   "hal.set": { params: { pin: string; value: string; request_id?: string }; answer: Nothing };
+  "job.kinds": { params: Record<string, never>; answer: JobKinds };
+  "job.make": { params: { kind: string; numbers?: Record<string, number | string> }; answer: Job };
   "cycle.times": { params: Record<string, never>; answer: Times };
 }
 

@@ -10,6 +10,7 @@ const ICONS = {
   operate: "M4 5h16v11H4zM9 20h6M12 16v4M8 12l3-3 2 2 3-3",
   setup: "M12 3v18M3 12h18M9 6l3-3 3 3M9 18l3 3 3-3M6 9l-3 3 3 3M18 9l3 3-3 3",
   programs: "M6 3h8l4 4v14H6zM14 3v4h4M9 12h6M9 16h6",
+  jobs: "M4 4h16v16H4zM8 8h8v8H8zM12 12h.01",
   signals: "M3 12h4l2-6 4 12 3-8 1 2h4",
   bus: "M4 4h6v5H4zM14 4h6v5h-6zM9 15h6v5H9zM7 9v3h10V9M12 12v3",
   machine: "M12 9a3 3 0 1 0 0 6 3 3 0 0 0 0-6zM12 3v3M12 18v3M3 12h3M18 12h3M5.6 5.6l2.2 2.2M16.2 16.2l2.2 2.2M5.6 18.4l2.2-2.2M16.2 7.8l2.2-2.2",

@@ -3,6 +3,7 @@
 //! Lengths are in mm and angles in degrees unless a field says that they are in the unit of the machine; times are in seconds. Lists
 //! with a number for each letter have them in the order X Y Z A B C U V W.
 
+mod jobs;
 mod journal;
 mod logic;
 mod machine;
@@ -11,6 +12,7 @@ mod pins;
 mod programs;
 mod status;
 
+pub use jobs::*;
 pub use journal::*;
 pub use logic::*;
 pub use machine::*;

@@ -11,7 +11,7 @@ import type { Entry, Report } from "../types";
 import { Button, Card, Dialog, Field, Form } from "../ui";
 
 /** Sends a program in parts, and has it checked. What is too large is refused before it is read. */
-async function send(file: File, told: (share: number) => void): Promise<void> {
+export async function send(file: File, told: (share: number) => void): Promise<void> {
   const { upload, part_octets } = await ask("program.upload.begin", { name: file.name, octets: file.size });
   const sha = new Sha256();
   for (let at = 0; at < file.size; at += part_octets) {
