@@ -205,6 +205,12 @@ fn value_of(param: &Param, is_legal: bool) -> Value {
         },
         "number" => schema.get("minimum").cloned().unwrap_or(json!(1e-6)),
         "boolean" => json!(true),
+        // By names that nobody knows.
+        "object" => json!(
+            (0..50)
+                .map(|number| (format!("n{number}"), json!(1e6)))
+                .collect::<serde_json::Map<_, _>>()
+        ),
         "string" => match (schema["enum"].as_array(), bound("maxLength")) {
             (Some(words), _) if param.name == "kind" => words[words.len() - 1].clone(),
             (Some(words), _) => words[0].clone(),

@@ -140,7 +140,7 @@ fn refusals_say_what_there_is() {
          program.text, program.path.begin, program.path.next, program.path.end, \
          hal.list, scope.begin, scope.next, scope.end, \
          mdi, mdi.stream, mdi.history, touch_off, offset.list, offset.set, tool.list, tool.set, tool.delete, tool.changed, jog, jog.keep, \
-         jog.stop, hold, resume, skip, reverse, single_block, optional_stop, block_delete, stop, override, journal.since, parts.set, alarm.acknowledge, \
+         jog.stop, spindle, coolant, hold, resume, skip, reverse, single_block, optional_stop, block_delete, stop, override, journal.since, parts.set, alarm.acknowledge, \
          logic.list, logic.look, logic.force, logic.release, logic.reload, \
          machine.file, machine.check, machine.write, machine.doctor, hal.values, hal.set, job.kinds, job.make, cycle.times"
     );
