@@ -16,7 +16,7 @@ const port = 20_000 + ((process.pid + 7) % 20_000);
 /** Longest that any step may take. */
 const PATIENCE_MS = 120_000;
 
-const STEP = /^- (Press|Open|Wait for) \*\*(.+)\*\*\.$|^- (Type) `(.+)` into \*\*(.+)\*\*\.$|^- (Upload) `(.+)` with \*\*(.+)\*\*\.$/;
+const STEP = /^- (Press|Open|Wait for) \*\*(.+)\*\*\.$|^- (Wait until) \*\*(.+)\*\* is gone\.$|^- (Type) `(.+)` into \*\*(.+)\*\*\.$|^- (Upload) `(.+)` with \*\*(.+)\*\*\.$/;
 
 /** The steps of a page: what to do, and with what. */
 function steps(text) {
@@ -44,6 +44,7 @@ const find = (page, kinds, word) =>
     word,
   );
 
+const STATES = ["drives off", "homing", "ready", "running", "held"];
 const BUTTONS = "button, [role=tab], [role=radio], label.choice, a";
 
 const doing = {
@@ -54,7 +55,18 @@ const doing = {
     const [chooser] = await Promise.all([page.waitForFileChooser(), (await find(page, BUTTONS, word)).click()]);
     await chooser.accept([join(root, file)]);
   },
-  "Wait for": (page, word) => page.waitForFunction((word) => document.body.innerText.toLowerCase().includes(word.toLowerCase()), { timeout: PATIENCE_MS }, word),
+  "Wait until": (page, word) => page.waitForFunction((word) => !document.body.innerText.toLowerCase().includes(word), { timeout: PATIENCE_MS }, word),
+  // A state is that of the machine, at the top; anything else may stand anywhere.
+  "Wait for": (page, word) =>
+    page.waitForFunction(
+      (word, isState) => {
+        const text = (isState ? document.querySelector("[data-testid=state]") : document.body).innerText.toLowerCase();
+        return isState ? text.trim() === word : text.includes(word.toLowerCase());
+      },
+      { timeout: PATIENCE_MS },
+      word,
+      STATES.includes(word),
+    ),
 };
 
 test("docs/first-part.md leads to a part", { skip, timeout: 600_000 }, async () => {
@@ -82,7 +94,7 @@ test("docs/first-part.md leads to a part", { skip, timeout: 600_000 }, async () 
       await doing[verb](page, ...words).catch((error) => {
         throw new Error(`step ${number + 1} of docs/first-part.md: ${line}: ${error.message}`);
       });
-      if (verb === "Wait for") waited_ms += Date.now() - since;
+      if (verb.startsWith("Wait")) waited_ms += Date.now() - since;
       if (pictures) await page.screenshot({ path: join(pictures, `first-part-${String(number + 1).padStart(2, "0")}.png`) });
     }
     // It was cut: to its end, with the zero that the page has set.

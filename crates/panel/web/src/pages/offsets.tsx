@@ -110,7 +110,9 @@ function TouchOffWork() {
                   <Button id={`touch-off-half-${axis.toLowerCase()}`} label="½" title={t("touch-off-half")} disabled={shown === null} onClick={() => setValues({ ...values, [axis]: String(Math.round(shown! * 500) / 1000) })}>
                     <span class="hidden">{`${axis}: ${t("touch-off-half")}`}</span>
                   </Button>
-                  <Button id={`touch-off-${axis.toLowerCase()}`} label={t("set")} kind="go" orders="touch-off" disabled={Number.isNaN(value)} submit />
+                  <Button id={`touch-off-${axis.toLowerCase()}`} label={t("set")} kind="go" orders="touch-off" disabled={Number.isNaN(value)} submit>
+                    <span class="hidden">{axis}</span>
+                  </Button>
                 </span>
               </Form>
             </li>
