@@ -1059,8 +1059,20 @@ const clickOnce = async (page, name, wanted) => {
 };
 const position = async () => (await ask("status")).position_mm;
 const atRest = () => until("rest", async () => ((now) => now.state === "ready" && now.activity === "idle")(await ask("status")));
+/** A hand that has just moved something keeps others off for 0.2 s. */
+const askFreed = (method, params) =>
+  until("the hand is off", () =>
+    ask(method, params).then(
+      () => true,
+      (error) => {
+        if (!/is jogging/.test(error.message)) throw error;
+        return false;
+      },
+    ),
+  );
+const mdi = (line) => askFreed("mdi", { line });
 const run = async (line) => {
-  await ask("mdi", { line });
+  await mdi(line);
   await atRest();
 };
 const gone = (page, name) => page.waitForFunction((name) => !document.querySelector(`[data-testid="${name}"]`), {}, name);
@@ -1186,14 +1198,14 @@ test("the journal tells what was changed from what to what, and by whom", { skip
   await changes(`jog X${digits(x)}→${digits(to)}.*by panel`);
   await changes("G55 Z, origin.*→3");
   await picture(page, "journal-changes");
-  await ask("offset.set", { system: "G55", axis: "Z", value: before });
-  await ask("tool.set", { tool: 7, remark: "" });
+  await askFreed("offset.set", { system: "G55", axis: "Z", value: before });
+  await askFreed("tool.set", { tool: 7, remark: "" });
   await page.close();
 });
 
 test("touch off: in any work system, half of the reading, all axes, the length of a tool; a system is made active; G28, G92", { skip, timeout: 180_000 }, async () => {
   await ready();
-  await ask("mdi", { line: "G54 G92.1 G49" });
+  await mdi("G54 G92.1 G49");
   await run("G53 G1 X20 Y30 Z-30 F3000");
   const page = await openAs(SIZES[0], "en", "dark", "#/setup");
   const system = async (number) => (await ask("offset.list")).systems[number];
