@@ -49,6 +49,9 @@ fn warning(cause: impl Into<Message>) -> Message {
     message!("warning", "warning: {cause}", cause = cause.into())
 }
 
+/// What an order of a client gives the cycle at the most, and some for the sequence beside it.
+const ORDER_COMMANDS_MAX: usize = 8;
+
 /// Stalls of the cycle thread are told of no more often, ns.
 const STALLS_TOLD_NS: u64 = 1_000_000_000;
 /// The alarm of a control whose time-out thread hung.
@@ -628,8 +631,13 @@ impl Operator {
         self.is_given(command);
     }
 
-    /// Whether there was room for it: the ring is emptied every cycle and far longer than what is ordered in one, unless somebody
-    /// floods it.
+    /// Whether the cycle has room for what one more order of a client may give. One that takes no orders any more refuses them all.
+    pub fn has_room(&self) -> bool {
+        self.endpoints.commands.slots() >= ORDER_COMMANDS_MAX
+            || matches!(self.live().state, State::Silenced | State::Down)
+    }
+
+    /// Whether there was room for it: orders of clients wait until there is, see [`Operator::has_room`].
     fn is_given(&mut self, command: Command) -> bool {
         let given = self.endpoints.commands.push(command).is_ok();
         self.orders_given += u64::from(given);

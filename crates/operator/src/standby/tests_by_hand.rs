@@ -277,3 +277,38 @@ fn buttons_of_a_desk_do_what_orders_do_and_lamps_show_it() {
         desk.until_state(State::Disabled);
     });
 }
+
+/// A sender that gives more orders in one turn than the cycle has room for.
+#[test]
+fn no_order_of_a_flood_is_lost_and_the_last_one_counts() {
+    while_one_stands_by(MILL, "G21 G90 F60\nG1 X20\nM2\n", |run, clients, client| {
+        let mut desk = Desk::new(run, clients, client);
+        desk.begin();
+        desk.until("it moves", |run| run.operator.live().velocity_mm_s > 0.9);
+        for (last, state) in [(Order::Hold, State::Held), (Order::Resume, State::Running)] {
+            let first = desk.ticket + 1;
+            for _ in 0..60 {
+                let other = if matches!(last, Order::Hold) {
+                    Order::Resume
+                } else {
+                    Order::Hold
+                };
+                for order in [other, last.clone()] {
+                    desk.ticket += 1;
+                    desk.client.put(desk.ticket, order).unwrap();
+                    // As many as the inbox takes at once.
+                    if desk.ticket % 50 == 0 {
+                        desk.turn();
+                    }
+                }
+            }
+            let mut answered = 0;
+            desk.turns(200);
+            while let Some((ticket, answer)) = desk.client.answer() {
+                assert!(ticket >= first && answer.is_ok(), "{ticket}: {answer:?}");
+                answered += 1;
+            }
+            assert_eq!((answered, desk.run.control.state()), (120, state));
+        }
+    });
+}

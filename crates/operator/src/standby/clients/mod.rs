@@ -274,11 +274,14 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         let mut answers = Vec::new();
         self.follow_pins(operator, keeper);
         let mut early = std::mem::take(&mut self.early);
-        while let Some((ticket, order, by)) = early.pop_front().or_else(|| {
-            let (ticket, order) = self.inbox.take()?;
-            Some((ticket, order, self.inbox.by()))
-        }) {
-            if self.is_behind_an_early_one(&order) || self.is_too_early(&order, operator, now_ns) {
+        // What the cycle has no room for waits here: it would be lost, a resume after its hold.
+        while operator.has_room()
+            && let Some((ticket, order, by)) = early.pop_front().or_else(|| {
+                let (ticket, order) = self.inbox.take()?;
+                Some((ticket, order, self.inbox.by()))
+            })
+        {
+            if self.is_too_early(&order, operator, now_ns) {
                 self.early.push_back((ticket, order, by));
                 continue;
             }
@@ -301,6 +304,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                 answers.push((ticket, answer.map_err(RpcError::from)));
             }
         }
+        self.early.extend(early);
         if self
             .checking
             .as_ref()
@@ -481,16 +485,6 @@ impl<'scope, 'env> Clients<'scope, 'env> {
     pub(super) fn is_settling(&self, operator: &Operator) -> bool {
         let is_lost = operator.live().state == State::Silenced;
         operator.step() == Step::StandBy && !self.is_planning && !operator.is_up_to_date() && !is_lost
-    }
-
-    /// Whether it follows one that waits, and would be obeyed before it: a resume before its hold. What stops, and what a hand orders, does
-    /// not wait.
-    fn is_behind_an_early_one(&self, order: &Order) -> bool {
-        let waits = !matches!(
-            wish(order),
-            None | Some(Wish::Stop | Wish::Estop | Wish::Off | Wish::Jog)
-        );
-        waits && !self.early.is_empty()
     }
 
     /// Whether an order can be judged once the cycle has taken the one before it, within a cycle or two; or, where it switches
