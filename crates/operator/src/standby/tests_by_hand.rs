@@ -287,6 +287,7 @@ fn no_order_of_a_flood_is_lost_and_the_last_one_counts() {
         desk.until("it moves", |run| run.operator.live().velocity_mm_s > 0.9);
         for (last, state) in [(Order::Hold, State::Held), (Order::Resume, State::Running)] {
             let first = desk.ticket + 1;
+            let taken = desk.run.operator.live().orders_taken;
             for _ in 0..60 {
                 let other = if matches!(last, Order::Hold) {
                     Order::Resume
@@ -297,7 +298,7 @@ fn no_order_of_a_flood_is_lost_and_the_last_one_counts() {
                     desk.ticket += 1;
                     desk.client.put(desk.ticket, order).unwrap();
                     // As many as the inbox takes at once.
-                    if desk.ticket % 50 == 0 {
+                    if desk.ticket.is_multiple_of(50) {
                         desk.turn();
                     }
                 }
@@ -309,6 +310,7 @@ fn no_order_of_a_flood_is_lost_and_the_last_one_counts() {
                 answered += 1;
             }
             assert_eq!((answered, desk.run.control.state()), (120, state));
+            assert_eq!(desk.run.operator.live().orders_taken - taken, 120, "taken by the cycle");
         }
     });
 }
