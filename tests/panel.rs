@@ -564,8 +564,90 @@ fn programs_arrive_checked_and_nothing_else_does() {
     }
     assert!(records >= 3, "{records}");
 
-    assert_eq!(control.json("DELETE", "/files/part.ngc", &[], b"").0, 204);
-    assert_eq!(control.json("DELETE", "/files/part.ngc", &[], b"").0, 404);
+    // Under another name; none of these takes the place of another one.
+    let rename = |to: &str| control.json("MOVE", "/files/part.ngc", &[("Destination", to)], b"").0;
+    assert_eq!((rename("link.ngc"), rename("..%2Fa.ngc"), rename("")), (412, 400, 400));
+    let only_new = [("If-None-Match", "*")];
+    assert_eq!(control.json("PUT", "/files/part.ngc", &only_new, b"M2\n").0, 412);
+    assert_eq!(control.json("PUT", "/files/new.ngc", &only_new, b"M2\n").0, 201);
+    assert_eq!((rename("new.ngc"), rename("M%C3%BChle%20100%25.ngc")), (412, 204));
+    assert_eq!(std::fs::read(control.path("programs/Mühle 100%.ngc")).unwrap(), part);
+    assert_eq!(rename("b.ngc"), 404, "it has another name");
+
+    assert_eq!(control.json("DELETE", "/files/new.ngc", &[], b"").0, 204);
+    assert_eq!(control.json("DELETE", "/files/new.ngc", &[], b"").0, 404);
+}
+
+#[test]
+fn buttons_values_and_pages_of_the_user_are_served_and_pressed_also_by_pins() {
+    let pages = tempfile::tempdir().unwrap();
+    std::fs::write(pages.path().join("own.html"), "<p>mine").unwrap();
+    std::fs::write(pages.path().join("own.js"), "1").unwrap();
+    std::os::unix::fs::symlink("/etc/passwd", pages.path().join("link.html")).unwrap();
+    let items = format!(
+        r#"{LOOPBACK}
+pages = "{}"
+button = [
+    {{ name = "park", label = "Park", mdi = ["G53 G0 X2", "G53 G0 Y3"], lamp = "motion.in-position" }},
+    {{ name = "step", label = "Step", mdi = ["G91 G0 X{{way}}", "G90"], question = [
+        {{ name = "way", label = "Way, mm", default = 1, min = 0, max = 5 }} ] }},
+    {{ name = "deep", label = "Deep", role = "set-up", mdi = ["G0 X9"] }},
+    {{ name = "warm", label = "Warm up", program = "warm.ngc" }},
+]
+value = [ {{ label = "X", pin = "joint.0.pos-fb", unit = "mm", decimals = 3 }} ]
+"#,
+        pages.path().display()
+    );
+    let control = Control::start("buttons", &items);
+    let mut rpc = control.rpc();
+    let described = rpc.call("machine.describe", json!({})).unwrap();
+    assert_eq!(described["buttons"].as_array().unwrap().len(), 4);
+    assert_eq!(described["buttons"][1]["questions"][0]["max"], 5.0);
+    assert_eq!(described["values"][0]["pin"], "joint.0.pos-fb");
+    // A link is listed, and not followed.
+    assert_eq!(described["pages"], json!(["link.html", "own.html"]));
+    let page = |path: &str| control.http("GET", path, &[], b"");
+    let (status, head, body) = page("/own/own.html");
+    assert_eq!((status, body.as_slice()), (200, &b"<p>mine"[..]));
+    assert!(
+        head.contains("text/html") && head.contains("content-security-policy"),
+        "{head}"
+    );
+    assert!(page("/own/own.js").1.contains("text/javascript"));
+    for path in ["/own/link.html", "/own/none.html", "/own/..%2Fmachine.toml", "/own/"] {
+        assert_eq!(page(path).0, 404, "{path}");
+    }
+
+    // As any line of MDI it is refused until joints are homed.
+    let press = |rpc: &mut Rpc, name: &str, answers: Value| {
+        rpc.call("button.press", json!({ "name": name, "answers": answers }))
+    };
+    rpc.until(|status| status["power"] == "off");
+    assert!(press(&mut rpc, "park", json!({})).is_err());
+    rpc.call("home", json!({})).unwrap();
+    rpc.until(|status| status["job"] == "completed");
+    let stands = |x: f64, y: f64| {
+        move |status: &Value| {
+            let at = |axis: usize| status["position_mm"][axis].as_f64().unwrap_or(f64::NAN);
+            status["activity"] == "idle" && (at(0) - x).abs() < 0.002 && (at(1) - y).abs() < 0.002
+        }
+    };
+    press(&mut rpc, "park", json!({})).unwrap();
+    rpc.until(stands(2.0, 3.0));
+    press(&mut rpc, "step", json!({ "way": 2.5 })).unwrap();
+    rpc.until(stands(4.5, 3.0));
+    let refused = press(&mut rpc, "step", json!({ "way": 6 })).unwrap_err();
+    assert_eq!(refused["data"]["field"], "way");
+    assert!(press(&mut rpc, "none", json!({})).is_err() && press(&mut rpc, "warm", json!({})).is_err());
+    std::fs::write(control.path("programs/warm.ngc"), "G0 X1\nM2\n").unwrap();
+    let loaded = press(&mut rpc, "warm", json!({})).unwrap();
+    assert!(loaded["program"].as_str().unwrap().ends_with("warm.ngc"), "{loaded}");
+
+    // A button on the desk; one that asks has no pin.
+    let pin = |rpc: &mut Rpc, name: &str, value: &str| rpc.call("hal.set", json!({ "pin": name, "value": value }));
+    pin(&mut rpc, "halui.button.park", "1").unwrap();
+    rpc.until(stands(2.0, 3.0));
+    assert!(pin(&mut rpc, "halui.button.step", "1").is_err());
 }
 
 /// Drives on, homed, in automatic, a program of the same name loaded: nothing but an order is missing.

@@ -18,6 +18,7 @@ fn pin(name: &str, kind: Kind, value: impl Into<AnyValue>) -> ExternalPin {
         name: name.into(),
         kind,
         value: value.into(),
+        keeps: false,
     }
 }
 

@@ -5,6 +5,7 @@ pub mod check;
 pub mod dda;
 pub mod demo;
 pub mod doctor;
+pub mod input;
 pub mod interpret;
 pub mod jitter;
 pub mod job;
@@ -19,7 +20,7 @@ use bus_tools::init;
 use clap::{CommandFactory, Parser, Subcommand};
 use hal_tools::hal;
 use host::terminal::say;
-use remote::{control, jog, tables, top};
+use remote::{buttons, control, jog, tables, top};
 use std::ffi::OsString;
 use std::process::ExitCode;
 use terminal::refusal::Refusal;
@@ -112,6 +113,9 @@ enum Command {
     /// Run feed, rapid moves or the spindle at another percentage of what is programmed.
     #[command(after_help = "Example: isocnc override feed 80")]
     Override(control::OverrideArgs),
+    /// Press a button of the user, [[panel.button]] of the machine file; without a name list them.
+    #[command(after_help = "Example: isocnc button park")]
+    Button(buttons::ButtonArgs),
     /// Show or set the part counter of a running control and its target.
     #[command(after_help = "Example: isocnc parts target 50")]
     Parts(tables::PartsArgs),
@@ -143,6 +147,9 @@ enum Command {
     Dda(dda::DdaArgs),
     /// Write the program of a simple job: facing, pockets, holes, threads, engraving.
     Job(job::JobArgs),
+    /// List input devices (game pads, pendants, keyboards), or show what one says: for [[hal.input]].
+    #[command(after_help = "Example: isocnc input Gamepad")]
+    Input(input::InputArgs),
     /// Be the machine of a machine file: its drives and I/O as the nodes of its bus on an interface.
     #[command(after_help = "Example: isocnc simulate configs/mill3-powerlink.toml --interface eth1")]
     Simulate(simulate::SimulateArgs),
@@ -222,6 +229,7 @@ pub fn main() -> ExitCode {
         Command::BlockDelete(args) => control::block_delete(args),
         Command::Stop(args) => control::lasting(args, control::Lasting::Stop),
         Command::Override(args) => control::set_overrides(args),
+        Command::Button(args) => buttons::button(args),
         Command::Parts(args) => tables::parts(args),
         Command::Journal(args) => tables::journal(args),
         Command::Fault(args) => control::fault(args),
@@ -232,6 +240,7 @@ pub fn main() -> ExitCode {
         Command::Interpret(args) => interpret::interpret(args),
         Command::Plan(args) => plan_report::plan(args),
         Command::Job(args) => job::job(args),
+        Command::Input(args) => input::input(args),
         Command::Simulate(args) => simulate::simulate(args),
         Command::Jitter(args) => jitter::jitter(args),
         Command::Dda(args) => dda::dda(args),

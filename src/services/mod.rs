@@ -1,7 +1,8 @@
-//! What a control of this program serves beside its socket: the panel, and the link to a supervisor.
+//! What a control of this program serves beside its socket: the panel, the link to a supervisor, input devices.
 
 #[cfg(feature = "cell")]
 mod cell;
+mod input;
 #[cfg(feature = "panel")]
 pub(crate) mod panel;
 
@@ -19,6 +20,11 @@ pub(crate) type Asked = Option<Option<SocketAddr>>;
 /// One that is asked for cannot be had.
 pub(crate) fn of(config: &Config, asked: Asked, quiet: bool, stands_by: bool) -> anyhow::Result<Vec<Box<dyn Service>>> {
     let mut services = panel_of(config, asked, quiet)?;
+    let inputs = config
+        .inputs
+        .iter()
+        .map(|device| input::Input::of(&config.name, device));
+    services.extend(inputs.map(|input| Box::new(input) as Box<dyn Service>));
     if stands_by {
         services.extend(cell_of(config)?);
     }

@@ -103,6 +103,7 @@ impl Panel {
             hosts: wanted.hosts.clone(),
             tokens,
             programs: wanted.programs.clone(),
+            pages: wanted.pages.clone(),
             measurements: config.state_directory.as_deref().map(measurements::folder),
             tls,
             backup: Backup {

@@ -18,11 +18,13 @@
 //! | programs that arrive in parts; ways of programs that leave in parts | `uploads.rs`; `paths.rs` (made by `program::tool_path`) |
 //! | oscilloscopes of clients | `scopes.rs` |
 //! | the network in words | `network_view/mod.rs` |
+//! | what a button of the user orders | `buttons.rs` |
 //! | what takes long | `errands.rs` |
 
 // What is public here is so for the program and its tests, and says more than its name only where there is more to say.
 #![allow(missing_docs)]
 
+pub mod buttons;
 pub mod client;
 pub mod control;
 pub mod errands;

@@ -148,6 +148,11 @@ impl<'d, 'l> Item<'d, 'l> {
         self.log.wrong(self.value.span(), key, rule, None);
     }
 
+    /// Whether it is this text; notes nothing.
+    pub(super) fn is(self, text: &str) -> bool {
+        self.value.get_ref().as_str() == Some(text)
+    }
+
     /// As [`Item::refused`], with what is near to it: a word.
     pub(super) fn no_word<T>(self, key: &str, rule: impl Into<String>, near: Option<&str>) -> Option<T> {
         let hint = near.map(|near| format!("did you mean {near:?}?"));

@@ -16,7 +16,7 @@ const HEARTBEAT_MS: RangeInclusive<u32> = 2..=60_000;
 /// Pins that the control makes itself.
 const OWN_PINS: [&str; 2] = ["alive", "losses"];
 
-const REACTIONS: [(&str, OnLoss); 3] = [
+pub(super) const REACTIONS: [(&str, OnLoss); 3] = [
     ("journal", OnLoss::Journal),
     ("warn", OnLoss::Warn),
     ("stop", OnLoss::Stop),
@@ -95,7 +95,11 @@ fn pin(
     let types = Type::ALL.map(|value_type| (value_type.name(), value_type));
     let value_type = section.word("type", &types, None);
     let first = value(section, "first", value_type);
-    let safe = value(section, "safe", value_type);
+    let keeps = section.optional("safe").is_some_and(|item| item.is("last"));
+    let safe = match keeps {
+        true => Some(value_type.map(nothing)),
+        false => value(section, "safe", value_type),
+    };
     let (kind, value_type) = (kind?, value_type?);
     let value = match (kind, first?, safe?) {
         (Kind::Output, None, Some(safe)) => safe,
@@ -132,6 +136,7 @@ fn pin(
         name: name?,
         kind,
         value,
+        keeps,
     })
 }
 

@@ -66,6 +66,11 @@ pub fn net_errors(config: &Config, refused: &[(usize, HalError)]) -> ConfigError
 
 /// A component whose pins cannot be made, at the place of its name; `kind`: `component` or `external`.
 pub fn component_error(config: &Config, kind: &str, number: usize, error: &HalError) -> ConfigErrors {
+    // The last of the external ones are input devices.
+    let (kind, number) = match number.checked_sub(config.external.len() - config.inputs.len()) {
+        Some(device) if kind == "external" => ("input", device),
+        _ => (kind, number),
+    };
     errors(
         config,
         &[(format!("hal.{kind}[{number}].name"), error.to_string())],

@@ -12,6 +12,7 @@ use super::document::Log;
 use super::drive;
 use super::external::{self, External};
 use super::homing_fit;
+use super::input_device::{InputDevice, inputs};
 use super::joints::{self, JOINTS_MAX, Joint};
 use super::kinematics::{self, Family};
 use super::logics::{self, LogicTask};
@@ -74,6 +75,8 @@ pub struct Config {
     pub logics: Vec<LogicTask>,
     /// Those whose outputs other processes write.
     pub external: Vec<External>,
+    /// Devices of the kernel; the pins of each are one of `external`, at its end.
+    pub inputs: Vec<InputDevice>,
     /// What the simulated machine is made of.
     pub sim: Sim,
     /// The operator panel in the browser; `None`: only where the command line asks for it.
@@ -360,7 +363,7 @@ pub(super) fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) 
     let estop_category = root.table("estop", |section| section.integer("category", 0..=1, 1));
     let priority = rt.as_ref().map(|rt| rt.priority);
     let logics = logics::logics(&mut root, base, cycle_us, priority);
-    if let (Some(logics), Some((nets, components, _))) = (&logics, &hal) {
+    if let (Some(logics), Some((nets, components, ..))) = (&logics, &hal) {
         logics::keep_fast_inputs(&root, logics, nets, components);
     }
     let folder = machine.state_directory.as_ref().and_then(|folder| folder.as_deref());
@@ -368,7 +371,7 @@ pub(super) fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) 
     let cell = root.optional_table("cell", |section| Cell::read(section, base, folder.is_some()));
     root.done();
 
-    let (nets, components, external) = hal?;
+    let (nets, components, external, inputs) = hal?;
     Some(Config {
         path: path.to_owned(),
         name: machine.name?,
@@ -397,14 +400,16 @@ pub(super) fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) 
         components,
         logics: logics?,
         external,
+        inputs,
         sim: sim?,
         panel: panel?,
         cell: cell?,
     })
 }
 
-/// `[[hal.net]]`, `[[hal.component]]`, `[[hal.external]]`.
-fn hal(section: &mut Section<'_, '_>) -> Option<(Vec<Net>, Vec<Component>, Vec<External>)> {
+/// `[[hal.net]]`, `[[hal.component]]`, `[[hal.external]]`, `[[hal.input]]`.
+#[allow(clippy::type_complexity, reason = "what a table has, once")]
+fn hal(section: &mut Section<'_, '_>) -> Option<(Vec<Net>, Vec<Component>, Vec<External>, Vec<InputDevice>)> {
     let tables = section.sections("net");
     let (count, mut nets) = (tables.len(), Vec::new());
     for table in tables {
@@ -413,6 +418,8 @@ fn hal(section: &mut Section<'_, '_>) -> Option<(Vec<Net>, Vec<Component>, Vec<E
     }
     let complete = nets.len() == count;
     let components = components::components(section, &nets);
-    let external = external::external(section, &nets);
-    complete.then_some((nets, components?, external?))
+    let mut external = external::external(section, &nets);
+    let mut none = Vec::new();
+    let inputs = inputs(section, external.as_mut().unwrap_or(&mut none));
+    complete.then_some((nets, components?, external?, inputs?))
 }

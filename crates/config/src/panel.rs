@@ -2,6 +2,7 @@
 //!
 //! In:  the table of the machine file. Out: where it listens, and who may come.
 
+use super::panel_items::{PanelButton, PanelValue, buttons, values};
 use super::section::{Section, keys, left_out};
 use super::values::is_name;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
@@ -40,6 +41,15 @@ keys! {
         pub encryption: Encryption = encryption(section, base, state_directory),
         /// Where senders of Grbl connect, an address of this PC alone; `None`: nowhere.
         pub grbl: Option<SocketAddr> = section.optional_table("grbl", grbl),
+        /// Buttons of the user.
+        pub buttons: Vec<PanelButton> = buttons(section),
+        /// Pins that it shows.
+        pub values: Vec<PanelValue> = values(section),
+        /// Folder of pages of the user, served at `/own/`.
+        pub pages: Option<PathBuf> = match section.path("pages", base) {
+            Some(Some(path)) if !path.is_dir() => section.refused("pages", format!("{} is no folder", path.display())),
+            path => path,
+        },
         pub mtconnect: MtConnect = section.optional_table("mtconnect", MtConnect::read).map(Option::unwrap_or_default),
     }
 }

@@ -658,7 +658,7 @@ fn rules_of_the_rest() {
         (end, "joints = [0]\n[[hal.net]]\nname = \"n\"\nsource = \"x\"\ntargets = [\"e\"]\n[[hal.net]]\nname = \"n\"\nsource = \"y\"\ntargets = [\"e\"]\n[hal.order]\n", &[
             "m.toml:33:8: hal.net[1].name = \"n\": is taken by a net above",
             "m.toml:35:12: hal.net[1].targets[0] = \"e\": is written by a net already: a pin has one writer",
-            "m.toml:36:6: hal.order: unknown key; known here: net, component, external",
+            "m.toml:36:6: hal.order: unknown key; known here: net, component, external, input",
         ]),
         (end, "joints = [0]\n[[hal.net]]\nname = \"n\"\nsource = \"x\"\ntargets = []\n", &[
             "m.toml:31:11: hal.net[0].targets = []: must name at least one pin",

@@ -1,11 +1,17 @@
 //! The pages of the panel, which are part of the program.
 
 use crate::guard::refuse;
-use axum::extract::Request;
+use crate::serve::Panel;
+use axum::extract::{Path, Request, State};
 use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE, ETAG, IF_NONE_MATCH};
 use axum::http::{HeaderValue, Method, StatusCode};
 use axum::response::{IntoResponse, Response};
+use nix::fcntl::OFlag;
 use rust_embed::Embed;
+use std::fs::OpenOptions;
+use std::io::Read;
+use std::os::unix::fs::OpenOptionsExt;
+use std::sync::Arc;
 
 /// What the front end was built to, and a page for a panel that has none.
 #[derive(Embed)]
@@ -16,6 +22,9 @@ struct Dist;
 #[derive(Embed)]
 #[folder = "example/"]
 struct Example;
+
+/// Largest file of the user's own, bytes.
+const OWN_MAX: u64 = 16 << 20;
 
 /// Whether a path is that of a page, which holds nothing that is secret.
 pub(crate) fn is_page(path: &str) -> bool {
@@ -65,6 +74,38 @@ pub(crate) async fn page(request: Request) -> Response {
     response
 }
 
+/// Serves a page of the user's own, a script, a picture: a file of the folder `pages` of `[panel]`.
+pub(crate) async fn own(State(panel): State<Arc<Panel>>, Path(name): Path<String>) -> Response {
+    let Some(folder) = panel.settings.pages.clone().filter(|_| files::is_name(&name)) else {
+        return refuse(
+            StatusCode::NOT_FOUND,
+            "there is no such page: pages of [panel] names their folder",
+        );
+    };
+    let path = folder.join(&name);
+    let read = tokio::task::spawn_blocking(move || {
+        // A link would lead out of the folder; without O_NONBLOCK this would wait for a writer of a pipe.
+        let flags = OFlag::O_NOFOLLOW | OFlag::O_NONBLOCK;
+        let file = OpenOptions::new()
+            .read(true)
+            .custom_flags(flags.bits())
+            .open(path)
+            .ok()?;
+        let mut content = Vec::new();
+        let is_file = file.metadata().ok()?.is_file();
+        (is_file && file.take(OWN_MAX + 1).read_to_end(&mut content).is_ok()).then_some(content)
+    });
+    let why = match read.await.ok().flatten() {
+        Some(content) if content.len() as u64 > OWN_MAX => format!("{name} is larger than {} MiB", OWN_MAX >> 20),
+        Some(content) => {
+            let headers = [(CONTENT_TYPE, kind(&name)), (CACHE_CONTROL, "no-cache")];
+            return (headers, content).into_response();
+        }
+        None => format!("there is no page {name}, or it cannot be read; links are not followed here"),
+    };
+    refuse(StatusCode::NOT_FOUND, why)
+}
+
 /// What a file is, by the end of its name.
 fn kind(path: &str) -> &'static str {
     match path.rsplit_once('.').map_or("", |(_, end)| end) {
@@ -76,6 +117,8 @@ fn kind(path: &str) -> &'static str {
         "svg" => "image/svg+xml",
         "png" => "image/png",
         "ico" => "image/x-icon",
+        "jpg" | "jpeg" => "image/jpeg",
+        "webp" => "image/webp",
         "woff2" => "font/woff2",
         "txt" | "md" => "text/plain; charset=utf-8",
         _ => "application/octet-stream",

@@ -23,10 +23,11 @@ use files::is_name;
 use files::read::PROGRAM_MAX;
 use futures_util::{StreamExt, stream};
 use nix::errno::Errno;
-use nix::fcntl::{AtFlags, OFlag, openat, renameat};
+use nix::fcntl::{AtFlags, OFlag, RenameFlags, openat, renameat2};
 use nix::sys::stat::{Mode, SFlag, fstatat};
 use nix::sys::statvfs::fstatvfs;
 use nix::unistd::{UnlinkatFlags, unlinkat};
+use percent_encoding::percent_decode_str;
 use protocol::{Role, method, params};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
@@ -55,6 +56,8 @@ const LIST_MAX: usize = 10_000;
 const DIGEST_MAX: u64 = 64 << 20;
 /// Octets read at once.
 const CHUNK: u64 = 64 * 1024;
+/// The method that renames (RFC 4918), which `http` has no name for.
+const MOVE: &str = "MOVE";
 /// Files that are on their way begin so.
 const ARRIVING: &str = ".arriving-";
 
@@ -117,6 +120,11 @@ impl Programs {
             Ok(metadata) if metadata.is_file() => Ok(file),
             _ => Err(Errno::EINVAL),
         }
+    }
+
+    /// Whether something has this name.
+    fn has(&self, name: &str) -> bool {
+        fstatat(self.folder.as_fd(), name, AtFlags::AT_SYMLINK_NOFOLLOW).is_ok()
     }
 
     fn free(&self) -> u64 {
@@ -307,16 +315,53 @@ pub(crate) async fn one(
     let done = match method {
         Method::GET | Method::HEAD => give(programs, name, request.headers()).await,
         Method::PUT | Method::POST => receive(&panel, &visitor, programs, name, request).await,
+        _ if method.as_str() == MOVE => rename(programs, name, request.headers()).await,
         Method::DELETE => on_disk(move || unlinkat(programs.folder.as_fd(), name.as_str(), UnlinkatFlags::NoRemoveDir))
             .await
             .and_then(|removed| Ok(removed?))
             .map(|()| StatusCode::NO_CONTENT.into_response()),
         _ => Err(Refusal(
             StatusCode::METHOD_NOT_ALLOWED,
-            "a program is read by GET, sent by PUT, removed by DELETE".into(),
+            "a program is read by GET, sent by PUT, renamed by MOVE, removed by DELETE".into(),
         )),
     };
     done.unwrap_or_else(IntoResponse::into_response)
+}
+
+/// There is a file of this name, which was not to be replaced.
+fn taken(name: &str) -> Refusal {
+    let why = format!(
+        "there is a program {name} already: send it under another name, or without If-None-Match to replace it"
+    );
+    Refusal(StatusCode::PRECONDITION_FAILED, why)
+}
+
+/// Gives a program the name of the header Destination, percent-encoded, that no other one has.
+async fn rename(programs: Arc<Programs>, name: String, headers: &HeaderMap) -> Result<Response, Refusal> {
+    let to = header(headers, "destination").map(|to| percent_decode_str(to).decode_utf8());
+    let Some(Ok(to)) = to.filter(|to| to.as_deref().is_ok_and(is_name)) else {
+        let why = "the header Destination is missing or no name: the new name alone, percent-encoded";
+        return Err(Refusal(StatusCode::BAD_REQUEST, why.into()));
+    };
+    let to = to.into_owned();
+    let renamed = on_disk(move || {
+        let folder = programs.folder.as_fd();
+        // Also of what is no program: a link, a folder.
+        programs.open_file(&name)?;
+        match renameat2(
+            folder,
+            name.as_str(),
+            folder,
+            to.as_str(),
+            RenameFlags::RENAME_NOREPLACE,
+        ) {
+            Err(Errno::EEXIST) => return Err(taken(&to)),
+            renamed => renamed?,
+        }
+        Ok(programs.folder.sync_all()?)
+    });
+    renamed.await??;
+    Ok(StatusCode::NO_CONTENT.into_response())
 }
 
 async fn give(programs: Arc<Programs>, name: String, headers: &HeaderMap) -> Result<Response, Refusal> {
@@ -485,6 +530,10 @@ async fn receive(
     let refused = |status, why: String| Err(Refusal(status, why));
     let headers = request.headers();
     can_be_taken(headers, &programs)?;
+    let is_new = header(headers, "if-none-match") == Some("*");
+    if is_new && programs.has(&name) {
+        return Err(taken(&name));
+    }
     let wanted = header(headers, "x-sha256").map(str::to_ascii_lowercase);
     let arriving = Arc::new(Arriving::begin(&programs)?);
     let making = Arc::clone(&arriving);
@@ -565,10 +614,18 @@ async fn receive(
         {
             return Err(io::Error::from(Errno::EISDIR));
         }
-        renameat(folder, renaming.name.as_str(), folder, to.as_str())?;
+        let how = if is_new {
+            RenameFlags::RENAME_NOREPLACE
+        } else {
+            RenameFlags::empty()
+        };
+        renameat2(folder, renaming.name.as_str(), folder, to.as_str(), how)?;
         renaming.programs.folder.sync_all()
     });
-    renamed.await??;
+    match renamed.await? {
+        Err(cause) if is_new && cause.raw_os_error() == Some(Errno::EEXIST as i32) => return Err(taken(&name)),
+        renamed => renamed?,
+    }
     tracing::info!(%name, octets, "a program has arrived");
     let told = json!({
         "name": name,

@@ -58,6 +58,8 @@ pub struct Settings {
     pub tokens: Tokens,
     /// Folder of programs.
     pub programs: Option<PathBuf>,
+    /// Folder of pages of the user's own.
+    pub pages: Option<PathBuf>,
     /// Folder of measurements; it may be missing.
     pub measurements: Option<PathBuf>,
     /// What connections are encrypted with; `None`: nothing.
@@ -187,6 +189,7 @@ pub(crate) fn router(panel: &Arc<Panel>) -> Router {
         .route("/rpc", any(rpc::open))
         .route("/files/", any(programs::list))
         .route("/files/{name}", any(programs::one))
+        .route("/own/{name}", get(pages::own))
         .route("/path", get(path::path))
         .route("/measurements/", get(measurements::list))
         .route("/measurements/{name}", get(measurements::one))

@@ -106,6 +106,7 @@ methods! {
     MachineDoctor "machine.doctor" (NoParams) -> answers::Doctor;
     PinValues "hal.values" (PinValues) -> answers::Pins;
     PinSet "hal.set" (PinSet) -> answers::Nothing;
+    ButtonPress "button.press" (ButtonPress) -> answers::Pressed;
     JobKinds "job.kinds" (NoParams) -> answers::JobKinds;
     JobMake "job.make" (JobMake) -> answers::Job;
     CycleTimes "cycle.times" (NoParams) -> answers::Times;

@@ -482,6 +482,14 @@ params! {
         pub numbers: Option<BTreeMap<String, JobValue>>,
     }
 
+    /// A button of the user, and what was answered to its questions.
+    ButtonPress {
+        /// Its name.
+        pub name: String,
+        /// By the names of questions; one that is missing has its default.
+        pub answers: Option<BTreeMap<String, f64>>,
+    }
+
     /// Pins whose values are asked for.
     PinValues {
         /// Their names.

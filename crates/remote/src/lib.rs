@@ -9,6 +9,7 @@
 // What is public here is so for the program and its tests, and says more than its name only where there is more to say.
 #![allow(missing_docs)]
 
+pub mod buttons;
 pub mod control;
 pub mod jog;
 mod place;

@@ -6,7 +6,7 @@
 //! RT: nothing allocates but [`DeskPins::new`].
 
 use crate::shared::ByHand;
-use config::Config;
+use config::{BUTTONS_MAX, Config};
 use hal_pins::{Hal, HalError, Input, Output};
 use machine::faults::Reaction;
 use protocol::Mode;
@@ -29,6 +29,8 @@ pub struct Desk {
     reset: AtomicBool,
     /// Pins have asked for drives on, for drives off, for the program that is loaded.
     orders: [AtomicBool; PinOrder::ALL.len()],
+    /// Buttons of the user that pins have pressed, a bit each.
+    pressed: AtomicU64,
 }
 
 /// What pins may order of the operator's loop.
@@ -98,6 +100,12 @@ impl Desk {
     pub fn take_orders(&self) -> impl Iterator<Item = PinOrder> {
         let ordered = |order: &PinOrder| self.orders[*order as usize].swap(false, Relaxed);
         PinOrder::ALL.into_iter().filter(ordered)
+    }
+
+    /// Buttons of the user that pins have pressed since the last call, by their places in the machine file.
+    pub fn take_pressed(&self) -> impl Iterator<Item = usize> {
+        let pressed = self.pressed.swap(0, Relaxed);
+        (0..BUTTONS_MAX).filter(move |place| pressed >> place & 1 == 1)
     }
 
     /// Whether a pin has asked since the last call that parts are counted from 0.
@@ -242,6 +250,8 @@ pub struct DeskPins {
     stop: Button,
     pause: Button,
     orders: [Button; PinOrder::ALL.len()],
+    /// Those of the user that ask nothing, and their places in the machine file.
+    buttons: Vec<(usize, Button)>,
     spindle: SpindlePins,
     rpm_max: f64,
     flood: SwitchPins,
@@ -261,6 +271,13 @@ impl DeskPins {
     /// # Errors
     /// Shared memory too small.
     pub fn new(hal: &mut Hal, config: &Config, [resume, stop]: [Button; 2]) -> Result<DeskPins, HalError> {
+        let panel = config.panel.iter().flat_map(|panel| &panel.buttons);
+        let mut buttons = Vec::new();
+        for (place, button) in panel.enumerate() {
+            if let Some(pin) = button.pin() {
+                buttons.push((place, Button::new(hal, &pin)?));
+            }
+        }
         Ok(DeskPins {
             resume,
             stop,
@@ -270,6 +287,7 @@ impl DeskPins {
                 Button::new(hal, "halui.machine.on")?,
                 Button::new(hal, "halui.program.run")?,
             ],
+            buttons,
             spindle: SpindlePins::new(hal)?,
             rpm_max: config.spindle.rpm_max,
             flood: SwitchPins::new(hal, "halui.flood")?,
@@ -330,6 +348,11 @@ impl DeskPins {
         for (button, ordered) in self.orders.iter_mut().zip(&desk.orders) {
             if button.take() {
                 ordered.store(true, Relaxed);
+            }
+        }
+        for (place, button) in &mut self.buttons {
+            if button.take() {
+                desk.pressed.fetch_or(1 << *place, Relaxed);
             }
         }
         self.mode.show(usize::from(desk.mode.load(Relaxed)));

@@ -161,6 +161,7 @@ pub(super) fn test_config() -> Config {
         components: Vec::new(),
         logics: Vec::new(),
         external: Vec::new(),
+        inputs: Vec::new(),
         sim: Sim {
             natural_frequency_hz: 60.0,
             damping: 0.8,

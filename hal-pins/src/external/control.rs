@@ -17,8 +17,8 @@ pub struct External {
     receiver: Receiver,
     inputs: Box<[Reader]>,
     outputs: Box<[Writer]>,
-    /// What outputs are while nobody writes them.
-    safe: Box<[u64]>,
+    /// What outputs are while nobody writes them; `None`: as they were.
+    safe: Box<[Option<u64>]>,
     scratch: Box<[u64]>,
     alive: Output<bool>,
     losses: Output<u32>,
@@ -111,7 +111,7 @@ impl External {
                 inputs.push(Reader::claim(hal, &whole, pin.value)?);
             } else {
                 outputs.push(Writer::claim(hal, &whole, pin.value)?);
-                safe.push(pin.value.to_cell());
+                safe.push((!pin.keeps).then(|| pin.value.to_cell()));
             }
         }
         let (alive, losses) = (
@@ -211,7 +211,9 @@ impl External {
     /// RT.
     fn fall_to_safe_values(&mut self) {
         for (pin, cell) in self.outputs.iter_mut().zip(&self.safe) {
-            pin.set(*cell);
+            if let Some(cell) = cell {
+                pin.set(*cell);
+            }
         }
     }
 

@@ -42,6 +42,8 @@ pub struct ExternalPin {
     pub kind: Kind,
     /// Of an output what it is while nobody writes it; of an input what it is until somebody sets it. Its type is the pin's.
     pub value: AnyValue,
+    /// While nobody writes it any more, it stays as it was: for what is counted, whose fall would be a move.
+    pub keeps: bool,
 }
 
 impl ExternalPin {
@@ -105,6 +107,7 @@ fn described(words: &[u64]) -> Result<ExternalPin, String> {
         name: name.ok_or("a name that is none")?.to_owned(),
         kind,
         value: AnyValue::from_cell(value_type, words[1]),
+        keeps: false,
     })
 }
 

@@ -4,10 +4,14 @@
 
 use crate::orders;
 use ::machine::state_file;
-use config::{AxisMap, Config};
+use config::{AxisMap, Config, Does, Panel, PanelButton, PanelValue};
 use motion::canon::LengthUnit;
 use motion::kinematics::Transform;
-use protocol::{Described, DescribedAxis, DescribedJoint, LastProgram, Parts, StatusProgram};
+use protocol::{
+    Described, DescribedAxis, DescribedButton, DescribedJoint, DescribedQuestion, DescribedValue, LastProgram, Parts,
+    Role, StatusProgram,
+};
+use std::path::Path;
 
 /// Unit of positions of an axis.
 pub(super) fn unit(map: &AxisMap) -> &'static str {
@@ -55,7 +59,59 @@ pub(super) fn machine(config: &Config) -> Described {
         spindles: usize::from(config.spindle.count),
         spindle_rpm_max: config.spindle.rpm_max,
         programs: false,
+        buttons: items(config, |panel| panel.buttons.iter().map(button).collect()),
+        values: items(config, |panel| panel.values.iter().map(shown).collect()),
+        pages: items(config, |panel| panel.pages.as_deref().map_or_else(Vec::new, pages)),
     }
+}
+
+/// What of the panel the user has added.
+fn items<T>(config: &Config, of: impl Fn(&Panel) -> Vec<T>) -> Vec<T> {
+    config.panel.as_ref().map_or_else(Vec::new, of)
+}
+
+fn button(of: &PanelButton) -> DescribedButton {
+    let (mdi, program) = match &of.does {
+        Does::Mdi(lines) => (lines.clone(), None),
+        Does::Program(name) => (Vec::new(), Some(name.clone())),
+    };
+    let questions = of.questions.iter().map(|question| DescribedQuestion {
+        name: question.name.clone(),
+        label: question.label.clone(),
+        default: question.default,
+        min: question.min,
+        max: question.max,
+    });
+    DescribedButton {
+        name: of.name.clone(),
+        label: of.label.clone(),
+        ask: of.ask.clone(),
+        mdi,
+        program,
+        role: if of.set_up { Role::SetUp } else { Role::Operate },
+        lamp: of.lamp.clone(),
+        questions: questions.collect(),
+    }
+}
+
+fn shown(of: &PanelValue) -> DescribedValue {
+    DescribedValue {
+        label: of.label.clone(),
+        pin: of.pin.clone(),
+        unit: of.unit.clone(),
+        decimals: of.decimals,
+    }
+}
+
+/// Pages of a folder, as it is at the start.
+fn pages(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
+    let mut names: Vec<String> = names
+        .filter(|name| name.ends_with(".html") && files::is_name(name))
+        .collect();
+    names.sort();
+    names
 }
 
 impl From<orders::ShownProgram> for StatusProgram {

@@ -17,6 +17,7 @@ pub mod table;
 
 pub use pins::{pin, value_json};
 
+use super::buttons;
 use super::control::{Control, NAME_MAX, Needs, Who};
 use super::errands::Errands;
 use super::metrics;
@@ -35,7 +36,7 @@ use ::machine::faults::silenced;
 use ::machine::state::State;
 use bus::SDO_VALUE_MAX;
 use bus::service::{BusService, MailboxError, MailboxRequest};
-use config::{Config, JOINTS_MAX, OnLostControl};
+use config::{Config, JOINTS_MAX, OnLostControl, PanelButton};
 use files::read::PROGRAM_MAX;
 use nix::sys::eventfd::EventFd;
 use obd::AbortCode;
@@ -140,6 +141,8 @@ pub struct Methods {
     text_place: Place,
     /// Folder of programs.
     programs: Option<PathBuf>,
+    /// Buttons of the user.
+    buttons: Vec<PanelButton>,
     pins: Box<Pins>,
     /// Names of external components.
     external: Vec<String>,
@@ -182,6 +185,7 @@ impl Methods {
             feed_nets: held::FeedNets::default(),
             text_place: Place::default(),
             programs: None,
+            buttons: Vec::new(),
             pins: Box::new(|_| None),
             external: Vec::new(),
             logic: Arc::default(),
@@ -218,6 +222,7 @@ impl Methods {
             holds_on_lost_control: (config.panel.as_ref())
                 .is_some_and(|panel| panel.on_lost_control == OnLostControl::Hold),
             feed_nets: held::FeedNets::of(config),
+            buttons: (config.panel.as_ref()).map_or_else(Vec::new, |panel| panel.buttons.clone()),
             pins: Box::new(pins),
             external: config.external.iter().map(|of| of.name.clone()).collect(),
             time_of_day,
@@ -551,7 +556,7 @@ impl Methods {
                 let what = format!("expected \"file\" alone, got \"{other}\", too");
                 return Err(RpcError::new(code::INVALID_PARAMS, what));
             }
-            return self.stored(name);
+            return buttons::stored(self.programs.as_deref(), name);
         }
         if call.params.has("path") {
             // Any file that the control may read.
@@ -568,25 +573,27 @@ impl Methods {
         Ok(Source::Uploaded(whole))
     }
 
-    /// A program of the folder of programs.
-    fn stored(&self, name: &str) -> Result<Source, RpcError> {
-        let Some(folder) = &self.programs else {
-            let what = "this machine has no folder of programs: programs of [panel] or state_directory of the machine file name one";
-            return Err(RpcError::new(code::REFUSED, what));
-        };
-        if !files::is_name(name) {
-            let what = "parameter \"file\": expected the name of a file, without a folder and not beginning with a dot";
+    /// What a button of the user orders.
+    fn press(&self, call: &Call<'_>) -> Result<Order, RpcError> {
+        let name = arguments::needed(call.params.text("name")?, "name", "the name of a button")?;
+        let Some(button) = self.buttons.iter().find(|button| button.name == name) else {
+            let what =
+                format!("parameter \"name\": this machine has no button \"{name}\"; \"machine.describe\" has them all");
             return Err(RpcError::new(code::INVALID_PARAMS, what));
+        };
+        if button.set_up {
+            call.caller.role.permit(Role::SetUp)?;
         }
-        let path = folder.join(name);
-        match std::fs::symlink_metadata(&path) {
-            Ok(found) if found.is_file() => Ok(Source::File(path)),
-            Ok(_) => Err(RpcError::new(
-                code::REFUSED,
-                format!("{name} is no file, and links are not followed here"),
-            )),
-            Err(cause) => Err(RpcError::new(code::REFUSED, format!("{name}: {cause}"))),
-        }
+        let none = Map::new();
+        let answers = match call.params.0.get("answers") {
+            None => &none,
+            Some(Value::Object(answers)) => answers,
+            Some(_) => {
+                let what = "parameter \"answers\": expected an object, a number for each question";
+                return Err(RpcError::new(code::INVALID_PARAMS, what));
+            }
+        };
+        buttons::pressed(button, answers, self.programs.as_deref())
     }
 
     /// Turns overrides: all that are given, or none where one of them cannot be. No way over the operator's inbox: whoever

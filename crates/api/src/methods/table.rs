@@ -527,6 +527,12 @@ pub static METHODS: LazyLock<Vec<Method>> = LazyLock::new(|| {
         )
             .role(Role::SetUp)
             .quick(|methods, call| methods.set_pin(call)),
+        order::<method::ButtonPress>(
+            "presses a button of the user ([[panel.button]]) by its \"name\", with \"answers\" to its questions: runs its lines as \
+             \"mdi.stream\" does, or loads its program. \"machine.describe\" has all buttons; a wrong answer is refused with the \
+             \"field\" in the data",
+        )
+            .order(|methods, call| methods.press(call)),
         look::<method::JobKinds>(
             "the kinds of simple jobs (facing, pockets, holes, threads, engraving), each with its numbers: names, units, defaults and bounds",
         )

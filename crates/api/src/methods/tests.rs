@@ -142,7 +142,7 @@ fn refusals_say_what_there_is() {
          mdi, mdi.stream, mdi.history, touch_off, offset.list, offset.set, tool.list, tool.set, tool.delete, tool.changed, jog, jog.keep, \
          jog.stop, spindle, coolant, hold, resume, skip, reverse, single_block, optional_stop, block_delete, stop, override, journal.since, parts.set, alarm.acknowledge, \
          logic.list, logic.look, logic.force, logic.release, logic.reload, \
-         machine.file, machine.check, machine.write, machine.doctor, hal.values, hal.set, job.kinds, job.make, cycle.times"
+         machine.file, machine.check, machine.write, machine.doctor, hal.values, hal.set, button.press, job.kinds, job.make, cycle.times"
     );
     assert_eq!(
         refusal(&mut methods, "status", json!({ "x": 1 })),

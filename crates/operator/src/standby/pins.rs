@@ -1,16 +1,18 @@
 //! What pins want of the operator's loop: drives on and off, the program that is loaded, the switch for lines that begin with a slash,
-//! the counter of parts.
+//! buttons of the user, the counter of parts.
 //!
 //! In:  edges that the cycle thread has seen. Out: the same as orders of clients; how things are, for the pins.
 
 use super::clients::Clients;
 use crate::console::Operator;
 use crate::table_writer::Keeper;
+use api::buttons::pressed;
 use api::orders::Order;
 use api::server::Ticket;
 use machine::permission::Wish;
 use machine::tables::lock;
 use rt::desk::{Desk, PinOrder};
+use serde_json::Map;
 
 /// Ticket of what a pin orders: no client has it, and no client is answered.
 pub(super) const PIN_TICKET: Ticket = Ticket::MAX;
@@ -51,6 +53,15 @@ impl Clients<'_, '_> {
                 },
             };
             self.early.push_back((PIN_TICKET, order, None));
+        }
+        let panel = self.config.panel.as_ref();
+        for button in desk.take_pressed().filter_map(|place| panel?.buttons.get(place)) {
+            let programs = panel.and_then(|panel| panel.programs.as_deref());
+            operator.add_entry(format!("pin: button {}", button.name));
+            match pressed(button, &Map::new(), programs) {
+                Ok(order) => self.early.push_back((PIN_TICKET, order, None)),
+                Err(why) => operator.add_entry(format!("pin: button {} refused: {}", button.name, why.message)),
+            }
         }
         desk.show_mode(self.mode);
         let block_delete = lock(self.tables).block_delete;

@@ -21,6 +21,80 @@ pub struct Described {
     pub spindle_rpm_max: f64,
     /// There is a folder of programs.
     pub programs: bool,
+    /// Buttons of the user.
+    #[serde(default)]
+    pub buttons: Vec<DescribedButton>,
+    /// Pins that the user wants to see.
+    #[serde(default)]
+    pub values: Vec<DescribedValue>,
+    /// Pages of the user, by their names below `/own/` of the panel.
+    #[serde(default)]
+    pub pages: Vec<String>,
+}
+
+/// A button of the user.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct DescribedButton {
+    /// By which it is pressed.
+    pub name: String,
+    /// What stands on it.
+    pub label: String,
+    /// What is to be asked before it is pressed.
+    pub ask: Option<String>,
+    /// Lines that it runs; an answer takes the place of `{name}`.
+    pub mdi: Vec<String>,
+    /// The program that it loads.
+    pub program: Option<String>,
+    /// Who may press it.
+    pub role: Role,
+    /// The pin that lights it.
+    pub lamp: Option<String>,
+    /// Numbers that it asks for.
+    pub questions: Vec<DescribedQuestion>,
+}
+
+/// A number that a button asks for.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct DescribedQuestion {
+    /// Its name.
+    pub name: String,
+    /// What stands before its field.
+    pub label: String,
+    /// What it is if it is not given.
+    pub default: f64,
+    /// Min.
+    pub min: Option<f64>,
+    /// Max.
+    pub max: Option<f64>,
+}
+
+/// A pin that the user wants to see.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct DescribedValue {
+    /// What stands before it.
+    pub label: String,
+    /// The pin.
+    pub pin: String,
+    /// What stands behind it.
+    pub unit: Option<String>,
+    /// Digits behind the point.
+    pub decimals: u32,
+}
+
+/// What a button has done: one with lines has begun them, one with a program has loaded it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Pressed {
+    /// The program that is loaded.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "String")]
+    pub program: Option<String>,
+    /// Its planned time, s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "f64")]
+    pub planned_time_s: Option<f64>,
+    /// What whoever starts it should know, a line each.
+    #[serde(default)]
+    pub warning: Option<String>,
 }
 
 /// An axis.
