@@ -174,6 +174,28 @@ fn a_late_heartbeat_ends_the_session_and_only_a_new_one_writes_again() {
 }
 
 #[test]
+fn what_is_counted_stays_and_the_next_process_counts_on() {
+    let counts = ExternalPin {
+        keeps: true,
+        ..pin("counts", Kind::Output, 0i32)
+    };
+    let mut rig = rig_of("panel.0", &[counts, pin("on", Kind::Output, false)], LIMIT);
+    let values = |rig: &Rig| (rig.value("panel.0.counts"), rig.value("panel.0.on"));
+    let mut claim = rig.claim().unwrap();
+    claim.set("counts", -7i32).unwrap();
+    claim.set("on", true).unwrap();
+    claim.update().unwrap();
+    rig.cycle();
+    assert_eq!(values(&rig), (AnyValue::S32(-7), AnyValue::Bit(true)));
+    // It hangs.
+    (0..=LIMIT).for_each(|_| drop(rig.cycle()));
+    assert_eq!(values(&rig), (AnyValue::S32(-7), AnyValue::Bit(false)));
+    drop(claim);
+    let next = rig.claim().unwrap();
+    assert_eq!(next.get("counts").unwrap(), AnyValue::S32(-7));
+}
+
+#[test]
 fn a_claim_that_never_writes_is_ended_too() {
     let mut rig = rig();
     let mut claim = rig.claim().unwrap();

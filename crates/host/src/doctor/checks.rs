@@ -33,6 +33,7 @@ pub static LINES: &[Line] = &[
     line(Machine, Should, "stolen time", "0 ms", kernel::steal),
     line(Machine, Should, "clock source", "tsc", kernel::clocksource),
     line(Machine, Should, "TSC", "constant_tsc, nonstop_tsc", kernel::tsc),
+    line(Machine, Should, "SMI", "none while watched", kernel::smi),
 
     line(Core, Must, "core", "online, not the only one", core::core),
     line(Core, Should, "other control", "none on the core", core::other_control),
@@ -69,6 +70,7 @@ pub static LINES: &[Line] = &[
     line(Network, Should, "IP addresses", "none", nic::addresses),
     line(Network, Info, "queues", "1", nic::queues),
     line(Network, Should, "packet steering", "off", nic::packet_steering),
+    line(Network, Should, "interrupt line", "its own, by message (MSI)", nic::interrupt_line),
     line(Network, Should, "interrupt thread", "FIFO 85 or more", nic::interrupt_thread),
     line(Network, Info, "PCIe link power", "performance", nic::link_power),
     line(Network, Info, "time stamps", "hardware", nic::time_stamps),

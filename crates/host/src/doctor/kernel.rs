@@ -240,6 +240,25 @@ pub(super) fn tsc(pc: &Pc<'_>) -> Option<Look> {
     })
 }
 
+/// What the firmware does behind the kernel's back stops all cores, and nothing can hold it off.
+pub(super) fn smi(pc: &Pc<'_>) -> Option<Look> {
+    const FIX: &str = "BIOS: switch off legacy USB, fan control by SMI, ECC logging; update it; else another mainboard";
+    if pc.tries.hypervisor().is_some() {
+        return Some(Look::unknown("a virtual machine does not count them"));
+    }
+    Some(match pc.activity.smi.as_ref()? {
+        [Ok(before), Ok(after)] if before == after => Look::ok(format!("none ({after} since the PC was switched on)")),
+        [Ok(before), Ok(after)] => {
+            let came = after.wrapping_sub(*before);
+            Look::missing(format!("{came} in {} s", pc.activity.seconds), FIX)
+        }
+        [Err(Unread::Absent(_)), _] => {
+            Look::unknown("not counted: the driver msr is not loaded").with_fix("sudo modprobe msr")
+        }
+        [Err(why), _] | [_, Err(why)] => Look::unknown(format!("not counted: {why}")),
+    })
+}
+
 /// Whether the processor has all of them; `None`: it does not say.
 fn has_flags(cpuinfo: &str, wanted: &[&str]) -> Option<bool> {
     let line = cpuinfo.lines().find(|line| line.starts_with("flags"))?;

@@ -231,6 +231,42 @@ pub(super) fn packet_steering(pc: &Pc<'_>) -> Option<Look> {
     })
 }
 
+/// Whether the NIC has an interrupt of its own: on a line that others share, their handlers run first or in between.
+pub(super) fn interrupt_line(pc: &Pc<'_>) -> Option<Look> {
+    const FIX: &str = "another slot or driver, or MSI in its BIOS: a line is shared and slow";
+    let name = present(pc)?;
+    if is_virtual(pc, name) {
+        return Some(Look::ok("no device: no interrupt"));
+    }
+    let numbers = interrupts(pc);
+    if numbers.is_empty() {
+        return Some(Look::unknown("the kernel does not tell its interrupt"));
+    }
+    let mut own = Vec::new();
+    for number in &numbers {
+        let chip = match pc.text(&format!("/sys/kernel/irq/{number}/chip_name")) {
+            Ok(chip) => chip,
+            Err(why) => return Some(Look::unknown(why.to_string())),
+        };
+        let actions = irq_actions(pc, number).unwrap_or_default();
+        if actions.contains(',') {
+            return Some(Look::missing(
+                format!("{number} shared: {}", actions.escape_debug()),
+                FIX,
+            ));
+        }
+        // MSI of a virtio device of a virtual machine, of an IOMMU (IR-PCI-MSI), of other buses.
+        if !chip.contains("MSI") {
+            return Some(Look::missing(
+                format!("{number} by line ({})", chip.escape_debug()),
+                FIX,
+            ));
+        }
+        own.push(number.as_str());
+    }
+    Some(Look::ok(format!("by message ({})", own.join(", "))))
+}
+
 /// On a kernel with interrupt threads: whether the NIC's comes before the others.
 pub(super) fn interrupt_thread(pc: &Pc<'_>) -> Option<Look> {
     /// Above the default of all interrupt threads, 50.

@@ -8,6 +8,7 @@ use crate::doctor::experiments::Tries;
 use std::fmt;
 use std::fs::File;
 use std::io::{self, ErrorKind, Read as _};
+use std::os::unix::fs::FileExt as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -62,6 +63,8 @@ pub struct Activity {
     pub stat: [String; 2],
     /// `/proc/interrupts`.
     pub interrupts: [String; 2],
+    /// System management interrupts of the core since it was switched on.
+    pub smi: Option<[Result<u64, Unread>; 2]>,
     /// What lies between, s.
     pub seconds: f64,
 }
@@ -88,10 +91,12 @@ impl<'a> Pc<'a> {
         };
         let snapshot = |path| pc.text(path).unwrap_or_default();
         let (stat, interrupts) = (snapshot("/proc/stat"), snapshot("/proc/interrupts"));
+        let smi = pc.smi_count();
         tries.pause(watch);
         pc.activity = Activity {
             stat: [stat, snapshot("/proc/stat")],
             interrupts: [interrupts, snapshot("/proc/interrupts")],
+            smi: Some([smi, pc.smi_count()]),
             seconds: watch.as_secs_f64(),
         };
         pc
@@ -124,6 +129,18 @@ impl<'a> Pc<'a> {
             .and_then(|file| file.take(FILE_LEN_MAX).read_to_end(&mut octets))
             .map_err(|error| unread(path, &error))?;
         Ok(String::from_utf8_lossy(&octets).trim().to_owned())
+    }
+
+    /// System management interrupts of the core: MSR_SMI_COUNT of Intel's processors, through the driver `msr`.
+    fn smi_count(&self) -> Result<u64, Unread> {
+        /// The address of the register, which is the offset in the file.
+        const MSR_SMI_COUNT: u64 = 0x34;
+        let path = format!("/dev/cpu/{}/msr", self.cpu());
+        let mut value = [0; 8];
+        File::open(self.at(&path))
+            .and_then(|file| file.read_exact_at(&mut value, MSR_SMI_COUNT))
+            .map_err(|error| unread(&path, &error))?;
+        Ok(u64::from_le_bytes(value))
     }
 
     /// A file's only word.

@@ -1,6 +1,6 @@
 //! What is changed on the good PC, and what the line then says.
 
-use super::fake::{Answers, LATENCY, silent};
+use super::fake::{Answers, LATENCY, SMI_AFTER, silent};
 use crate::doctor::{Coalescing, Latency, NoAnswer, Offload, State, Target, TimeStamps};
 
 #[derive(Debug)]
@@ -128,6 +128,13 @@ pub(super) const CASES: &[Case] = &[
     unknown("clock source", "no /sys/devices").without(&[CLOCK]),
 
     missing("TSC", "without nonstop_tsc", "newer processor").with(&[("/proc/cpuinfo", "flags : tsc constant_tsc")]),
+    missing("SMI", "2 in 1 s", "legacy USB").with(&[("later:/dev/cpu/3/msr", SMI_AFTER)]),
+    ok("SMI", "none (5 since the PC was switched on)"),
+    unknown("SMI", "the driver msr is not loaded").without(&["/dev/cpu"]),
+    // As of a processor that has no such register.
+    unknown("SMI", "cannot be read").with(&[("/dev/cpu/3/msr", "")]),
+    unknown("SMI", "does not count them").when(|answers, _| answers.hypervisor = Some("KVMKVMKVM".into())),
+
     unknown("TSC", "not an x86").with(&[("/proc/cpuinfo", "Features : fp asimd")]),
 
     missing("lock-up watchdog", "on, on cores 0-3", APPLY).with(&[("/proc/sys/kernel/watchdog_cpumask", "0-3")]),
@@ -335,6 +342,13 @@ pub(super) const CASES: &[Case] = &[
     missing("interrupt thread", "irq/130-eth1: FIFO 50", "sudo chrt -f -p 85 77").with(&[("/proc/77/stat",
         "77 (irq/130-) eth1) S 2 0 0 0 -1 2129984 0 0 0 0 0 0 0 0 -51 0 1 0 100 0 0 0 0 0 0 0 0 0 0 \
         2147483647 0 0 0 0 17 3 50 1 0 0 0 0 0 0 0 0 0 0 0\n")]),
+    ok("interrupt line", "by message (130)"),
+    missing("interrupt line", "130 by line (IO-APIC)", "another slot").with(&[("/sys/kernel/irq/130/chip_name", "IO-APIC")]),
+    missing("interrupt line", "130 shared: eth1,i801_smbus", "another slot")
+        .with(&[("/sys/kernel/irq/130/actions", "eth1,i801_smbus")]),
+    ok("interrupt line", "no device").without(&["/sys/class/net/eth1/device"]),
+    unknown("interrupt line", "does not tell its interrupt").without(&["/sys/class/net/eth1/device/msi_irqs", "/sys/kernel/irq"]),
+
     ok("interrupt thread", "none").without(&["/proc/77"]),
     unknown("interrupt thread", "tells no priority").with(&[("/proc/77/stat", "77 (irq")]),
     unknown("interrupt thread", "hidden").without(&["/proc/2"]),

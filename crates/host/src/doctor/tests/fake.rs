@@ -38,6 +38,9 @@ const GOOD: &[(&str, &str)] = &[
     ("/proc/irq/130/smp_affinity_list", "3\n"),
     ("/proc/irq/130/effective_affinity_list", "3\n"),
     ("/sys/kernel/irq/130/actions", "eth1-TxRx-0\n"),
+    ("/sys/kernel/irq/130/chip_name", "IR-PCI-MSIX-0000:02:00.0\n"),
+    // Octets from 0x34 on are the count.
+    ("/dev/cpu/3/msr", SMI_BEFORE),
     ("/proc/irq/default_smp_affinity", "7\n"),
     ("/proc/1/comm", "systemd\n"),
     ("/proc/2/comm", "kthreadd\n"),
@@ -93,6 +96,11 @@ const GOOD: &[(&str, &str)] = &[
     ("/proc/sys/kernel/timer_migration", "0\n"),
     ("/proc/sys/vm/stat_interval", "10\n"),
 ];
+
+/// The registers of a core up to its count of system management interrupts, 5.
+const SMI_BEFORE: &str = "0123456789012345678901234567890123456789012345678901\x05\0\0\0\0\0\0\0";
+/// The same two interrupts later.
+pub(super) const SMI_AFTER: &str = "0123456789012345678901234567890123456789012345678901\x07\0\0\0\0\0\0\0";
 
 /// What only trying tells.
 #[derive(Clone, Debug)]
