@@ -188,7 +188,9 @@ fn what_is_counted_stays_and_the_next_process_counts_on() {
     rig.cycle();
     assert_eq!(values(&rig), (AnyValue::S32(-7), AnyValue::Bit(true)));
     // It hangs.
-    (0..=LIMIT).for_each(|_| drop(rig.cycle()));
+    for _ in 0..=LIMIT {
+        rig.cycle();
+    }
     assert_eq!(values(&rig), (AnyValue::S32(-7), AnyValue::Bit(false)));
     drop(claim);
     let next = rig.claim().unwrap();

@@ -31,7 +31,7 @@ mod stamps;
 mod tally;
 
 pub use maxima::INTERVALS;
-pub use report::{Breaks, FrameCounts, SocReport, StampSource};
+pub use report::{Breaks, FrameCounts, MICROMETRES_PER_US, SocReport, StampSource};
 pub use tally::Window;
 
 use bus::frames::PcapWriter;

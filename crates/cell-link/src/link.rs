@@ -99,6 +99,9 @@ pub enum LinkError {
     Control(#[from] Refused),
 }
 
+/// What the control calls the supervisor.
+const SUPERVISOR: &str = "supervisor";
+
 /// What the threads share.
 struct Shared<'a> {
     settings: &'a Settings,
@@ -121,6 +124,11 @@ struct Shared<'a> {
 impl Shared<'_> {
     fn ledger(&self) -> MutexGuard<'_, Ledger> {
         self.ledger.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Why a run would be refused now.
+    fn why_not(&self) -> Option<String> {
+        self.why_not.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     fn stops(&self) -> bool {
@@ -420,9 +428,14 @@ impl<'a> Teller<'a> {
     fn note_hands(&mut self, status: &Status) {
         match (status.mode, status.activity) {
             (Mode::Auto, _) | (_, Activity::Homing) => self.by_hand = false,
-            (_, Activity::Jogging) | (Mode::Mdi, _) => self.by_hand = true,
+            (_, Activity::Jogging) => self.by_hand = true,
             _ => {}
         }
+    }
+
+    /// Whether a line of MDI is of somebody at the machine.
+    fn is_of_hand(entry: &Entry) -> bool {
+        entry.text.starts_with("MDI: ") && entry.by.as_deref() != Some(SUPERVISOR)
     }
 
     /// Entries that are new.
@@ -438,6 +451,7 @@ impl<'a> Teller<'a> {
             },
         };
         self.told = news.entries.last().map_or(self.told, |entry| entry.seq);
+        self.by_hand |= news.entries.iter().any(Self::is_of_hand);
         self.is_behind = newest > self.told;
         Ok(news)
     }
@@ -712,7 +726,9 @@ fn carry_out(shared: &Shared<'_>, control: &mut dyn Control, order: &Order) -> R
             let known = shared.ledger().get(&order.id).map(|line| line.state.clone());
             return Ok(known.unwrap_or_else(|| of(&order.id, Phase::Unknown, "")));
         }
-        What::Run { .. } => return Ok(of(&order.id, Phase::Refused, "runs are ordered under another key")),
+        What::Run { .. } | What::Mdi { .. } => {
+            return Ok(of(&order.id, Phase::Refused, "what moves is ordered under another key"));
+        }
     };
     match done {
         Ok(_) => Ok(of(&order.id, Phase::Completed, method)),
@@ -749,7 +765,10 @@ fn answer_programs(shared: &Shared<'_>, queries: &Receiver<Query>) -> Result<(),
             Some(Topic::Run) => match body::<Order>(query.payload()) {
                 Ok(order) if shared.is_of_another(&order) => {}
                 Ok(order) => {
-                    let state = run_program(shared, control.as_mut(), &order)?;
+                    let state = match &order.what {
+                        What::Mdi { line } => run_line(shared, control.as_mut(), &order, line)?,
+                        _ => run_program(shared, control.as_mut(), &order)?,
+                    };
                     reply(shared, query, state);
                 }
                 Err(why) => refuse(query, &why),
@@ -819,7 +838,7 @@ fn take_program(
 fn run_program(shared: &Shared<'_>, control: &mut dyn Control, order: &Order) -> Result<OrderState, Refused> {
     let refused = |why: String| Ok(of(&order.id, Phase::Refused, why));
     let What::Run { program, sha256 } = &order.what else {
-        return refused("only runs are ordered under this key".into());
+        return refused("only what moves is ordered under this key".into());
     };
     if !is_id(&order.id) {
         return refused("the id of an order is letters, digits and '-'".into());
@@ -827,7 +846,7 @@ fn run_program(shared: &Shared<'_>, control: &mut dyn Control, order: &Order) ->
     if let Some(known) = shared.ledger().get(&order.id) {
         return Ok(known.state.clone());
     }
-    if let Some(why) = shared.why_not.lock().unwrap_or_else(PoisonError::into_inner).clone() {
+    if let Some(why) = shared.why_not() {
         return refused(why);
     }
     let content = match store::read(&shared.settings.programs, program) {
@@ -835,14 +854,36 @@ fn run_program(shared: &Shared<'_>, control: &mut dyn Control, order: &Order) ->
         Ok(_) => return refused(format!("{program} has changed since it was sent")),
         Err(cause) => return refused(format!("{program}: {cause}")),
     };
-    // Nobody else may load another program between these steps.
+    in_control(control, order, |control| {
+        begin(shared, control, order, program, &content)
+    })
+}
+
+/// Runs a line of MDI; the control carries out an order of this id once.
+fn run_line(shared: &Shared<'_>, control: &mut dyn Control, order: &Order, line: &str) -> Result<OrderState, Refused> {
+    if let Some(why) = shared.why_not() {
+        return Ok(of(&order.id, Phase::Refused, why));
+    }
+    in_control(control, order, |control| {
+        let line = json!({ "line": line, REQUEST_ID: order.id });
+        control.call(<method::Mdi as Method>::NAME, line)?;
+        Ok(of(&order.id, Phase::Completed, "it has begun"))
+    })
+}
+
+/// Does something that nobody else may come between.
+fn in_control(
+    control: &mut dyn Control,
+    order: &Order,
+    run: impl FnOnce(&mut dyn Control) -> Result<OrderState, Refused>,
+) -> Result<OrderState, Refused> {
     let supervisor = params::TakeControl {
-        name: Some("supervisor".into()),
+        name: Some(SUPERVISOR.into()),
         force: None,
     };
     let begun = control
         .ask::<method::TakeControl>(&supervisor)
-        .and_then(|_| begin(shared, control, order, program, &content));
+        .and_then(|_| run(control));
     let released = control.ask::<method::ReleaseControl>(&NoParams {});
     let state = match begun {
         Ok(state) => state,

@@ -43,7 +43,7 @@ pub enum Topic {
     Program,
     /// Asked with [`Order`]: hold, stop, how an order is. Answered at once.
     Order,
-    /// Asked with [`Order`]: runs a program.
+    /// Asked with [`Order`]: runs a program, or a line of MDI.
     Run,
     /// Asked by the control, with nothing: the supervisor answers with nothing.
     Heard,
@@ -352,6 +352,11 @@ pub enum What {
         program: String,
         /// SHA-256 of its content, as [`sum`] writes it.
         sha256: String,
+    },
+    /// Runs a line of MDI.
+    Mdi {
+        /// The line.
+        line: String,
     },
     /// How the order of this id is; changes nothing.
     Status,

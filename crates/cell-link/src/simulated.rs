@@ -41,6 +41,8 @@ struct Machine {
     loaded: Option<(String, Vec<u8>)>,
     running: Option<Running>,
     is_held: bool,
+    /// Lines of MDI.
+    lines: Vec<String>,
     parts: u64,
     /// Goes on with every change that clients are told of.
     revision: u64,
@@ -238,6 +240,18 @@ impl Machine {
             "program.check" => self.take_program(params, false),
             "program.load" => self.take_program(params, true),
             "program.start" => self.start(params),
+            "mdi" if self.running.is_none() => {
+                let line = text("line");
+                let more = Entry {
+                    by: Some("supervisor".into()),
+                    ..Entry::default()
+                };
+                self.tell(&format!("MDI: {line}"), more);
+                self.lines.push(line);
+                self.mode = Mode::Mdi;
+                self.revision += 1;
+                Ok(json!({}))
+            }
             "hold" if self.running.is_some() => {
                 self.is_held = true;
                 self.revision += 1;
@@ -312,6 +326,21 @@ impl Machine {
 }
 
 impl Simulated {
+    /// Lines of MDI that it was given.
+    pub fn lines(&self) -> Vec<String> {
+        self.machine().lines.clone()
+    }
+
+    /// A line of MDI of somebody at the machine.
+    pub fn type_line(&self, line: &str) {
+        let mut machine = self.machine();
+        machine.tell(&format!("MDI: {line}"), Entry::default());
+        machine.mode = Mode::Mdi;
+        machine.revision += 1;
+        drop(machine);
+        self.0.1.notify_all();
+    }
+
     /// A control of this folder, homed and with drives on, as after an earlier one there.
     ///
     /// # Errors
@@ -341,6 +370,7 @@ impl Simulated {
             loaded: None,
             running: None,
             is_held: false,
+            lines: Vec::new(),
             parts: 0,
             revision: 0,
             waited: None,
@@ -409,14 +439,6 @@ impl Simulated {
         for number in 0..count {
             machine.tell(&format!("note {number}"), Entry::default());
         }
-        drop(machine);
-        self.0.1.notify_all();
-    }
-
-    /// Somebody at the machine moves it by hand: the last order was not of a program.
-    pub fn set_mode(&self, mode: Mode) {
-        let mut machine = self.machine();
-        (machine.mode, machine.revision) = (mode, machine.revision + 1);
         drop(machine);
         self.0.1.notify_all();
     }

@@ -75,6 +75,13 @@ pub(super) enum Command {
         #[command(flatten)]
         dir: Dir,
     },
+    /// Runs a line of MDI on a machine that is free and allows it.
+    Mdi {
+        name: String,
+        line: String,
+        #[command(flatten)]
+        dir: Dir,
+    },
     /// Holds what runs on a machine.
     Hold {
         name: String,

@@ -166,6 +166,10 @@ fn carry_out(command: Command) -> anyhow::Result<()> {
                 format!("order {}: {}\n", word(&order["id"]), word(&order["phase"]))
             })
         }
+        Command::Mdi { name, line, dir } => {
+            let machine = name.clone();
+            answer(&dir, &Ask::Mdi { machine, line }, |_| format!("{name} runs it\n"))
+        }
         Command::Hold { name, dir } => {
             let machine = name.clone();
             answer(&dir, &Ask::Hold { machine }, |_| format!("{name} holds\n"))

@@ -199,6 +199,17 @@ fn programs_go_down_ends_and_alarms_come_up_and_nothing_runs_by_itself() {
     until("readiness", || {
         (machine(desk, "mill")?["state"]["is_ready"] == true).then_some(())
     });
+    let line = |machine: &str, line: &str| {
+        let (machine, line) = (machine.into(), line.into());
+        desk.ask(Ask::Mdi { machine, line })
+    };
+    assert_eq!(line("mill", "G0 X0"), Ok(json!({})));
+    assert!(line("saw", "G0 X0").unwrap_err().contains("remote = \"run\""));
+    assert_eq!(
+        (mill.of.lines(), given.of.lines()),
+        (vec!["G0 X0".to_owned()], Vec::new())
+    );
+    // It is no hand at the machine: the supervisor goes on.
     let order = run_program(desk, "mill").unwrap();
     let ended = until("the end", || {
         let queue = desk.ask(Ask::Queue).unwrap();
@@ -217,7 +228,7 @@ fn programs_go_down_ends_and_alarms_come_up_and_nothing_runs_by_itself() {
     assert!(ended["took_s"].as_f64().unwrap() >= 0.1);
     assert_eq!(runs(&shop.path("mill")).unwrap().len(), 1);
 
-    mill.of.set_mode(protocol::Mode::Mdi);
+    mill.of.type_line("G0 X1");
     until("hands", || {
         machine(desk, "mill")?["state"]["why_not"]
             .as_str()?

@@ -103,6 +103,7 @@ fn whatever_is_wrong_is_said_in_words_and_as_json() {
             &["run-program", "", "../p.ngc", state[0], state[1]],
             "there is no machine",
         ),
+        (&["mdi", "x", "G0 X0", state[0], state[1]], "there is no machine"),
         (&["hold", "x", state[0], state[1]], "there is no machine"),
         (&["stop", "x", state[0], state[1]], "there is no machine"),
         (&["journal", "x", state[0], state[1]], "there is no machine"),

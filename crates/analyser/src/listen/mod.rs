@@ -6,7 +6,7 @@
 //! Nothing is ever sent. At a network tap or at any port of the hub every frame of the network is heard; a switch would hold
 //! back and reorder what is to be measured.
 
-use super::{Analyser, FrameCounts, Place, SocReport, StampSource, Window};
+use super::{Analyser, FrameCounts, MICROMETRES_PER_US, Place, SocReport, StampSource, Window};
 use anyhow::{Context, bail, ensure};
 use host::signals::StopSignal;
 use host::terminal::{StatusLine, say};
@@ -192,7 +192,8 @@ fn table(report: &SocReport) -> String {
         String::new(),
     ];
     let off = report.deviation;
-    let quantiles = [off.p50_us, off.p99_us, off.p99_9_us, off.p99_99_us, off.max_us].map(us);
+    let quantiles = [off.p50_us, off.p99_us, off.p99_9_us, off.p99_99_us, off.max_us];
+    let errors = quantiles.map(|us| us * MICROMETRES_PER_US);
     let rows = [
         (title, head(["mean", "max range", "std dev", "n", ""])),
         (format!("cycle {}", report.cycle_us), cells(figures)),
@@ -201,7 +202,8 @@ fn table(report: &SocReport) -> String {
             "distance from nominal, µs".into(),
             head(["p50", "p99", "p99.9", "p99.99", "max"]),
         ),
-        ("early or late".into(), cells(quantiles)),
+        ("early or late".into(), cells(quantiles.map(us))),
+        ("at 30 m/min, µm".into(), cells(errors.map(us))),
     ];
     for (name, cells) in rows {
         let _ = writeln!(text, "{}", format!("{name:<28}{cells}").trim_end());

@@ -2,7 +2,7 @@
 //!
 //! In:  questions and orders of people. Out: answers, some of them once a control has answered.
 
-use super::{Asked, Core, Machine, Outcome, Reply};
+use super::{Asked, Core, Machine, Outcome, QUICK, Reply, SLOW};
 use crate::store::{OrderIs, Wish};
 use cell_link::message::{Order, OrderState, Phase, Topic, Upload, Use, What, is_program};
 use serde_json::{Value, json};
@@ -46,6 +46,13 @@ pub enum Ask {
         machine: String,
         /// Name of the program.
         program: String,
+    },
+    /// Runs a line of MDI.
+    Mdi {
+        /// Name of the machine.
+        machine: String,
+        /// The line.
+        line: String,
     },
     /// Holds what runs.
     Hold {
@@ -137,6 +144,15 @@ impl Core {
                     }
                 }
             }
+            Ask::Mdi { machine, line } => {
+                let known = self.machines.get(&machine);
+                let busy = known.and_then(|machine| machine.attempt.as_ref());
+                match (known.and_then(|machine| machine.gets_no_orders(now)), busy) {
+                    (Some(why), _) => Err(format!("{machine}: {why}")),
+                    (None, Some((attempt, _))) => Err(format!("{machine} has an order already: {}", attempt.id)),
+                    (None, None) => self.pass(&machine, What::Mdi { line }, reply, now),
+                }
+            }
             Ask::Hold { machine } => self.pass(&machine, What::Hold, reply, now),
             Ask::Stop { machine } => self.pass(&machine, What::Stop, reply, now),
             Ask::Journal { machine, since } => match self.machines.contains_key(&machine) {
@@ -225,9 +241,15 @@ impl Core {
         self.there(name, now)?;
         if let Some(reply) = reply.take() {
             let id = (self.ids)();
-            // Whoever has the certificate holds and stops.
-            let order = Order { id, what, boot: None };
-            self.ask(name, Topic::Order, order, Asked::Passing(name.to_owned(), reply));
+            let (topic, wait, boot) = match what {
+                What::Run { .. } | What::Mdi { .. } => {
+                    (Topic::Run, SLOW, self.machines.get(name).and_then(Machine::boot))
+                }
+                // Whoever has the certificate holds and stops.
+                What::Hold | What::Stop | What::Status => (Topic::Order, QUICK, None),
+            };
+            let payload = self.say(Order { id, what, boot });
+            self.question(name, topic, payload, None, wait, Asked::Passing(name.to_owned(), reply));
         }
         Ok(Value::Null)
     }

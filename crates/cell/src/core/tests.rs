@@ -102,6 +102,8 @@ impl Fake {
                     }
                     What::Run { .. } => say(state(Phase::Refused, "not now")),
                     What::Status => say(state(Phase::Unknown, "")),
+                    What::Mdi { line } if line == "G0 X0" => say(state(Phase::Completed, "")),
+                    What::Mdi { .. } => say(state(Phase::Refused, "line 1: no such code")),
                     What::Hold | What::Stop => say(state(Phase::Completed, "")),
                 }
             }
@@ -727,6 +729,14 @@ fn time_is_counted_by_what_it_is_spent_on() {
     assert_eq!(overview["machines"][0]["alive"], false);
     let refused = shop.ask(Ask::Hold { machine: "a".into() }).unwrap_err();
     assert_eq!(refused, "a is not reached; it works on alone");
+    let line = "G0 X0".into();
+    assert!(
+        shop.ask(Ask::Mdi {
+            machine: "a".into(),
+            line
+        })
+        .is_err()
+    );
 }
 
 #[derive(Clone, Debug)]

@@ -7,6 +7,7 @@ use super::goals::{GOALS, Goal, TUNED_CYCLES, TUNED_RANGE_US, TUNED_STD_US};
 use super::ratios::{Ratios, period};
 use super::report::{JitterReport, Medians, Round};
 use super::words::{elided, ended, far_end_listened, grouped, pc, ratio, short_time, total, us, wrapped};
+use analyser::MICROMETRES_PER_US;
 use config::{Protocol, ProtocolWords};
 use host::histogram::Summary;
 use rt::phase::PhaseFigures;
@@ -19,10 +20,6 @@ const NAME: usize = 36;
 const CELL: usize = 10;
 /// Width of a heading beside a sentence.
 const HEADING: usize = 10;
-
-/// Way of a joint at 30 m/min, the rapid speed of a fast machine, in a microsecond: what a set-point that is taken early or late
-/// is off its place.
-const MICROMETRES_PER_US: f64 = 0.5;
 
 /// The whole report as text, without a line end after its last line.
 pub fn table(report: &JitterReport) -> String {

@@ -11,7 +11,7 @@ impl Clients<'_, '_> {
     /// Nothing of what waits begins; whoever waits is told why.
     pub(super) fn refuse_queue(&mut self, why: &Message) {
         let early = self.early.drain(..).map(|(ticket, ..)| ticket);
-        for ticket in self.mdi.drain(..).map(|(ticket, _)| ticket).chain(early) {
+        for ticket in self.mdi.drain(..).map(|(ticket, ..)| ticket).chain(early) {
             self.inbox.answer(ticket, Err(why.clone().into()));
         }
         let streamed = self.streamed.take().map(|streamed| streamed.end(Some(why)));
@@ -42,7 +42,7 @@ impl Clients<'_, '_> {
 
     /// A machine must not begin to move for somebody who has given up waiting for it.
     pub(in crate::standby) fn withdraw(&mut self, ticket: Ticket) {
-        self.mdi.retain(|(wanted, _)| *wanted != ticket);
+        self.mdi.retain(|(wanted, ..)| *wanted != ticket);
         if let Some(streamed) = &mut self.streamed {
             streamed.withdraw(ticket);
         }

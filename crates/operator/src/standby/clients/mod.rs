@@ -86,7 +86,7 @@ pub(crate) struct Clients<'scope, 'env> {
     loaded: Option<Arc<Part>>,
     pub(super) mode: Mode,
     /// Lines of MDI that wait for their turn, and who wants them.
-    mdi: VecDeque<(Ticket, Typed)>,
+    mdi: VecDeque<(Ticket, Typed, Option<String>)>,
     /// The text that grows, while it runs or is about to.
     streamed: Option<Streamed>,
     /// It is over.
@@ -120,6 +120,8 @@ pub(super) struct Checking<'scope> {
     /// Who waits for it to begin; `None`: nobody any more, and it does not begin.
     pub(super) wanted: Option<Ticket>,
     then: Then,
+    /// Who wanted it, for the journal.
+    by: Option<String>,
     cancel: Cancel,
     pub(super) thread: ScopedJoinHandle<'scope, Checked>,
 }
@@ -310,14 +312,20 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             .as_ref()
             .is_some_and(|checking| checking.thread.is_finished())
             && let Some(Checking {
-                wanted, then, thread, ..
+                wanted,
+                then,
+                by,
+                thread,
+                ..
             }) = self.checking.take()
         {
             let checked = thread
                 .join()
                 .unwrap_or_else(|_| Err("the check of the program panicked".to_owned().into()));
             if let Some(ticket) = wanted {
+                operator.log_mut().set_by(by);
                 let answer = checked.and_then(|part| Ok(self.accept(part, then, operator, keeper, now_ns)?));
+                operator.log_mut().set_by(None);
                 match (then, &answer) {
                     (Then::Stream, Err(why)) => self.refuse_queue(&why.message),
                     (Then::Stream, Ok(_)) => {}
@@ -335,12 +343,14 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         self.serve_streamed(operator, &mut answers);
         if self.condition(operator).activity == Activity::Idle
             && self.streamed.is_none()
-            && let Some((ticket, typed)) = self.mdi.pop_front()
+            && let Some((ticket, typed, by)) = self.mdi.pop_front()
         {
+            operator.log_mut().set_by(by);
             match self.may(Wish::Mdi, operator) {
                 Ok(()) => self.begin_typed(ticket, typed, operator, &mut answers),
                 Err(why) => answers.push((ticket, Err(why.into()))),
             }
+            operator.log_mut().set_by(None);
         }
         let (over, wait) = self
             .unsettled
@@ -387,7 +397,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         streamed
             .text()
             .keep_open(is_at_rest || operator.live().remaining_s > END_KNOWN_S);
-        while let Some((ticket, Typed::Lines(lines, wait))) = self.mdi.front() {
+        while let Some((ticket, Typed::Lines(lines, wait), _)) = self.mdi.front() {
             match streamed.take(*ticket, lines, *wait) {
                 Ok(true) => {}
                 // It is the next text.
@@ -573,6 +583,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                 self.checking = Some(Checking {
                     wanted: Some(ticket),
                     then,
+                    by: operator.log().by(),
                     cancel,
                     thread,
                 });

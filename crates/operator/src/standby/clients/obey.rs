@@ -113,11 +113,12 @@ impl Clients<'_, '_> {
             )),
             Order::Mdi(line) => {
                 keeper.memory.add_mdi(&line);
-                self.mdi.push_back((ticket, Typed::Line(line)));
+                self.mdi.push_back((ticket, Typed::Line(line), operator.log().by()));
                 return None;
             }
             Order::Lines { text, wait } => {
-                self.mdi.push_back((ticket, Typed::Lines(text, wait)));
+                self.mdi
+                    .push_back((ticket, Typed::Lines(text, wait), operator.log().by()));
                 return None;
             }
             Order::Change(change) => {

@@ -99,7 +99,7 @@ impl Clients<'_, '_> {
             .as_ref()
             .filter(|part| part.is_mdi() && operator.has_program());
         mdi.extend(line.map(|part| part.line.clone()));
-        mdi.extend(self.mdi.iter().map(|(_, typed)| match typed {
+        mdi.extend(self.mdi.iter().map(|(_, typed, _)| match typed {
             Typed::Line(line) => line.clone(),
             Typed::Lines(lines, _) => lines.lines().next().unwrap_or_default().to_owned(),
         }));
