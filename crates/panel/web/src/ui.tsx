@@ -30,6 +30,7 @@ const ICONS = {
   warning: "M12 4l9 16H3zM12 10v5M12 17v1",
   check: "M4 12l5 5L20 6",
   upload: "M12 16V5M8 9l4-4 4 4M4 19h16",
+  more: "M4.500 11h2v2h-2zM11 11h2v2h-2zM17.500 11h2v2h-2z",
   trash: "M5 7h14M10 7V4h4v3M7 7l1 13h8l1-13",
   eye: "M2 12c4-7 16-7 20 0-4 7-16 7-20 0zM12 9a3 3 0 1 0 0 6 3 3 0 0 0 0-6z",
   up: "M12 19V5M6 11l6-6 6 6",
@@ -40,7 +41,7 @@ const ICONS = {
 
 export type IconName = keyof typeof ICONS;
 
-const FILLED: ReadonlySet<string> = new Set(["start", "hold", "resume", "stop"]);
+const FILLED: ReadonlySet<string> = new Set(["start", "hold", "resume", "stop", "more"]);
 
 export function Icon({ name }: { name: IconName }) {
   return (

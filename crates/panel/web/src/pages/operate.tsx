@@ -6,6 +6,7 @@ import { duration, fixed, t, timeOfDay } from "../i18n";
 import { PathView } from "../path/path-view";
 import { ProgramText } from "../program-text";
 import { refuses } from "../orders";
+import { fileName } from "../send";
 import { pickedLine } from "../start";
 import { order, useStatus, useStore } from "../store";
 import { LETTERS } from "../machine";
@@ -266,7 +267,7 @@ function Program() {
       kind="program"
       id="program"
       label={t("program")}
-      title={program ? program.name : t("no-program")}
+      title={program ? fileName(program.name) : t("no-program")}
       tools={<Button kind="small" id="load" label={t("load-program")} onClick={() => goTo("programs")} />}
     >
       {program && (
