@@ -61,11 +61,8 @@ export function putFile(file: File, replace: boolean, told: (share: number) => v
   });
 }
 
-/** A header has no letters but those of ASCII: others, and what would be read as one of them, are sent as in an address. */
-const inHeader = (name: string): string => (/^[ -$&-~]+$/.test(name) ? name : encodeURIComponent(name));
-
 export async function renameFile(name: string, next: string): Promise<void> {
-  await request(addressOf(name), { method: "MOVE", headers: { Destination: inHeader(next) } });
+  await request(addressOf(name), { method: "MOVE", headers: { Destination: encodeURIComponent(next) } });
 }
 
 export async function deleteFile(name: string): Promise<void> {

@@ -69,12 +69,16 @@ export interface Coolant {
 export interface Described {
   /** Its axes. */
   axes: DescribedAxis[];
+  /** Buttons of the user. */
+  buttons: DescribedButton[];
   /** Length of a cycle, us. */
   cycle_us: number;
   /** Its joints. */
   joints: DescribedJoint[];
   /** Its name. */
   machine: string;
+  /** Pages of the user, by their names below `/own/` of the panel. */
+  pages: string[];
   /** There is a folder of programs. */
   programs: boolean;
   /** Greatest speed of a spindle, rpm. */
@@ -83,6 +87,8 @@ export interface Described {
   spindles: number;
   /** Its unit of length: `mm` or `inch`. */
   unit: string;
+  /** Pins that the user wants to see. */
+  values: DescribedValue[];
 }
 
 /** An axis. */
@@ -101,6 +107,52 @@ export interface DescribedAxis {
   unit: string;
   /** Greatest speed, per second. */
   velocity_per_s: number | null;
+}
+
+/** A button of the user. */
+export interface DescribedButton {
+  /** What is to be asked before it is pressed. */
+  ask: string | null;
+  /** What stands on it. */
+  label: string;
+  /** The pin that lights it. */
+  lamp: string | null;
+  /** Lines that it runs; an answer takes the place of `{name}`. */
+  mdi: string[];
+  /** By which it is pressed. */
+  name: string;
+  /** The program that it loads. */
+  program: string | null;
+  /** Numbers that it asks for. */
+  questions: DescribedQuestion[];
+  /** Who may press it. */
+  role: Role;
+}
+
+/** A number that a button asks for. */
+export interface DescribedQuestion {
+  /** What it is if it is not given. */
+  default: number;
+  /** What stands before its field. */
+  label: string;
+  /** Max. */
+  max: number | null;
+  /** Min. */
+  min: number | null;
+  /** Its name. */
+  name: string;
+}
+
+/** A pin that the user wants to see. */
+export interface DescribedValue {
+  /** Digits behind the point. */
+  decimals: number;
+  /** What stands before it. */
+  label: string;
+  /** The pin. */
+  pin: string;
+  /** What stands behind it. */
+  unit: string | null;
 }
 
 /** A joint. */
@@ -613,6 +665,16 @@ export interface Pins {
 /** Whether the machine can move. */
 export type Power = "starting" | "estop_open" | "estop" | "alarm" | "off" | "switching" | "on" | "ending";
 
+/** What a button has done: one with lines has begun them, one with a program has loaded it. */
+export interface Pressed {
+  /** Its planned time, s. */
+  planned_time_s?: number;
+  /** The program that is loaded. */
+  program?: string;
+  /** What whoever starts it should know, a line each. */
+  warning: string | null;
+}
+
 /** A program that begins, or is over. */
 export interface ProgramRecord {
   /** When it began, seconds since 1970, UTC. */
@@ -1100,6 +1162,7 @@ export interface Calls {
   "machine.doctor": { params: Record<string, never>; answer: Doctor };
   "hal.values": { params: { pins: string[] }; answer: Pins };
   "hal.set": { params: { pin: string; value: string; request_id?: string }; answer: Nothing };
+  "button.press": { params: { name: string; answers?: Record<string, number>; request_id?: string }; answer: Pressed };
   "job.kinds": { params: Record<string, never>; answer: JobKinds };
   "job.make": { params: { kind: string; numbers?: Record<string, number | string> }; answer: Job };
   "cycle.times": { params: Record<string, never>; answer: Times };

@@ -3,7 +3,8 @@ import type { ComponentChildren } from "preact";
 import { useLayoutEffect, useRef } from "preact/hooks";
 import { t } from "./i18n";
 import { isBarred, refuses } from "./orders";
-import { useStore } from "./store";
+import { type Store, useStore } from "./store";
+import type { Role } from "./types";
 
 // Outlines on a grid of 24.
 const ICONS = {
@@ -60,6 +61,8 @@ type ButtonProps = {
   pressed?: boolean;
   /** What it orders of the control: dim while that would not be carried out; pressed all the same it says why. */
   orders?: string;
+  /** The role that may order it, where that is not "operate". */
+  needs?: Role;
   /** Dim for another reason. */
   dim?: boolean;
   disabled?: boolean;
@@ -70,10 +73,13 @@ type ButtonProps = {
   children?: ComponentChildren;
 };
 
-export function Button({ id, label, icon, kind = "", pressed, orders, dim, disabled, submit, title, onClick, children }: ButtonProps) {
-  const refused = useStore((s) => orders !== undefined && refuses(s, orders));
+/** Why an order is none for this panel. */
+export const barredBecause = ({ role }: Store): string => t(role === "watch" ? "role-watch" : "role-set-up");
+
+export function Button({ id, label, icon, kind = "", pressed, orders, needs, dim, disabled, submit, title, onClick, children }: ButtonProps) {
   // What a role may not do it will not be able to do later on either: said before it is pressed.
-  const barred = useStore((s) => orders !== undefined && isBarred(s, orders));
+  const barred = useStore((s) => (orders !== undefined && isBarred(s, orders, needs) ? barredBecause(s) : null));
+  const refused = useStore((s) => orders !== undefined && refuses(s, orders)) || barred !== null;
   return (
     <button
       type={submit ? "submit" : "button"}
@@ -82,7 +88,7 @@ export function Button({ id, label, icon, kind = "", pressed, orders, dim, disab
       aria-pressed={pressed}
       aria-label={children || !label ? undefined : label}
       disabled={disabled}
-      title={barred ? t("role-watch") : title}
+      title={barred ?? title}
       onClick={onClick}
     >
       {icon && <Icon name={icon} />}

@@ -3,6 +3,7 @@ import type { ComponentChildren } from "preact";
 import { useEffect, useRef, useState } from "preact/hooks";
 import { useSmall } from "../hooks";
 import { fixed, parseNumber, t } from "../i18n";
+import { usePinValues } from "../pins";
 import { COLOURS, type Cursors, Plot } from "../plot";
 import { Rows, Scope } from "../scope";
 import { ask, connection, order, tellRefused, useStore } from "../store";
@@ -37,23 +38,6 @@ function usePins(): [Pin[], () => void] {
     return () => void (wanted = false);
   }, [connected, asked]);
   return [pins, () => setAsked((n) => n + 1)];
-}
-
-/** Values of these pins, twice a second. */
-function useValues(names: string[]): Map<string, Pin> {
-  const [values, setValues] = useState<Map<string, Pin>>(new Map());
-  useEffect(() => {
-    if (names.length === 0) return;
-    const look = () =>
-      connection.call("hal.values", { pins: names }).then(
-        ({ pins }) => setValues(new Map(pins.map((pin) => [pin.name, pin]))),
-        () => {},
-      );
-    void look();
-    const timer = setInterval(look, LOOK_MS);
-    return () => clearInterval(timer);
-  }, [names.join(" ")]);
-  return values;
 }
 
 /** A value for a pin that nothing drives. */
@@ -145,7 +129,7 @@ function Watch({
   onScope: (name: string) => void;
   onRemove: (name: string) => void;
 }) {
-  const values = useValues(names);
+  const { values } = usePinValues(names, LOOK_MS);
   const [setting, setSetting] = useState<Pin | null>(null);
   const maySet = useStore((s) => s.methods.has("hal.set") && s.role === "set-up");
   if (names.length === 0) return <Card title={t("watch")}>{<p class="muted">{t("watch-explained")}</p>}</Card>;
