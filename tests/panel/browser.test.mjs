@@ -138,7 +138,7 @@ test("a day at the machine", { skip, timeout: 300_000 }, async (day) => {
     await go(page, "operate");
     await page.waitForFunction(() => document.querySelector("[data-testid=path]")?.dataset.whole === "true", { timeout: 60_000 });
     assert.equal(await page.$eval(id("path"), (canvas) => canvas.dataset.renderer), "webgl2");
-    await page.waitForFunction(() => /^\d+ segments$/.test(document.querySelector("[data-testid=path-note]").textContent), { timeout: 60_000 });
+    await page.waitForFunction(() => document.querySelector("[data-testid=path-note]").textContent === "X 40 × Y 38 × Z 5 mm", { timeout: 60_000 });
     // More than 20 moves, all of them drawn.
     assert.ok((await page.$eval(id("path"), (canvas) => Number(canvas.dataset.segments))) >= 20);
     const before = await colours(page);

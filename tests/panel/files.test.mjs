@@ -99,6 +99,43 @@ test("a message is said in German with all that it contains, and in English wher
   assert.equal(inWords({ code: "of.a-newer-control", params: { next }, text: "do: isocnc on; now" }), "do: „Antriebe ein“; now");
 });
 
+test("a preview is where the plan is: rapid moves at the speed of their slowest axis, the rest along the other moves", async (context) => {
+  if (!existsSync(join(panel, "web/node_modules"))) return context.skip("npm ci has not been run in crates/panel/web");
+  const { build } = createRequire(join(panel, "web/package.json"))("esbuild");
+  const source = `export { PathData, CHUNK } from "./data"; export { PathTimes } from "./times";`;
+  const built = await build({ stdin: { contents: source, resolveDir: join(panel, "web/src/path"), loader: "ts" }, bundle: true, format: "esm", write: false });
+  const { PathData, PathTimes, CHUNK } = await import(`data:text/javascript;base64,${Buffer.from(built.outputFiles[0].contents).toString("base64")}`);
+  const rapid = (x, y, z) => Math.max(Math.abs(x) / 100, Math.abs(y) / 50, Math.abs(z) / 10);
+  const way = new PathData();
+  // 1 s of rapid moves, then 30 mm at feed in the other 3 s, in more vertices than a chunk has.
+  way.append(0, 0, 0, 0, 10);
+  way.append(2, 1, 10, 10, 0);
+  for (let i = 1; i <= 2 * CHUNK; i++) way.append(2 + i, 2, 10 + (30 * i) / (2 * CHUNK), 10, 0);
+  way.finish();
+  const times = new PathTimes(way, 4, rapid);
+  assert.equal(times.total, 4);
+  const close = ({ place, line }, wanted, at) => {
+    for (const [k, value] of wanted.entries()) assert.ok(Math.abs(place[k] - value) < 0.02, `${place} is not ${wanted}`);
+    assert.ok(Math.abs(line - at) <= 2, `line ${line} is not ${at}`);
+  };
+  close(times.at(0), [0, 0, 10], 2);
+  close(times.at(0.5), [5, 5, 5], 2);
+  close(times.at(1), [10, 10, 0], 2);
+  close(times.at(2.5), [25, 10, 0], 2 + CHUNK);
+  close(times.at(4), [40, 10, 0], 2 + 2 * CHUNK);
+  close(times.at(99), [40, 10, 0], 2 + 2 * CHUNK);
+  // The box of what is cut, as the work system is turned.
+  const turned = new PathData(90);
+  for (const [kind, x, y] of [[0, 500, 0], [1, 0, 0], [2, 0, 40], [1, 0, 900]]) turned.append(1, kind, x, y, 0);
+  const size = [0, 1, 2].map((k) => Math.round(turned.feedMax[k] - turned.feedMin[k]));
+  assert.deepEqual(size, [40, 0, 0]);
+  // Rapid moves alone, or slower than the plan: the sum is the plan's.
+  const alone = new PathData();
+  for (const [kind, x] of [[0, 0], [1, 100], [1, 300]]) alone.append(1, kind, x, 0, 0);
+  close(new PathTimes(alone, 6, rapid).at(3), [150, 0, 0], 1);
+  assert.equal(new PathTimes(new PathData(), 6, rapid).total, 0);
+});
+
 test("what is committed is what the sources give", (context) => {
   if (!existsSync(join(panel, "web/node_modules"))) return context.skip("npm ci has not been run in crates/panel/web");
   const out = mkdtempSync(join(tmpdir(), "panel-"));

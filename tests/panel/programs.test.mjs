@@ -85,7 +85,7 @@ test("an uploaded program is kept, loaded and marked; another one of its name as
   await page.waitForFunction(() => document.querySelector(".file .tag")?.textContent === "loaded");
   const { revision } = (await ask("status")).program;
 
-  write("part 1.ngc", 2000 / 3);
+  write("part 1.ngc", 200 / 3);
   utimesSync(join(folder, "part 1.ngc"), 1_700_000_000, 1_700_000_000);
   const before = readFileSync(join(programs, "part 1.ngc"), "utf8");
   await upload(page, "part 1.ngc");
@@ -109,7 +109,7 @@ test("an uploaded program is kept, loaded and marked; another one of its name as
 
   await upload(page, "part 1.ngc");
   await click(page, "replace-yes");
-  await until("another revision", async () => (await ask("status")).program.revision > revision);
+  await until("another revision", async () => (await ask("status")).program.revision > revision).catch(async (error) => assert.fail(`${await page.$eval("main", (main) => main.textContent)}: ${error.message}`));
   assert.notEqual(readFileSync(join(programs, "part 1.ngc"), "utf8"), before);
   await page.close();
 });
@@ -213,6 +213,74 @@ test("a program is renamed, downloaded and deleted, also the loaded one, of whic
   await page.close();
 });
 
+test("a preview runs through the planned time, in the picture and in the text, and is never the machine", { skip, timeout: 120_000 }, async () => {
+  const page = await open();
+  const lines = Array.from({ length: 40 }, (_, i) => `G1 X${i % 2 ? 0 : 40} Y${i}`);
+  await ask("program.load", { name: "pocket.ngc", text: `G21 G90 G54 F600\nG0 X0 Y0 Z5\nG1 Z0\n${lines.join("\n")}\nG0 Z5\nM2\n` });
+  await page.waitForFunction(() => document.querySelector("[data-testid=path-note]")?.textContent === "X 40 × Y 39 × Z 5 mm", { timeout: 60_000 });
+  const { planned_time_s } = (await ask("status")).program;
+  const before = (await ask("status")).position_mm;
+  await page.waitForSelector(id("preview"));
+  assert.ok(!(await page.$(id("preview-tag"))));
+  await page.$eval(id("preview-slider"), (slider) => {
+    slider.value = slider.max / 2;
+    slider.dispatchEvent(new Event("input", { bubbles: true }));
+  });
+  await page.waitForSelector(id("preview-tag"));
+  const line = () => page.$eval(".program-text .previewed", (row) => Number(row.dataset.line));
+  await page.waitForSelector(".program-text .previewed");
+  assert.ok(Math.abs((await line()) - 23) <= 3, `line ${await line()}`);
+  await page.waitForFunction(() => document.querySelector("[data-testid=path]").dataset.busy === "false");
+  // Two tools, each in its colour.
+  const markers = await page.evaluate(async () => {
+    const canvas = document.querySelector("[data-testid=path]");
+    const drawn = canvas.dataset.drawn;
+    canvas.dispatchEvent(new WheelEvent("wheel", { deltaY: 0 }));
+    await new Promise((resolve) => {
+      const look = () => (canvas.dataset.drawn !== drawn ? resolve() : requestAnimationFrame(look));
+      look();
+    });
+    const copy = document.createElement("canvas");
+    [copy.width, copy.height] = [canvas.width, canvas.height];
+    const context = copy.getContext("2d");
+    context.drawImage(canvas, 0, 0);
+    const { data } = context.getImageData(0, 0, copy.width, copy.height);
+    let [real, preview] = [0, 0];
+    for (let i = 0; i < data.length; i += 4) {
+      const [r, g, b] = [data[i], data[i + 1], data[i + 2]];
+      if (r > 120 && r - b > 80 && g - b > 20) real++;
+      if (b > 90 && b - g > 50 && r - g > 20) preview++;
+    }
+    return { real, preview };
+  });
+  assert.ok(markers.real > 40 && markers.preview > 40, JSON.stringify(markers));
+  await picture(page, "preview");
+  await click(page, "preview-60");
+  await click(page, "preview-play");
+  await page.waitForFunction((end) => Number(document.querySelector("[data-testid=preview]").dataset.time) >= end, { timeout: 20_000 }, planned_time_s - 0.001);
+  await page.waitForFunction(() => document.querySelector("[data-testid=preview-play]").getAttribute("aria-pressed") === "false");
+  assert.ok((await line()) > 40);
+  assert.deepEqual((await ask("status")).position_mm, before, "nothing has moved");
+  assert.deepEqual((await page.evaluate(() => window.sent.map(({ method }) => method))).filter((method) => /start|mdi|jog|home/.test(method)), []);
+  await click(page, "preview-end");
+  await gone(page, "preview-tag");
+  assert.equal(await page.$(".program-text .previewed"), null);
+  // Another program, and another page, end it.
+  await click(page, "preview-play");
+  await page.waitForSelector(id("preview-tag"));
+  await ask("program.load", { name: "other.ngc", text: "G21 G90 F600\nG0 X0\nG1 X10\nM2\n" });
+  await gone(page, "preview-tag");
+  await page.waitForFunction(() => document.querySelector("[data-testid=path-note]")?.textContent === "X 10 × Y 0 × Z 0 mm", { timeout: 60_000 });
+  await click(page, "preview-1");
+  await click(page, "preview-play");
+  await page.waitForSelector(id("preview-tag"));
+  await page.evaluate(() => (location.hash = "#/operate"));
+  await gone(page, "preview");
+  assert.equal(await page.$(id("preview-tag")), null);
+  assert.equal(await page.$(".program-text .previewed"), null);
+  await page.close();
+});
+
 test("thousands of programs: the first 200 are shown, a search finds the others", { skip, timeout: 120_000 }, async () => {
   for (let i = 0; i < 4000; i++) writeFileSync(join(programs, `job ${i}.ngc`), "M2\n");
   const page = await open({ width: 390, height: 844 });
@@ -258,6 +326,14 @@ test("the list and its dialogues at three sizes, in two languages: axe finds not
     const end = `${width}-${language}`;
     await page.waitForSelector(id("files"));
     all.push(...(await wrong(page, `programs-${end}`)));
+    await page.waitForSelector(id("preview-slider"));
+    await page.$eval(id("preview-slider"), (slider) => {
+      slider.value = slider.max / 3;
+      slider.dispatchEvent(new Event("input", { bubbles: true }));
+    });
+    await page.waitForSelector(id("preview-tag"));
+    await page.$eval(id("preview"), (bar) => bar.scrollIntoView({ block: "end" }));
+    all.push(...(await wrong(page, `preview-${end}`)));
     await click(page, "file-menu-part 1.ngc");
     await page.waitForSelector(id("file-dialogue"));
     all.push(...(await wrong(page, `file-dialogue-${end}`)));

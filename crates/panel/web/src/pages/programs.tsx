@@ -110,7 +110,7 @@ export function Programs() {
       </div>
       <div class="column">
         <Card kind="path-card">
-          <PathView />
+          <PathView previews />
         </Card>
         <StartSettings />
         <Parts />
