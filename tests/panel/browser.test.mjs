@@ -376,6 +376,7 @@ test("signals: the oscilloscope shows the motion that there is, a trigger its pl
     return rows.size / canvas.height;
   });
   assert.ok(drawn > 0.4, `the line rises over ${drawn} of the picture`);
+  assert.equal(await page.$eval(`${id(`figures-${pin}`)} .per-division`, (legend) => legend.textContent), "5 mm per division");
   await picture(page, "scope");
 
   await fill(page, "trigger", `${pin}<45`);
@@ -524,6 +525,7 @@ test("how long cycles take: since the start, and since the page was opened", { s
   assert.ok(cycles > live, `${cycles} ${live}`);
   const told = await ask("cycle.times");
   assert.ok(told.compute.counts.reduce((a, b) => a + b) >= cycles);
+  assert.equal(await page.$eval(".histogram .head", (head) => [...head.children].map((title) => title.textContent).join("; ")), "cycles, logarithmic; Period, µs; cycles since start; since page open");
   await picture(page, "jitter");
   await page.close();
 });

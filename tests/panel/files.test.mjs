@@ -136,6 +136,36 @@ test("a preview is where the plan is: rapid moves at the speed of their slowest 
   assert.equal(new PathTimes(new PathData(), 6, rapid).total, 0);
 });
 
+test("a scale of the oscilloscope has divisions of 1, 2 or 5, holds all and wastes little", async (context) => {
+  if (!existsSync(join(panel, "web/node_modules"))) return context.skip("npm ci has not been run in crates/panel/web");
+  const { build } = createRequire(join(panel, "web/package.json"))("esbuild");
+  const built = await build({ entryPoints: [join(panel, "web/src/divisions.ts")], bundle: true, format: "esm", write: false });
+  const { scaleFor, heightOf, digitsOf } = await import(`data:text/javascript;base64,${Buffer.from(built.outputFiles[0].contents).toString("base64")}`);
+  assert.deepEqual(scaleFor(30, 60, 8, true), { from: 25, step: 5, divisions: 8 });
+  assert.deepEqual(scaleFor(7, 7, 8, true), { from: 3, step: 1, divisions: 8 });
+  assert.deepEqual(heightOf(scaleFor(30, 60, 8, true), 0, 1), [25, 65]);
+  let seed = 1;
+  const random = () => (seed = (seed * 48271) % 2147483647) / 2147483647;
+  for (let i = 0; i < 20_000; i++) {
+    const middle = (random() - 0.5) * 10 ** (12 * random() - 6);
+    const span = 10 ** (14 * random() - 7);
+    const [least, greatest, divisions] = [middle - span / 2, middle + span / 2, [2, 4, 8][i % 3]];
+    const { from, step } = scaleFor(least, greatest, divisions, i % 2 === 0);
+    assert.match(step.toExponential(), /^[125]e/, `${step}`);
+    assert.ok(from <= least && from + divisions * step >= greatest, `${least} ${greatest} ${from} ${step}`);
+    if (span > 1e-9 * Math.abs(middle)) assert.ok(divisions * step <= 6 * span * (divisions === 2 ? 2 : 1), `${span} on ${divisions * step}`);
+    // Each lane has its part of the height, without a gap.
+    const [low, high] = heightOf({ from, step, divisions }, 1, 3);
+    const share = (value) => (value - low) / (high - low);
+    if (span > 1e-6 * Math.abs(middle)) assert.ok(Math.abs(share(from) - 1 / 3) < 1e-6 && Math.abs(share(from + divisions * step) - 2 / 3) < 1e-6);
+  }
+  for (const strange of [[NaN, 1], [-Infinity, Infinity], [null, null], [-1e308, 1e308], [0, 5e-324], [1e300, 1e300]]) {
+    const { step } = scaleFor(...strange, 8, true);
+    assert.ok(step > 0 && Number.isFinite(step), `${strange}`);
+  }
+  assert.deepEqual([digitsOf(5), digitsOf(0.2), digitsOf(0.001), digitsOf(1000)], [0, 1, 3, 0]);
+});
+
 test("what is committed is what the sources give", (context) => {
   if (!existsSync(join(panel, "web/node_modules"))) return context.skip("npm ci has not been run in crates/panel/web");
   const out = mkdtempSync(join(tmpdir(), "panel-"));

@@ -246,6 +246,12 @@ function Jitter() {
     <Card id="jitter" title={t("jitter")} tools={<Button label={t("jitter-anew")} onClick={() => setFirst(now)} />}>
       <Choice label={t("jitter")} value={which} options={TIMES.map((value) => ({ value, label: t(`times-${value}`) }))} onChange={setWhich} />
       <ol class="histogram" data-testid="histogram" data-cycles={all} data-live={seen} tabIndex={0} aria-label={t("jitter")}>
+        <li class="head">
+          <span>{t("histogram-share")}</span>
+          <span>{t("histogram-time", { what: t(`times-${which}`) })}</span>
+          <span>{t("histogram-all")}</span>
+          <span>{t("histogram-live")}</span>
+        </li>
         {counts.slice(from, to + 1).map((count, place) => (
           <li key={from + place}>
             <span class="bars">

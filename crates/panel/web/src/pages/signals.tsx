@@ -2,13 +2,14 @@
 import type { ComponentChildren } from "preact";
 import { useEffect, useRef, useState } from "preact/hooks";
 import { useSmall } from "../hooks";
-import { fixed, parseNumber, t } from "../i18n";
+import { fixed, language, parseNumber, t } from "../i18n";
 import { usePinValues } from "../pins";
 import { COLOURS, type Cursors, Plot } from "../plot";
 import { Rows, Scope } from "../scope";
 import { ask, connection, order, tellRefused, useStore } from "../store";
-import type { LogicTask, LogicVariable, Pin } from "../types";
+import type { Channel, LogicTask, LogicVariable, Pin } from "../types";
 import { Button, Card, Choice, Dialog, Field, Form, Icon } from "../ui";
+import { unitOf } from "../units";
 
 /** Signals at the same time. */
 const WATCHED_MAX = 32;
@@ -55,7 +56,7 @@ function SetPin({ pin, onClose }: { pin: Pin; onClose: () => void }) {
         </div>
       ) : (
         <Form kind="row" onSend={() => send(number)}>
-          <Field id="pin-value" label={`${t("value")}${pin.unit ? `, ${pin.unit}` : ""}`} value={text} onInput={setText} numeric />
+          <Field id="pin-value" label={[t("value"), unitOf(pin)].filter(Boolean).join(", ")} value={text} onInput={setText} numeric />
           <Button id="pin-set" kind="warn" label={t("set")} orders="hal.set" disabled={Number.isNaN(number)} submit />
         </Form>
       )}
@@ -145,7 +146,7 @@ function Watch({
               <button type="button" class={at < 0 ? "signal" : `signal colour-${at % COLOURS}`} aria-pressed={at >= 0} aria-label={`${t("scope")}: ${name}`} onClick={() => onScope(name)} />
               <span class="name">{name}</span>
               <output data-testid={`value-${name}`}>
-                {shown(pin)} {pin.unit}
+                {shown(pin)} {unitOf(pin)}
               </output>
               {maySet && pin.source === null && pin.net === null && pin.direction === "in" && <Button kind="plain" label={t("set")} onClick={() => setSetting(pin)} />}
               <button type="button" class="button plain" title={t("watch-end")} aria-label={`${t("watch-end")}: ${name}`} onClick={() => onRemove(name)}>
@@ -189,6 +190,15 @@ function useScope(pins: string[], running: boolean, wanted: { seconds: number; t
   return scope;
 }
 
+/** Unit and scale of a trace; a bit is off or on, whatever the scale. */
+function legend(channel: Channel, step: number | undefined): string {
+  if (channel.type === "bit") return "0 / 1";
+  const unit = unitOf(channel);
+  if (!step) return unit;
+  const [size, name] = unit === "ns" && step >= 1e6 ? [step / 1e6, "ms"] : unit === "ns" && step >= 1e3 ? [step / 1e3, "µs"] : [step, unit];
+  return t("per-division", { step: `${size.toLocaleString(language, { maximumSignificantDigits: 2, useGrouping: false })} ${name}`.trim() });
+}
+
 /** The value of a channel at a time. */
 function at(rows: Rows, channel: number, time: number | null): number | null {
   if (time === null || rows.time.length === 0) return null;
@@ -209,6 +219,7 @@ function Oscilloscope({ pins }: { pins: string[] }) {
   const [single, setSingle] = useState(false);
   const [own, setOwn] = useState(true);
   const [cursors, setCursors] = useState<Cursors>({ a: null, b: null });
+  const [steps, setSteps] = useState<Record<string, number>>({});
   const next = useRef<"a" | "b">("a");
   const scope = useScope(pins, running, { seconds, trigger, single });
   const rows = scope?.rows ?? new Rows(0);
@@ -258,6 +269,7 @@ function Oscilloscope({ pins }: { pins: string[] }) {
           own={own}
           cursors={cursors}
           label={t("scope")}
+          onSteps={setSteps}
           onCursor={(time) => {
             const which = next.current;
             next.current = which === "a" ? "b" : "a";
@@ -294,7 +306,8 @@ function Oscilloscope({ pins }: { pins: string[] }) {
                 return (
                   <tr key={channel.name} data-testid={`figures-${channel.name}`} data-least={least} data-greatest={greatest}>
                     <td>
-                      <i class={`signal colour-${place % COLOURS}`} /> {channel.name} {channel.unit && <small>{channel.unit}</small>}
+                      <i class={`signal colour-${place % COLOURS}`} /> {channel.name}
+                      <small class="per-division">{legend(channel, steps[channel.name])}</small>
                     </td>
                     <td>{number(rows.greatest[place]!.at(-1))}</td>
                     <td>{number(least)}</td>
