@@ -516,6 +516,40 @@ test("what was measured of the machine is shown", { skip, timeout: 60_000 }, asy
   await page.close();
 });
 
+test("objects of a node: read by name and by index, written by type, refused with the range", { skip, timeout: 60_000 }, async () => {
+  const page = await open({ hash: "#/bus" });
+  await click(page, "node-1");
+  await page.waitForSelector(id("sdo-object"));
+  const reads = async (object, what, pattern) => {
+    await fill(page, "sdo-object", object);
+    await page.keyboard.press("Enter");
+    await page.waitForFunction((what, pattern) => new RegExp(pattern).test(document.querySelector(`[data-testid=sdo-${what}]`)?.textContent), {}, what, pattern);
+  };
+  await reads("statusword", "hex", "^0x[0-9A-F]{4}$");
+  assert.match(await text(page, "sdo-value"), /0x6041:0 statusword.*Decimal\d+.*Bytes[0-9A-F]{2} [0-9A-F]{2}/);
+  await reads("0x1008.0", "text", "^x-drive$");
+  await picture(page, "object");
+  await fill(page, "sdo-object", "6041:");
+  assert.match(await text(page, "sdo-what"), /^Not an object/);
+  assert.ok(await page.$eval(id("sdo-read"), ({ disabled }) => disabled));
+  // Its type is known: a value beyond it is not sent.
+  await fill(page, "sdo-object", "home offset");
+  await fill(page, "sdo-new", "2147483648");
+  assert.equal(await text(page, "sdo-send"), "A value of type i32 is from -2147483648 to 2147483647.");
+  assert.ok(await page.$eval(id("sdo-write"), ({ disabled }) => disabled));
+  await fill(page, "sdo-new", "-2");
+  assert.equal(await text(page, "sdo-send"), "Bytes to write, low byte first: FE FF FF FF");
+  await page.keyboard.press("Enter");
+  await page.waitForFunction(() => document.querySelector("[data-testid=sdo-send]").textContent === "-2 was written to home offset 0x607C:0.");
+  assert.equal((await ask("bus.sdo_read", { node: 1, index: 0x607c, sub: 0 })).value, "feffffff");
+  await reads("607C", "decimal", "^-2$");
+  // Of an unknown object, its length says what it is; another type can be chosen.
+  await page.select(id("sdo-type"), "u32");
+  await page.waitForFunction(() => document.querySelector("[data-testid=sdo-decimal]").textContent === "4294967294");
+  await ask("bus.sdo_write", { node: 1, index: 0x607c, sub: 0, value: "00000000" });
+  await page.close();
+});
+
 test("how long cycles take: since the start, and since the page was opened", { skip, timeout: 60_000 }, async () => {
   const page = await open({ hash: "#/bus" });
   await click(page, "part-jitter");

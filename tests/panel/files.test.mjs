@@ -166,6 +166,48 @@ test("a scale of the oscilloscope has divisions of 1, 2 or 5, holds all and wast
   assert.deepEqual([digitsOf(5), digitsOf(0.2), digitsOf(0.001), digitsOf(1000)], [0, 1, 3, 0]);
 });
 
+test("objects are named as people write them, and their values are octets and back", async (context) => {
+  if (!existsSync(join(panel, "web/node_modules"))) return context.skip("npm ci has not been run in crates/panel/web");
+  const { build } = createRequire(join(panel, "web/package.json"))("esbuild");
+  const built = await build({ entryPoints: [join(panel, "web/src/objects.ts")], bundle: true, format: "esm", write: false });
+  const { addressOf, encoded, meaningOf, written, OBJECT_NAMES } = await import(`data:text/javascript;base64,${Buffer.from(built.outputFiles[0].contents).toString("base64")}`);
+  for (const [text, wanted] of [["statusword", "0x6041:0"], [" Position Actual-Value ", "0x6064:0"], ["0x6041:0", "0x6041:0"], ["6041.0", "0x6041:0"], ["60FE/1", "0x60FE:1"], ["6041h", "0x6041:0"], ["1018:0x0A", "0x1018:10"], ["2000", "0x2000:0"]]) {
+    assert.equal(written(addressOf(text)), wanted, text);
+  }
+  for (const text of ["", "6041:", "604", "0x60411", "6041:256", "0000", "status", "6041:-1", "6041 0"]) assert.equal(addressOf(text), null, text);
+  for (const name of OBJECT_NAMES) assert.ok(addressOf(name), name);
+  for (const [text, type, wanted] of [
+    ["592", "u16", "5002"],
+    ["0x250", "u16", "5002"],
+    ["-1", "i32", "ffffffff"],
+    ["0xFFFFFFFF", "i32", "ffffffff"],
+    ["-0x80", "i8", "80"],
+    ["18446744073709551615", "u64", "ffffffffffffffff"],
+    ["-9223372036854775808", "i64", "0000000000000080"],
+    ["x-drive", "string", "782d6472697665"],
+    ["50 02", "bytes", "5002"],
+    ["256", "u8", null],
+    ["-1", "u8", null],
+    ["128", "i8", null],
+    ["0x1FF", "i8", null],
+    ["1.5", "u8", null],
+    ["", "u8", null],
+    ["1e3", "u32", null],
+    ["5", "bytes", null],
+  ]) {
+    assert.equal(encoded(text, type), wanted, `${text} ${type}`);
+  }
+  assert.deepEqual(meaningOf("5002", "u16"), { decimal: "592", hex: "0x0250", text: "", octets: "50 02" });
+  assert.deepEqual(meaningOf("ffffffff", "i32"), { decimal: "-1", hex: "0xFFFFFFFF", text: "", octets: "FF FF FF FF" });
+  // Without a type, both.
+  assert.equal(meaningOf("ff", null).decimal, "255 (-1)");
+  assert.equal(meaningOf("05", null).decimal, "5");
+  assert.equal(meaningOf("782d647269766500", "string").text, "x-drive");
+  assert.equal(meaningOf("5a00", "u16").text, "Z");
+  assert.deepEqual(meaningOf("", null), { decimal: "", hex: "", text: "", octets: "" });
+  assert.equal(meaningOf("00".repeat(9), null).decimal, "");
+});
+
 test("what is committed is what the sources give", (context) => {
   if (!existsSync(join(panel, "web/node_modules"))) return context.skip("npm ci has not been run in crates/panel/web");
   const out = mkdtempSync(join(tmpdir(), "panel-"));
