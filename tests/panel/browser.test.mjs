@@ -436,6 +436,52 @@ test("logic: all variables are found, a forced one is told on every page and rel
   await page.close();
 });
 
+test("logic: a variable is forced by somebody who was told what that means, refused in words, and released", { skip, timeout: 60_000 }, async (t) => {
+  t.after(() => ask("logic.release", { program: "many" }).catch(() => {}));
+  const page = await open({ hash: "#/signals" });
+  await click(page, "part-logic");
+  await page.waitForSelector(id("variables"));
+  await page.$$eval("[data-testid=logic] .choice button", (all) => all.find((one) => one.textContent === "many").click());
+  const tap = async (name) => {
+    await page.waitForSelector(`${id(`variable-${name}`)} .variable`);
+    await page.$eval(`${id(`variable-${name}`)} .variable`, (button) => button.click());
+    await page.waitForSelector(id("force-dialogue"));
+  };
+  const forced = async () => (await ask("status")).forced.map(({ variable, value }) => `${variable} = ${value}`);
+  await fill(page, "logic-search", "last_of_all");
+  await tap("last_of_all");
+  assert.match(await text(page, "force-dialogue"), /regardless of pins and programs.*until someone releases it.*FORCED/);
+  await picture(page, "force");
+  await page.keyboard.press("Enter");
+  assert.deepEqual(await ordered(page, "logic.force"), []);
+  await fill(page, "force-value", "many");
+  await click(page, "force-set");
+  await page.waitForFunction(() => /INT/.test(document.querySelector("[data-testid=force-wrong]")?.textContent));
+  assert.deepEqual(await forced(), []);
+  await fill(page, "force-value", "7");
+  await page.keyboard.press("Enter");
+  await gone(page, "force-dialogue");
+  assert.deepEqual(await forced(), ["last_of_all = 7"]);
+  await page.waitForFunction(() => /7.*forced/.test(document.querySelector("[data-testid=variable-last_of_all]").textContent));
+  await page.waitForFunction(() => document.querySelector("[data-testid=forced]")?.textContent === "FORCED 1");
+  // The one of a bit is asked with its two values; a key that someone is just pressing is no answer.
+  await fill(page, "logic-search", "hold");
+  await tap("hold");
+  await page.keyboard.press("Enter");
+  await gone(page, "force-dialogue");
+  assert.equal((await forced()).length, 1);
+  await tap("hold");
+  await click(page, "force-TRUE");
+  await gone(page, "force-dialogue");
+  await until("both", async () => (await forced()).length === 2);
+  await page.waitForFunction(() => /1.*forced/.test(document.querySelector("[data-testid=variable-hold]").textContent));
+  await tap("hold");
+  await click(page, "force-release");
+  await gone(page, "force-dialogue");
+  assert.deepEqual(await forced(), ["last_of_all = 7"]);
+  await page.close();
+});
+
 /** Waits until the prompt says what a pattern fits, or nothing. */
 const prompted = (page, pattern) =>
   until(`the prompt ${pattern}`, async () => {

@@ -1,12 +1,14 @@
 /** Pins of the control: all of them, some that are watched, some over time; variables of programs in Structured Text. */
 import type { ComponentChildren } from "preact";
 import { useEffect, useRef, useState } from "preact/hooks";
+import { inWords } from "../control-words";
 import { useSmall } from "../hooks";
 import { fixed, language, parseNumber, t } from "../i18n";
 import { usePinValues } from "../pins";
 import { COLOURS, type Cursors, Plot } from "../plot";
+import type { Refused } from "../rpc";
 import { Rows, Scope } from "../scope";
-import { ask, connection, order, tellRefused, useStore } from "../store";
+import { ask, connection, isBlind, order, tellRefused, useStore } from "../store";
 import type { Channel, LogicTask, LogicVariable, Pin } from "../types";
 import { Button, Card, Choice, Dialog, Field, Form, Icon } from "../ui";
 import { unitOf } from "../units";
@@ -339,6 +341,69 @@ async function lookAt(program: string, search: string, most: number): Promise<{ 
   }
 }
 
+/** What forcing means, and a value for a variable; `now`: as it was behind the last scan. */
+function Force({ program, now, onClose }: { program: string; now: LogicVariable; onClose: () => void }) {
+  // Nothing until something is typed: a key that somebody is just pressing forces nothing.
+  const [text, setText] = useState("");
+  const [wrong, setWrong] = useState("");
+  const force = async (value: string) => {
+    if (isBlind()) return setWrong(t("not-sent"));
+    try {
+      await ask("logic.force", { program, variable: now.name, value });
+      onClose();
+    } catch (error) {
+      const { code, said, message } = error as Refused;
+      setWrong(code === 0 ? t("not-sent") : said ? inWords(said) : message);
+    }
+  };
+  return (
+    <Dialog id="force-dialogue" title={now.name} onClose={onClose}>
+      <p class="strong">{t("force-explained")}</p>
+      <p>{t("force-safety")}</p>
+      <p class="muted" data-testid="force-now">
+        {now.type}
+        {now.pin && ` · ${now.pin}`} · {t("now")} {now.value} {now.forced && <strong>{t("forced")}</strong>}
+      </p>
+      {now.type === "BOOL" ? (
+        <div class="row">
+          {["TRUE", "FALSE"].map((value) => (
+            <Button key={value} id={`force-${value}`} kind="warn" orders="logic.force" needs="set-up" label={t("force-to", { value })} onClick={() => void force(value)} />
+          ))}
+        </div>
+      ) : (
+        <Form kind="row" onSend={() => void force(text)}>
+          <Field
+            id="force-value"
+            label={t("value")}
+            value={text}
+            onInput={(value) => {
+              setText(value);
+              setWrong("");
+            }}
+          />
+          <Button id="force-set" kind="warn" label={t("force")} orders="logic.force" needs="set-up" disabled={text.trim() === ""} submit />
+        </Form>
+      )}
+      {wrong && (
+        <p class="error" role="alert" data-testid="force-wrong">
+          {wrong}
+        </p>
+      )}
+      {now.forced && (
+        <footer>
+          <Button
+            id="force-release"
+            label={t("release")}
+            orders="logic.release"
+            needs="set-up"
+            onClick={() => void order("logic.release", { program, variable: now.name }).then((done) => done && onClose())}
+          />
+        </footer>
+      )}
+    </Dialog>
+  );
+}
+
 /** Programs in Structured Text and their variables, as they were behind one scan. */
 function Logic() {
   const [tasks, setTasks] = useState<LogicTask[]>([]);
@@ -346,6 +411,8 @@ function Logic() {
   const [{ variables, more }, setFound] = useState<{ variables: LogicVariable[]; more: boolean }>({ variables: [], more: false });
   const [search, setSearch] = useState("");
   const [most, setMost] = useState(VARIABLES);
+  const [forcing, setForcing] = useState<LogicVariable | null>(null);
+  const mayForce = useStore((s) => s.methods.has("logic.force") && s.role === "set-up");
   const task = tasks[chosen];
   useEffect(() => {
     let [wanted, asked] = [true, false];
@@ -388,6 +455,7 @@ function Logic() {
             options={tasks.map(({ name }, value) => ({ value, label: name }))}
             onChange={(value) => {
               setChosen(value);
+              setForcing(null);
               anew();
             }}
           />
@@ -414,7 +482,15 @@ function Logic() {
             {variables.map((variable) => (
               <tr key={variable.name} data-testid={`variable-${variable.name}`}>
                 <td>
-                  {variable.name} <small>{variable.type}</small>
+                  {mayForce ? (
+                    <button type="button" class="variable" title={t("force-tap")} onClick={() => setForcing(variable)}>
+                      {variable.name} <small>{variable.type}</small>
+                    </button>
+                  ) : (
+                    <>
+                      {variable.name} <small>{variable.type}</small>
+                    </>
+                  )}
                 </td>
                 <td>
                   {variable.value} {variable.forced && <strong>{t("forced")}</strong>}
@@ -428,6 +504,8 @@ function Logic() {
         </table>
         {more && <Button id="logic-more" label={t("logic-more", { n: VARIABLES })} onClick={() => setMost(most + VARIABLES)} />}
       </div>
+      {mayForce && <p class="muted">{t("force-tap")}</p>}
+      {forcing && <Force key={forcing.name} program={task.name} now={variables.find(({ name }) => name === forcing.name) ?? forcing} onClose={() => setForcing(null)} />}
     </Card>
   );
 }
