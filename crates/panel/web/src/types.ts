@@ -129,6 +129,18 @@ export interface DescribedButton {
   role: Role;
 }
 
+/** A joint. */
+export interface DescribedJoint {
+  /** Following error at which the machine stops. */
+  following_error: number;
+  /** Its number. */
+  joint: number;
+  /** Lower and upper end. */
+  travel: number[];
+  /** Greatest speed, per second. */
+  velocity_per_s: number;
+}
+
 /** A number that a button asks for. */
 export interface DescribedQuestion {
   /** What it is if it is not given. */
@@ -153,18 +165,6 @@ export interface DescribedValue {
   pin: string;
   /** What stands behind it. */
   unit: string | null;
-}
-
-/** A joint. */
-export interface DescribedJoint {
-  /** Following error at which the machine stops. */
-  following_error: number;
-  /** Its number. */
-  joint: number;
-  /** Lower and upper end. */
-  travel: number[];
-  /** Greatest speed, per second. */
-  velocity_per_s: number;
 }
 
 /** Distance from the programmed path, mm. */
