@@ -67,7 +67,7 @@ function Reports() {
               disabled={entry.program!.report === null}
               onClick={() => void order("program.report", { number: entry.program!.report! }).then((answer) => answer && setReport(answer))}
             >
-              <b>{entry.program!.name}</b>
+              <b>{fileName(entry.program!.name)}</b>
               <small>
                 {dateAndTime(entry.unix_s)} · {word("result", entry.program!.result ?? "")} · {duration(entry.program!.took_s ?? 0)}
               </small>
@@ -76,7 +76,7 @@ function Reports() {
         ))}
       </ul>
       {report && (
-        <Dialog title={report.program} onClose={() => setReport(null)}>
+        <Dialog title={fileName(report.program)} onClose={() => setReport(null)}>
           <dl class="facts">
             {Object.entries(report)
               .filter(([, value]) => typeof value === "string" || typeof value === "number")
