@@ -138,7 +138,7 @@ test("a day at the machine", { skip, timeout: 300_000 }, async (day) => {
     await go(page, "operate");
     await page.waitForFunction(() => document.querySelector("[data-testid=path]")?.dataset.whole === "true", { timeout: 60_000 });
     assert.equal(await page.$eval(id("path"), (canvas) => canvas.dataset.renderer), "webgl2");
-    await page.waitForFunction(() => /^\d+ segments$/.test(document.querySelector("[data-testid=path-note]").textContent), { timeout: 60_000 });
+    await page.waitForFunction(() => document.querySelector("[data-testid=path-note]").textContent === "X 40 × Y 38 × Z 5 mm", { timeout: 60_000 });
     // More than 20 moves, all of them drawn.
     assert.ok((await page.$eval(id("path"), (canvas) => Number(canvas.dataset.segments))) >= 20);
     const before = await colours(page);
@@ -376,6 +376,7 @@ test("signals: the oscilloscope shows the motion that there is, a trigger its pl
     return rows.size / canvas.height;
   });
   assert.ok(drawn > 0.4, `the line rises over ${drawn} of the picture`);
+  assert.equal(await page.$eval(`${id(`figures-${pin}`)} .per-division`, (legend) => legend.textContent), "5 mm per division");
   await picture(page, "scope");
 
   await fill(page, "trigger", `${pin}<45`);
@@ -432,6 +433,52 @@ test("logic: all variables are found, a forced one is told on every page and rel
   }
   assert.deepEqual((await ask("status")).forced, []);
   assert.ok(!(await page.$(id("forced"))));
+  await page.close();
+});
+
+test("logic: a variable is forced by somebody who was told what that means, refused in words, and released", { skip, timeout: 60_000 }, async (t) => {
+  t.after(() => ask("logic.release", { program: "many" }).catch(() => {}));
+  const page = await open({ hash: "#/signals" });
+  await click(page, "part-logic");
+  await page.waitForSelector(id("variables"));
+  await page.$$eval("[data-testid=logic] .choice button", (all) => all.find((one) => one.textContent === "many").click());
+  const tap = async (name) => {
+    await page.waitForSelector(`${id(`variable-${name}`)} .variable`);
+    await page.$eval(`${id(`variable-${name}`)} .variable`, (button) => button.click());
+    await page.waitForSelector(id("force-dialogue"));
+  };
+  const forced = async () => (await ask("status")).forced.map(({ variable, value }) => `${variable} = ${value}`);
+  await fill(page, "logic-search", "last_of_all");
+  await tap("last_of_all");
+  assert.match(await text(page, "force-dialogue"), /regardless of pins and programs.*until someone releases it.*FORCED/);
+  await picture(page, "force");
+  await page.keyboard.press("Enter");
+  assert.deepEqual(await ordered(page, "logic.force"), []);
+  await fill(page, "force-value", "many");
+  await click(page, "force-set");
+  await page.waitForFunction(() => /INT/.test(document.querySelector("[data-testid=force-wrong]")?.textContent));
+  assert.deepEqual(await forced(), []);
+  await fill(page, "force-value", "7");
+  await page.keyboard.press("Enter");
+  await gone(page, "force-dialogue");
+  assert.deepEqual(await forced(), ["last_of_all = 7"]);
+  await page.waitForFunction(() => /7.*forced/.test(document.querySelector("[data-testid=variable-last_of_all]").textContent));
+  await page.waitForFunction(() => document.querySelector("[data-testid=forced]")?.textContent === "FORCED 1");
+  // The one of a bit is asked with its two values; a key that someone is just pressing is no answer.
+  await fill(page, "logic-search", "hold");
+  await tap("hold");
+  await page.keyboard.press("Enter");
+  await gone(page, "force-dialogue");
+  assert.equal((await forced()).length, 1);
+  await tap("hold");
+  await click(page, "force-TRUE");
+  await gone(page, "force-dialogue");
+  await until("both", async () => (await forced()).length === 2);
+  await page.waitForFunction(() => /1.*forced/.test(document.querySelector("[data-testid=variable-hold]").textContent));
+  await tap("hold");
+  await click(page, "force-release");
+  await gone(page, "force-dialogue");
+  assert.deepEqual(await forced(), ["last_of_all = 7"]);
   await page.close();
 });
 
@@ -515,6 +562,40 @@ test("what was measured of the machine is shown", { skip, timeout: 60_000 }, asy
   await page.close();
 });
 
+test("objects of a node: read by name and by index, written by type, refused with the range", { skip, timeout: 60_000 }, async () => {
+  const page = await open({ hash: "#/bus" });
+  await click(page, "node-1");
+  await page.waitForSelector(id("sdo-object"));
+  const reads = async (object, what, pattern) => {
+    await fill(page, "sdo-object", object);
+    await page.keyboard.press("Enter");
+    await page.waitForFunction((what, pattern) => new RegExp(pattern).test(document.querySelector(`[data-testid=sdo-${what}]`)?.textContent), {}, what, pattern);
+  };
+  await reads("statusword", "hex", "^0x[0-9A-F]{4}$");
+  assert.match(await text(page, "sdo-value"), /0x6041:0 statusword.*Decimal\d+.*Bytes[0-9A-F]{2} [0-9A-F]{2}/);
+  await reads("0x1008.0", "text", "^x-drive$");
+  await picture(page, "object");
+  await fill(page, "sdo-object", "6041:");
+  assert.match(await text(page, "sdo-what"), /^Not an object/);
+  assert.ok(await page.$eval(id("sdo-read"), ({ disabled }) => disabled));
+  // Its type is known: a value beyond it is not sent.
+  await fill(page, "sdo-object", "home offset");
+  await fill(page, "sdo-new", "2147483648");
+  assert.equal(await text(page, "sdo-send"), "A value of type i32 is from -2147483648 to 2147483647.");
+  assert.ok(await page.$eval(id("sdo-write"), ({ disabled }) => disabled));
+  await fill(page, "sdo-new", "-2");
+  assert.equal(await text(page, "sdo-send"), "Bytes to write, low byte first: FE FF FF FF");
+  await page.keyboard.press("Enter");
+  await page.waitForFunction(() => document.querySelector("[data-testid=sdo-send]").textContent === "-2 was written to home offset 0x607C:0.");
+  assert.equal((await ask("bus.sdo_read", { node: 1, index: 0x607c, sub: 0 })).value, "feffffff");
+  await reads("607C", "decimal", "^-2$");
+  // Of an unknown object, its length says what it is; another type can be chosen.
+  await page.select(id("sdo-type"), "u32");
+  await page.waitForFunction(() => document.querySelector("[data-testid=sdo-decimal]").textContent === "4294967294");
+  await ask("bus.sdo_write", { node: 1, index: 0x607c, sub: 0, value: "00000000" });
+  await page.close();
+});
+
 test("how long cycles take: since the start, and since the page was opened", { skip, timeout: 60_000 }, async () => {
   const page = await open({ hash: "#/bus" });
   await click(page, "part-jitter");
@@ -524,6 +605,7 @@ test("how long cycles take: since the start, and since the page was opened", { s
   assert.ok(cycles > live, `${cycles} ${live}`);
   const told = await ask("cycle.times");
   assert.ok(told.compute.counts.reduce((a, b) => a + b) >= cycles);
+  assert.equal(await page.$eval(".histogram .head", (head) => [...head.children].map((title) => title.textContent).join("; ")), "cycles, logarithmic; Period, µs; cycles since start; since page open");
   await picture(page, "jitter");
   await page.close();
 });

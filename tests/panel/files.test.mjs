@@ -99,6 +99,115 @@ test("a message is said in German with all that it contains, and in English wher
   assert.equal(inWords({ code: "of.a-newer-control", params: { next }, text: "do: isocnc on; now" }), "do: „Antriebe ein“; now");
 });
 
+test("a preview is where the plan is: rapid moves at the speed of their slowest axis, the rest along the other moves", async (context) => {
+  if (!existsSync(join(panel, "web/node_modules"))) return context.skip("npm ci has not been run in crates/panel/web");
+  const { build } = createRequire(join(panel, "web/package.json"))("esbuild");
+  const source = `export { PathData, CHUNK } from "./data"; export { PathTimes } from "./times";`;
+  const built = await build({ stdin: { contents: source, resolveDir: join(panel, "web/src/path"), loader: "ts" }, bundle: true, format: "esm", write: false });
+  const { PathData, PathTimes, CHUNK } = await import(`data:text/javascript;base64,${Buffer.from(built.outputFiles[0].contents).toString("base64")}`);
+  const rapid = (x, y, z) => Math.max(Math.abs(x) / 100, Math.abs(y) / 50, Math.abs(z) / 10);
+  const way = new PathData();
+  // 1 s of rapid moves, then 30 mm at feed in the other 3 s, in more vertices than a chunk has.
+  way.append(0, 0, 0, 0, 10);
+  way.append(2, 1, 10, 10, 0);
+  for (let i = 1; i <= 2 * CHUNK; i++) way.append(2 + i, 2, 10 + (30 * i) / (2 * CHUNK), 10, 0);
+  way.finish();
+  const times = new PathTimes(way, 4, rapid);
+  assert.equal(times.total, 4);
+  const close = ({ place, line }, wanted, at) => {
+    for (const [k, value] of wanted.entries()) assert.ok(Math.abs(place[k] - value) < 0.02, `${place} is not ${wanted}`);
+    assert.ok(Math.abs(line - at) <= 2, `line ${line} is not ${at}`);
+  };
+  close(times.at(0), [0, 0, 10], 2);
+  close(times.at(0.5), [5, 5, 5], 2);
+  close(times.at(1), [10, 10, 0], 2);
+  close(times.at(2.5), [25, 10, 0], 2 + CHUNK);
+  close(times.at(4), [40, 10, 0], 2 + 2 * CHUNK);
+  close(times.at(99), [40, 10, 0], 2 + 2 * CHUNK);
+  // The box of what is cut, as the work system is turned.
+  const turned = new PathData(90);
+  for (const [kind, x, y] of [[0, 500, 0], [1, 0, 0], [2, 0, 40], [1, 0, 900]]) turned.append(1, kind, x, y, 0);
+  const size = [0, 1, 2].map((k) => Math.round(turned.feedMax[k] - turned.feedMin[k]));
+  assert.deepEqual(size, [40, 0, 0]);
+  // Rapid moves alone, or slower than the plan: the sum is the plan's.
+  const alone = new PathData();
+  for (const [kind, x] of [[0, 0], [1, 100], [1, 300]]) alone.append(1, kind, x, 0, 0);
+  close(new PathTimes(alone, 6, rapid).at(3), [150, 0, 0], 1);
+  assert.equal(new PathTimes(new PathData(), 6, rapid).total, 0);
+});
+
+test("a scale of the oscilloscope has divisions of 1, 2 or 5, holds all and wastes little", async (context) => {
+  if (!existsSync(join(panel, "web/node_modules"))) return context.skip("npm ci has not been run in crates/panel/web");
+  const { build } = createRequire(join(panel, "web/package.json"))("esbuild");
+  const built = await build({ entryPoints: [join(panel, "web/src/divisions.ts")], bundle: true, format: "esm", write: false });
+  const { scaleFor, heightOf, digitsOf } = await import(`data:text/javascript;base64,${Buffer.from(built.outputFiles[0].contents).toString("base64")}`);
+  assert.deepEqual(scaleFor(30, 60, 8, true), { from: 25, step: 5, divisions: 8 });
+  assert.deepEqual(scaleFor(7, 7, 8, true), { from: 3, step: 1, divisions: 8 });
+  assert.deepEqual(heightOf(scaleFor(30, 60, 8, true), 0, 1), [25, 65]);
+  let seed = 1;
+  const random = () => (seed = (seed * 48271) % 2147483647) / 2147483647;
+  for (let i = 0; i < 20_000; i++) {
+    const middle = (random() - 0.5) * 10 ** (12 * random() - 6);
+    const span = 10 ** (14 * random() - 7);
+    const [least, greatest, divisions] = [middle - span / 2, middle + span / 2, [2, 4, 8][i % 3]];
+    const { from, step } = scaleFor(least, greatest, divisions, i % 2 === 0);
+    assert.match(step.toExponential(), /^[125]e/, `${step}`);
+    assert.ok(from <= least && from + divisions * step >= greatest, `${least} ${greatest} ${from} ${step}`);
+    if (span > 1e-9 * Math.abs(middle)) assert.ok(divisions * step <= 6 * span * (divisions === 2 ? 2 : 1), `${span} on ${divisions * step}`);
+    // Each lane has its part of the height, without a gap.
+    const [low, high] = heightOf({ from, step, divisions }, 1, 3);
+    const share = (value) => (value - low) / (high - low);
+    if (span > 1e-6 * Math.abs(middle)) assert.ok(Math.abs(share(from) - 1 / 3) < 1e-6 && Math.abs(share(from + divisions * step) - 2 / 3) < 1e-6);
+  }
+  for (const strange of [[NaN, 1], [-Infinity, Infinity], [null, null], [-1e308, 1e308], [0, 5e-324], [1e300, 1e300]]) {
+    const { step } = scaleFor(...strange, 8, true);
+    assert.ok(step > 0 && Number.isFinite(step), `${strange}`);
+  }
+  assert.deepEqual([digitsOf(5), digitsOf(0.2), digitsOf(0.001), digitsOf(1000)], [0, 1, 3, 0]);
+});
+
+test("objects are named as people write them, and their values are octets and back", async (context) => {
+  if (!existsSync(join(panel, "web/node_modules"))) return context.skip("npm ci has not been run in crates/panel/web");
+  const { build } = createRequire(join(panel, "web/package.json"))("esbuild");
+  const built = await build({ entryPoints: [join(panel, "web/src/objects.ts")], bundle: true, format: "esm", write: false });
+  const { addressOf, encoded, meaningOf, written, OBJECT_NAMES } = await import(`data:text/javascript;base64,${Buffer.from(built.outputFiles[0].contents).toString("base64")}`);
+  for (const [text, wanted] of [["statusword", "0x6041:0"], [" Position Actual-Value ", "0x6064:0"], ["0x6041:0", "0x6041:0"], ["6041.0", "0x6041:0"], ["60FE/1", "0x60FE:1"], ["6041h", "0x6041:0"], ["1018:0x0A", "0x1018:10"], ["2000", "0x2000:0"]]) {
+    assert.equal(written(addressOf(text)), wanted, text);
+  }
+  for (const text of ["", "6041:", "604", "0x60411", "6041:256", "0000", "status", "6041:-1", "6041 0"]) assert.equal(addressOf(text), null, text);
+  for (const name of OBJECT_NAMES) assert.ok(addressOf(name), name);
+  for (const [text, type, wanted] of [
+    ["592", "u16", "5002"],
+    ["0x250", "u16", "5002"],
+    ["-1", "i32", "ffffffff"],
+    ["0xFFFFFFFF", "i32", "ffffffff"],
+    ["-0x80", "i8", "80"],
+    ["18446744073709551615", "u64", "ffffffffffffffff"],
+    ["-9223372036854775808", "i64", "0000000000000080"],
+    ["x-drive", "string", "782d6472697665"],
+    ["50 02", "bytes", "5002"],
+    ["256", "u8", null],
+    ["-1", "u8", null],
+    ["128", "i8", null],
+    ["0x1FF", "i8", null],
+    ["1.5", "u8", null],
+    ["", "u8", null],
+    ["1e3", "u32", null],
+    ["5", "bytes", null],
+  ]) {
+    assert.equal(encoded(text, type), wanted, `${text} ${type}`);
+  }
+  assert.deepEqual(meaningOf("5002", "u16"), { decimal: "592", hex: "0x0250", text: "", octets: "50 02" });
+  assert.deepEqual(meaningOf("ffffffff", "i32"), { decimal: "-1", hex: "0xFFFFFFFF", text: "", octets: "FF FF FF FF" });
+  // Without a type, both.
+  assert.equal(meaningOf("ff", null).decimal, "255 (-1)");
+  assert.equal(meaningOf("05", null).decimal, "5");
+  assert.equal(meaningOf("782d647269766500", "string").text, "x-drive");
+  assert.equal(meaningOf("5a00", "u16").text, "Z");
+  assert.deepEqual(meaningOf("", null), { decimal: "", hex: "", text: "", octets: "" });
+  assert.equal(meaningOf("00".repeat(9), null).decimal, "");
+});
+
 test("what is committed is what the sources give", (context) => {
   if (!existsSync(join(panel, "web/node_modules"))) return context.skip("npm ci has not been run in crates/panel/web");
   const out = mkdtempSync(join(tmpdir(), "panel-"));

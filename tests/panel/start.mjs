@@ -41,8 +41,8 @@ END_PROGRAM
 /** What holds the feed where the logic says so. */
 const HOLD = '\n[[hal.net]]\nname = "guard-hold"\nsource = "logic.many.hold"\ntargets = ["motion.feed-hold"]\n';
 
-/** Starts a control; gives its process, its folder and a way to ask it beside the browser. */
-export async function start(port) {
+/** Starts a control, with `more(folder)` at the end of its machine file; gives its process, its folder and a way to ask it beside the browser. */
+export async function start(port, more = () => "") {
   const folder = mkdtempSync(join(tmpdir(), "panel-"));
   const name = `panel-${process.pid}`;
   // Programs in Structured Text, slow ones for a busy PC, one of them with more variables than an answer has, and measurements of an earlier day.
@@ -53,7 +53,7 @@ export async function start(port) {
   });
   mkdirSync(join(folder, "state/measurements"), { recursive: true });
   for (const measured of ["step-0", "jitter"]) copyFileSync(join(root, `tests/panel/measured-${measured}.svg`), join(folder, `state/measurements/${measured}.svg`));
-  writeFileSync(join(folder, "machine.toml"), machineFile(name).replace("\ncycle_us", '\nstate_directory = "state"\ncycle_us') + HOLD + sections.join(""));
+  writeFileSync(join(folder, "machine.toml"), machineFile(name).replace("\ncycle_us", '\nstate_directory = "state"\ncycle_us') + HOLD + sections.join("") + more(folder));
   const control = spawn(program, ["run", "machine.toml", "--panel", `127.0.0.1:${port}`], { cwd: folder, stdio: ["ignore", "ignore", "inherit"] });
   const folders = ["/run/isocnc", process.env.XDG_RUNTIME_DIR && `${process.env.XDG_RUNTIME_DIR}/isocnc`, `/dev/shm/isocnc-${process.getuid()}`];
   const path = await new Promise((resolve, reject) => {

@@ -3,6 +3,7 @@ import { useState } from "preact/hooks";
 import { inWords } from "./control-words";
 import { dateAndTime, t, timeOfDay, word } from "./i18n";
 import { isEstop, reset } from "./orders";
+import { fileName } from "./send";
 import { getStore, useStatus } from "./store";
 import type { Entry } from "./types";
 import { Button, Dialog, Icon } from "./ui";
@@ -90,7 +91,7 @@ export function about(entry: Entry): string {
   const { alarm } = entry;
   if (!alarm) return "";
   const parts = [dateOrTime(entry.unix_s)];
-  if (alarm.line !== null && alarm.program !== null) parts.push(t("alarm-at", { line: alarm.line, program: alarm.program }));
+  if (alarm.line !== null && alarm.program !== null) parts.push(t("alarm-at", { line: alarm.line, program: fileName(alarm.program) }));
   parts.push(t("alarm-reaction", { reaction: word("reaction", alarm.reaction) }));
   if (alarm.acknowledged) parts.push(t("acknowledged-by", { by: alarm.acknowledged.by, time: timeOfDay(alarm.acknowledged.unix_s) }));
   return parts.join(" · ");

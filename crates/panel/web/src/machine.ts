@@ -1,4 +1,5 @@
 /** What the machine is made of: asked for once a connection. */
+import { useEffect, useState } from "preact/hooks";
 import type { Params } from "./rpc";
 import { ask, getStore, subscribe } from "./store";
 import type { Described } from "./types";
@@ -34,3 +35,14 @@ export const machine = {
     return () => void listeners.delete(listener);
   },
 };
+
+/** What it is made of; null until it is known. */
+export function useMachine(): Described | null {
+  const [now, setNow] = useState(described);
+  useEffect(() => {
+    const changed = () => setNow(described);
+    changed();
+    return machine.subscribe(changed);
+  }, []);
+  return now;
+}

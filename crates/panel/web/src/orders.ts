@@ -1,13 +1,13 @@
 /** Orders as buttons give them, and which of them the control would take at the moment. */
 import { ALWAYS, type Store, order } from "./store";
-import type { Next, Power, Status } from "./types";
+import type { Next, Power, Role, Status } from "./types";
 
 /** What a panel that may only watch orders all the same. Overrides: slower ones. */
 const OPEN: ReadonlySet<string> = new Set(["stop", "hold", "estop", "override"]);
 
-/** Whether this panel may never order it, as it may only watch. */
-export function isBarred({ role }: Store, what: string): boolean {
-  return role === "watch" && !OPEN.has(what);
+/** Whether this panel may never order it, by its role. */
+export function isBarred({ role }: Store, what: string, needs: Role = "operate"): boolean {
+  return (role === "watch" && !OPEN.has(what)) || (needs === "set-up" && role !== "set-up");
 }
 
 /** Whether it would not be sent, or refused by the control: the button is dim then. The control itself decides, and says why. */

@@ -1,6 +1,8 @@
 /** Lines over time, with two cursors: uPlot draws. */
 import { useEffect, useRef } from "preact/hooks";
 import uPlot from "uplot";
+import { type Scale, bitScale, digitsOf, divisionsOf, heightOf, scaleFor } from "./divisions";
+import { fixed } from "./i18n";
 import type { Rows } from "./scope";
 import type { Channel } from "./types";
 
@@ -24,20 +26,13 @@ function lines(rows: Rows): uPlot.AlignedData {
   return [twice(rows.time, rows.time), ...rows.least.map((least, channel) => twice(least, rows.greatest[channel]!))];
 }
 
-/** A scale on which what lies between these values fills one of some lanes, the first of them at the top. */
-function lane(least: number, greatest: number, at: number, lanes: number): [number, number] {
-  if (!Number.isFinite(least) || !Number.isFinite(greatest)) return [0, 1];
-  const height = 1.15 * (greatest - least) || Math.max(1, Math.abs(least));
-  const middle = (least + greatest) / 2;
-  return [middle - height * (lanes - at - 0.5), middle + height * (at + 0.5)];
-}
-
 export function Plot({
   rows,
   channels,
   own,
   cursors,
   onCursor,
+  onSteps,
   label,
 }: {
   rows: Rows;
@@ -46,6 +41,8 @@ export function Plot({
   own: boolean;
   cursors: Cursors;
   onCursor: (time: number) => void;
+  /** What a division is, by the name of the channel; told when it changes. */
+  onSteps: (steps: Record<string, number>) => void;
   label: string;
 }) {
   const place = useRef<HTMLDivElement>(null);
@@ -59,6 +56,41 @@ export function Plot({
     const ink = colour("--text");
     const axis = { stroke: ink, grid: { stroke: colour("--line"), width: 1 }, ticks: { stroke: colour("--line"), width: 1 }, font: "13px sans-serif" };
     const lanes = own && channels.length > 1;
+    const count = lanes ? channels.length : 1;
+    const divisions = divisionsOf(count);
+    const scales: Record<string, Scale> = {};
+    let told = "";
+    const ranged = (name: string, isBit: boolean, at: number) => (_: uPlot, least: number, greatest: number) => {
+      const scale = isBit ? bitScale(divisions) : scaleFor(least, greatest, divisions, !lanes);
+      scales[name] = scale;
+      return heightOf(scale, at, count);
+    };
+    const tell = () => {
+      const steps = Object.fromEntries(channels.map(({ name }) => [name, (own ? scales[name] : scales.y)?.step ?? 0]));
+      const now = JSON.stringify(steps);
+      if (now === told) return;
+      told = now;
+      onSteps(steps);
+    };
+    const edges = (drawn: uPlot) => {
+      const { ctx, bbox } = drawn;
+      ctx.save();
+      ctx.strokeStyle = colour("--line");
+      for (let k = 1; k < divisions * count; k++) {
+        const y = Math.round(bbox.top + (bbox.height * k) / (divisions * count)) + 0.5;
+        ctx.lineWidth = (k % divisions === 0 ? 2 : 1) * devicePixelRatio;
+        ctx.beginPath();
+        ctx.moveTo(bbox.left, y);
+        ctx.lineTo(bbox.left + bbox.width, y);
+        ctx.stroke();
+      }
+      ctx.restore();
+    };
+    const single = own ? channels[0]?.name ?? "y" : "y";
+    const ticks = () => {
+      const { from, step, divisions } = scales[single] ?? { from: 0, step: 1, divisions: 8 };
+      return Array.from({ length: divisions + 1 }, (_, k) => from + k * step);
+    };
     const size = () => ({ width: element.clientWidth, height: Math.max(160, element.clientHeight) });
     const made = new uPlot(
       {
@@ -67,9 +99,12 @@ export function Plot({
         cursor: { y: false, drag: { x: true, y: false } },
         scales: {
           x: { time: false },
-          ...(lanes ? Object.fromEntries(channels.map(({ name }, at) => [name, { range: (_: uPlot, least: number, greatest: number) => lane(least, greatest, at, channels.length) }])) : {}),
+          ...(own ? Object.fromEntries(channels.map(({ name, type }, at) => [name, { range: ranged(name, lanes && type === "bit", lanes ? at : 0) }])) : { y: { range: ranged("y", false, 0) } }),
         },
-        axes: [{ ...axis, size: 34 }, { ...axis, size: 64, scale: own ? channels[0]?.name : "y", show: !lanes }],
+        axes: [
+          { ...axis, size: 34, label: "s", labelSize: 14, labelGap: -4, labelFont: axis.font },
+          { ...axis, size: 64, scale: single, show: !lanes, grid: { show: false }, splits: ticks, values: (_, all) => all.map((value) => fixed(value, digitsOf(scales[single]?.step ?? 1))) },
+        ],
         series: [
           {},
           ...channels.map(({ name, type }, at) => ({
@@ -81,7 +116,9 @@ export function Plot({
           })),
         ],
         hooks: {
+          drawClear: [edges],
           draw: [
+            tell,
             (drawn) => {
               const { ctx, bbox } = drawn;
               for (const [name, time] of Object.entries(marks.current)) {

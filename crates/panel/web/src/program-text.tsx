@@ -53,11 +53,15 @@ export function ProgramText({ follow, onPick, picked }: { follow?: boolean; onPi
     return () => observer.disconnect();
   }, []);
   useEffect(() => setFirst(null), [key]);
+  const previewed = useStore((s) => s.previewLine);
   const limit = (line: number) => Math.max(1, Math.min(total - rows + 2, line));
   const top = first ?? limit(follow ? current - Math.floor(rows / 3) : 1);
   useEffect(() => {
     if (asks && key) fetchLines(key, top, () => setTold((n) => n + 1));
   }, [asks, key, top, rows]);
+  useEffect(() => {
+    if (previewed !== null && (previewed < top || previewed > top + rows - 2)) setFirst(limit(previewed - Math.floor(rows / 3)));
+  }, [previewed]);
   const scroll = (lines: number) => setFirst(limit(top + lines));
   const drag = useRef<number | null>(null);
   const shown = key && asks && getStore().status ? Array.from({ length: Math.min(rows, total - top + 1) }, (_, i) => top + i) : [];
@@ -91,7 +95,7 @@ export function ProgramText({ follow, onPick, picked }: { follow?: boolean; onPi
         {shown.map((line) => (
           <li
             key={line}
-            class={line === current ? "current" : line === picked ? "picked" : line < current ? "past" : ""}
+            class={line === current ? "current" : line === previewed ? "previewed" : line === picked ? "picked" : line < current ? "past" : ""}
             data-testid={line === current ? "current-line" : undefined}
             data-line={line}
             aria-current={line === current ? "step" : undefined}

@@ -10,6 +10,7 @@ import { t, timeOfDay } from "./i18n";
 import { isInProgram } from "./orders";
 import { goTo } from "./route";
 import { heldBy, resume } from "./shell";
+import { fileName } from "./send";
 import { ask, getStore, tellRefused, useStatus } from "./store";
 import type { Entry, Status } from "./types";
 import { Button, Icon } from "./ui";
@@ -88,7 +89,7 @@ export function Prompt() {
             {stop && (
               <p>
                 <b>{code === undefined ? t("prompt-stop") : t(code === "1" ? "prompt-m1" : code === "60" ? "prompt-m60" : "prompt-m0")}</b>{" "}
-                <small>{stop.program === null ? "MDI" : t("alarm-at", { line: stop.line, program: stop.program })}</small>
+                <small>{stop.program === null ? "MDI" : t("alarm-at", { line: stop.line, program: fileName(stop.program) })}</small>
               </p>
             )}
             {message && (

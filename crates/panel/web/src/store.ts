@@ -29,6 +29,8 @@ export interface Store {
   /** Keys of the keyboard jog. */
   keysOn: boolean;
   startWith: StartWith;
+  /** The line that somebody looks at in the preview of the program; null: there is none. */
+  previewLine: number | null;
 }
 
 /** Settings of the next start, as they were typed or picked: the button for it shows them. */
@@ -53,6 +55,7 @@ let store: Store = {
   toasts: [],
   keysOn: false,
   startWith: { repeat: "1", dry: "", line: null },
+  previewLine: null,
 };
 const listeners = new Set<() => void>();
 

@@ -3,7 +3,8 @@ import type { ComponentChildren } from "preact";
 import { useLayoutEffect, useRef } from "preact/hooks";
 import { t } from "./i18n";
 import { isBarred, refuses } from "./orders";
-import { useStore } from "./store";
+import { type Store, useStore } from "./store";
+import type { Role } from "./types";
 
 // Outlines on a grid of 24.
 const ICONS = {
@@ -30,6 +31,7 @@ const ICONS = {
   warning: "M12 4l9 16H3zM12 10v5M12 17v1",
   check: "M4 12l5 5L20 6",
   upload: "M12 16V5M8 9l4-4 4 4M4 19h16",
+  more: "M4.500 11h2v2h-2zM11 11h2v2h-2zM17.500 11h2v2h-2z",
   trash: "M5 7h14M10 7V4h4v3M7 7l1 13h8l1-13",
   eye: "M2 12c4-7 16-7 20 0-4 7-16 7-20 0zM12 9a3 3 0 1 0 0 6 3 3 0 0 0 0-6z",
   up: "M12 19V5M6 11l6-6 6 6",
@@ -40,7 +42,7 @@ const ICONS = {
 
 export type IconName = keyof typeof ICONS;
 
-const FILLED: ReadonlySet<string> = new Set(["start", "hold", "resume", "stop"]);
+const FILLED: ReadonlySet<string> = new Set(["start", "hold", "resume", "stop", "more"]);
 
 export function Icon({ name }: { name: IconName }) {
   return (
@@ -59,6 +61,8 @@ type ButtonProps = {
   pressed?: boolean;
   /** What it orders of the control: dim while that would not be carried out; pressed all the same it says why. */
   orders?: string;
+  /** The role that may order it, where that is not "operate". */
+  needs?: Role;
   /** Dim for another reason. */
   dim?: boolean;
   disabled?: boolean;
@@ -69,10 +73,13 @@ type ButtonProps = {
   children?: ComponentChildren;
 };
 
-export function Button({ id, label, icon, kind = "", pressed, orders, dim, disabled, submit, title, onClick, children }: ButtonProps) {
-  const refused = useStore((s) => orders !== undefined && refuses(s, orders));
+/** Why an order is none for this panel. */
+export const barredBecause = ({ role }: Store): string => t(role === "watch" ? "role-watch" : "role-set-up");
+
+export function Button({ id, label, icon, kind = "", pressed, orders, needs, dim, disabled, submit, title, onClick, children }: ButtonProps) {
   // What a role may not do it will not be able to do later on either: said before it is pressed.
-  const barred = useStore((s) => orders !== undefined && isBarred(s, orders));
+  const barred = useStore((s) => (orders !== undefined && isBarred(s, orders, needs) ? barredBecause(s) : null));
+  const refused = useStore((s) => orders !== undefined && refuses(s, orders)) || barred !== null;
   return (
     <button
       type={submit ? "submit" : "button"}
@@ -81,7 +88,7 @@ export function Button({ id, label, icon, kind = "", pressed, orders, dim, disab
       aria-pressed={pressed}
       aria-label={children || !label ? undefined : label}
       disabled={disabled}
-      title={barred ? t("role-watch") : title}
+      title={barred ?? title}
       onClick={onClick}
     >
       {icon && <Icon name={icon} />}

@@ -2,6 +2,7 @@
 import { useEffect, useState } from "preact/hooks";
 import { useSmall } from "../hooks";
 import { fixed, t } from "../i18n";
+import { OBJECT_NAMES, type ObjectAddress, type ObjectType, TYPES, addressOf, encoded, meaningOf, nameOf, rangeOf, typeOf, written } from "../objects";
 import { ask, connection, order, useStatus, useStore } from "../store";
 import type { Histogram } from "../types";
 import { Button, Card, Choice, Field, Form, Icon } from "../ui";
@@ -12,6 +13,9 @@ interface Node {
   name: string;
   profile: string;
   mandatory?: boolean;
+  /** Objects that it exchanges in each cycle. */
+  inputs?: ObjectAddress[];
+  outputs?: ObjectAddress[];
   live: {
     nmt_state: string;
     operational: boolean;
@@ -79,15 +83,6 @@ function NodeCard({ node, chosen, onChoose }: { node: Node; chosen: boolean; onC
   );
 }
 
-/** Octets of an object as numbers: the little end comes first. */
-function meaning(hex: string): string {
-  const octets = hex.match(/../g)?.map((two) => parseInt(two, 16)) ?? [];
-  if (octets.length === 0 || octets.length > 4) return hex;
-  const value = octets.reduceRight((sum, octet) => sum * 256 + octet, 0);
-  const signed = value >= 2 ** (8 * octets.length - 1) ? value - 2 ** (8 * octets.length) : value;
-  return `${value}${signed === value ? "" : ` (${signed})`} = 0x${value.toString(16).toUpperCase().padStart(2 * octets.length, "0")}`;
-}
-
 /** States of CiA 402 by the bits of the statusword 6041h that tell them. */
 const STATES: [number, number, string][] = [
   [0x4f, 0x00, "NOT READY TO SWITCH ON"],
@@ -101,15 +96,8 @@ const STATES: [number, number, string][] = [
 ];
 
 function Objects({ node }: { node: Node }) {
-  const [index, setIndex] = useState("6041");
-  const [sub, setSub] = useState("0");
-  const [value, setValue] = useState("");
-  const [read, setRead] = useState<string | null>(null);
   const [drive, setDrive] = useState<string | null>(null);
-  const object = { node: node.id, index: parseInt(index, 16), sub: Number(sub) };
-  const sound = Number.isInteger(object.index) && object.index > 0 && object.index <= 0xffff && Number.isInteger(object.sub) && object.sub < 256;
   useEffect(() => {
-    setRead(null);
     setDrive(null);
     if (node.profile !== "drive") return;
     const word = (index: number) => ask("bus.sdo_read", { node: node.id, index, sub: 0 }).then(({ value }) => parseInt(value.match(/../g)!.reverse().join(""), 16));
@@ -140,22 +128,111 @@ function Objects({ node }: { node: Node }) {
           </ul>
         </>
       )}
-      <Form kind="row" onSend={() => void order("bus.sdo_read", object).then((answer) => answer && setRead(answer.value))}>
-        <Field id="sdo-index" label={`${t("index")} (hex)`} value={index} onInput={setIndex} />
-        <Field id="sdo-sub" label={t("sub-index")} value={sub} onInput={setSub} numeric />
-        <Button id="sdo-read" label={t("read")} orders="bus.sdo_read" disabled={!sound} submit />
-      </Form>
-      {read !== null && (
-        <p data-testid="sdo-value" class="strong">
-          {meaning(read)} <code>{read}</code>
-        </p>
-      )}
-      <div class="row">
-        <Field label={t("octets-hex")} value={value} onInput={setValue} />
-        <Button kind="warn" label={t("write")} orders="bus.sdo_write" disabled={!sound || !/^([0-9a-f]{2})+$/i.test(value)} onClick={() => void order("bus.sdo_write", { ...object, value })} />
-      </div>
+      <ObjectForm key={node.id} node={node} />
     </Card>
   );
+}
+
+/** An object that is read and written, by its name or its index. */
+function ObjectForm({ node }: { node: Node }) {
+  const [typed, setTyped] = useState("statusword");
+  const [chosen, setChosen] = useState<ObjectType | "">("");
+  const [value, setValue] = useState("");
+  const [read, setRead] = useState<{ object: ObjectAddress; octets: string } | null>(null);
+  const [said, setSaid] = useState("");
+  const object = addressOf(typed);
+  const own = object && typeOf(object);
+  const same = read !== null && object !== null && written(read.object) === written(object);
+  // What is read tells its length.
+  const length = same ? TYPES.find((type) => type === `u${4 * read.octets.length}`) : undefined;
+  const type = chosen || own || length || null;
+  const octets = type && encoded(value, type);
+  // What the node exchanges in each cycle comes first.
+  const mapped = [...(node.inputs ?? []), ...(node.outputs ?? [])];
+  const suggestions = [...new Set([...mapped.map((one) => nameOf(one) || written(one)), ...(node.profile === "drive" ? OBJECT_NAMES : OBJECT_NAMES.filter((name) => addressOf(name)!.index < 0x6000))])];
+  const meaning = read && meaningOf(read.octets, chosen || typeOf(read.object));
+  const look = async () => {
+    if (!object) return;
+    const answer = await order("bus.sdo_read", { node: node.id, ...object });
+    if (answer) setRead({ object, octets: answer.value });
+  };
+  const write = async () => {
+    if (!object || !octets) return;
+    setSaid("");
+    const done = await order("bus.sdo_write", { node: node.id, ...object, value: octets });
+    if (done) setSaid(t("object-written", { value: value.trim(), object: `${nameOf(object)} ${written(object)}`.trim() }));
+  };
+  return (
+    <div class="objects">
+      <Form kind="row" onSend={() => void look()}>
+        <label class="field wide">
+          <span>{t("object")}</span>
+          <input
+            data-testid="sdo-object"
+            list="object-names"
+            value={typed}
+            autocomplete="off"
+            spellcheck={false}
+            onInput={(event) => {
+              setTyped(event.currentTarget.value);
+              setSaid("");
+            }}
+          />
+          <datalist id="object-names">
+            {suggestions.map((name) => (
+              <option key={name} value={name} />
+            ))}
+          </datalist>
+        </label>
+        <label class="field">
+          <span>{t("object-type")}</span>
+          <select data-testid="sdo-type" value={chosen} onChange={(event) => setChosen(event.currentTarget.value as ObjectType | "")}>
+            <option value="">{t("object-type-own", { type: own ?? length ?? t("object-type-length") })}</option>
+            {TYPES.map((one) => (
+              <option key={one} value={one}>
+                {one}
+              </option>
+            ))}
+          </select>
+        </label>
+        <Button id="sdo-read" label={t("read")} orders="bus.sdo_read" disabled={!object} submit />
+      </Form>
+      <p class="muted" data-testid="sdo-what">
+        {object ? [written(object), nameOf(object)].filter(Boolean).join(" ") : t("object-wrong")}
+      </p>
+      {read && meaning && (
+        <dl class="facts" data-testid="sdo-value">
+          <div>
+            <dt>{t("object-read")}</dt>
+            <dd>{[written(read.object), nameOf(read.object)].filter(Boolean).join(" ")}</dd>
+          </div>
+          {([["decimal", meaning.decimal], ["hex", meaning.hex], ["text", meaning.text], ["octets", meaning.octets]] as const)
+            .filter(([, one]) => one)
+            .map(([what, one]) => (
+              <div key={what}>
+                <dt>{t(`object-as-${what}`)}</dt>
+                <dd data-testid={`sdo-${what}`}>{what === "octets" || what === "hex" ? <code>{one}</code> : one}</dd>
+              </div>
+            ))}
+        </dl>
+      )}
+      <Form kind="row" onSend={() => void write()}>
+        <Field id="sdo-new" label={t("object-value")} value={value} onInput={setValue} />
+        <Button id="sdo-write" kind="warn" label={t("write")} orders="bus.sdo_write" needs="set-up" disabled={!object || !octets} submit />
+      </Form>
+      <p class="muted" data-testid="sdo-send">
+        {said || (value.trim() === "" ? "" : octets ? t("object-octets", { octets: octets.match(/../g)!.join(" ").toUpperCase() }) : wrongValue(type))}
+      </p>
+    </div>
+  );
+}
+
+/** Why a value cannot be written. */
+function wrongValue(type: ObjectType | null): string {
+  if (type === null) return t("object-no-type");
+  if (type === "bytes") return t("object-bytes");
+  const [min, max] = rangeOf(type).map(String) as [string, string];
+  return type === "string" ? "" : t("object-range", { type, min, max });
 }
 
 function Time({ network }: { network: Network }) {
@@ -246,6 +323,12 @@ function Jitter() {
     <Card id="jitter" title={t("jitter")} tools={<Button label={t("jitter-anew")} onClick={() => setFirst(now)} />}>
       <Choice label={t("jitter")} value={which} options={TIMES.map((value) => ({ value, label: t(`times-${value}`) }))} onChange={setWhich} />
       <ol class="histogram" data-testid="histogram" data-cycles={all} data-live={seen} tabIndex={0} aria-label={t("jitter")}>
+        <li class="head">
+          <span>{t("histogram-share")}</span>
+          <span>{t("histogram-time", { what: t(`times-${which}`) })}</span>
+          <span>{t("histogram-all")}</span>
+          <span>{t("histogram-live")}</span>
+        </li>
         {counts.slice(from, to + 1).map((count, place) => (
           <li key={from + place}>
             <span class="bars">

@@ -5,10 +5,10 @@ import { parseNumber, t, word } from "../i18n";
 import { JobPicture } from "../job-picture";
 import { PathView } from "../path/path-view";
 import { Refused } from "../rpc";
+import { send } from "../send";
 import { ask, tellRefused, useStatus } from "../store";
 import type { Job, JobField, JobKind, JobValue } from "../types";
 import { Button, Card, Field } from "../ui";
-import { send } from "./programs";
 
 /** Behind the last key the program is written after so long, ms. */
 const TYPING_MS = 250;

@@ -9,6 +9,7 @@ import { ask, authorised, say, tellRefused, useStatus, useStore } from "../store
 import type { Entry, Param } from "../types";
 import { Button, Card, Choice, Icon } from "../ui";
 import { FileEditor } from "./machine-file";
+import { OwnPages } from "./own";
 
 type Kind = "all" | "change" | "alarm" | "warning";
 
@@ -207,6 +208,7 @@ export function Machine() {
     <div class="page machine-page">
       <div class="column">
         <Choice label={t("page-machine")} value={part} options={parts} onChange={setPart} />
+        <OwnPages />
         {part === "file" ? <FileEditor /> : part === "pc" ? <DoctorCard /> : part === "versions" ? about : <Journal />}
       </div>
       {!small && <div class="column">{about}</div>}

@@ -6,6 +6,7 @@ import { duration, fixed, t, timeOfDay } from "../i18n";
 import { PathView } from "../path/path-view";
 import { ProgramText } from "../program-text";
 import { refuses } from "../orders";
+import { fileName } from "../send";
 import { pickedLine } from "../start";
 import { order, useStatus, useStore } from "../store";
 import { LETTERS } from "../machine";
@@ -13,6 +14,7 @@ import type { Status } from "../types";
 import { Button, Card, Choice, Icon } from "../ui";
 import { useSmall } from "../hooks";
 import { goTo } from "../route";
+import { OwnCards, useOwn } from "./own";
 
 type Shown = "work" | "machine" | "to-go";
 
@@ -266,7 +268,7 @@ function Program() {
       kind="program"
       id="program"
       label={t("program")}
-      title={program ? program.name : t("no-program")}
+      title={program ? fileName(program.name) : t("no-program")}
       tools={<Button kind="small" id="load" label={t("load-program")} onClick={() => goTo("programs")} />}
     >
       {program && (
@@ -297,11 +299,13 @@ function Messages() {
   );
 }
 
-type Part = "path" | "program" | "messages";
+type Part = "path" | "program" | "messages" | "own";
 
 export function Operate() {
   const small = useSmall();
-  // On a small screen one of the three at a time.
+  const own = useOwn();
+  const adds = own.buttons.length + own.values.length > 0;
+  // On a small screen one of these at a time.
   const [part, setPart] = useState<Part>("path");
   return (
     <div class="page operate" data-part={part}>
@@ -319,6 +323,7 @@ export function Operate() {
             { value: "path", label: t("path-short") },
             { value: "program", label: t("program") },
             { value: "messages", label: t("alarms-short") },
+            ...(adds ? [{ value: "own" as const, label: t("own-short"), id: "part-own" }] : []),
           ]}
           onChange={setPart}
         />
@@ -329,7 +334,9 @@ export function Operate() {
           <Progress />
           {small && <Actual />}
         </Card>
+        {adds && !small && <OwnCards />}
       </div>
+      {adds && small && part === "own" && <OwnCards />}
       <div class="column right">
         {small && <Switches />}
         <Program />

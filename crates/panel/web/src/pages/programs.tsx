@@ -1,114 +1,15 @@
 /** Programs: sent, looked at, started with settings; parts, and what was run. */
-import { useEffect, useRef, useState } from "preact/hooks";
-import { dateAndTime, duration, fixed, parseNumber, t, word } from "../i18n";
-import { machine } from "../machine";
+import { useEffect, useState } from "preact/hooks";
+import { useFolder } from "../files";
+import { dateAndTime, duration, parseNumber, t, word } from "../i18n";
 import { PathView } from "../path/path-view";
 import { ProgramText } from "../program-text";
-import { Sha256 } from "../sha256";
+import { fileName } from "../send";
 import { pickLine, pickedLine } from "../start";
-import { type StartWith, ask, authorised, getStore, order, say, setStore, tellRefused, useStatus, useStore } from "../store";
+import { type StartWith, ask, getStore, order, setStore, tellRefused, useStatus, useStore } from "../store";
 import type { Entry, Report } from "../types";
 import { Button, Card, Dialog, Field, Form } from "../ui";
-
-/** Sends a program in parts, and has it checked. What is too large is refused before it is read. */
-export async function send(file: File, told: (share: number) => void): Promise<void> {
-  const { upload, part_octets } = await ask("program.upload.begin", { name: file.name, octets: file.size });
-  const sha = new Sha256();
-  for (let at = 0; at < file.size; at += part_octets) {
-    const part = new Uint8Array(await file.slice(at, at + part_octets).arrayBuffer());
-    sha.add(part);
-    await ask("program.upload.append", { upload, at, value: hex(part) });
-    told((at + part.length) / file.size);
-  }
-  await ask("program.upload.commit", { upload, sha256: hex(sha.sum()) });
-  const outlook = await ask("program.load", { upload });
-  say("note", t("loaded", { name: outlook.program, time: duration(outlook.planned_time_s) }) + (outlook.warning ? ` ${outlook.warning}` : ""));
-}
-
-const HEX = Array.from({ length: 256 }, (_, octet) => octet.toString(16).padStart(2, "0"));
-
-function hex(octets: Uint8Array): string {
-  let text = "";
-  for (const octet of octets) text += HEX[octet];
-  return text;
-}
-
-function Upload() {
-  const input = useRef<HTMLInputElement>(null);
-  const [share, setShare] = useState<number | null>(null);
-  const [over, setOver] = useState(false);
-  const take = async (files: FileList | null | undefined) => {
-    const file = files?.[0];
-    if (!file) return;
-    setShare(0);
-    await send(file, setShare).catch(tellRefused);
-    setShare(null);
-  };
-  return (
-    <div
-      class={over ? "drop over" : "drop"}
-      onDragOver={(event) => {
-        event.preventDefault();
-        setOver(true);
-      }}
-      onDragLeave={() => setOver(false)}
-      onDrop={(event) => {
-        event.preventDefault();
-        setOver(false);
-        void take(event.dataTransfer?.files);
-      }}
-    >
-      <input
-        ref={input}
-        type="file"
-        class="hidden"
-        data-testid="upload"
-        aria-label={t("upload")}
-        tabIndex={-1}
-        onChange={(event) => {
-          void take(event.currentTarget.files);
-          event.currentTarget.value = "";
-        }}
-      />
-      <Button id="upload-button" kind="go tall" icon="upload" orders="program load" label={share === null ? t("upload") : `${Math.round(100 * share)} %`} onClick={() => input.current?.click()} />
-      <p class="muted">{t("upload-drag")}</p>
-    </div>
-  );
-}
-
-interface StoredFile {
-  name: string;
-  octets: number;
-  modified_unix_s: number;
-}
-
-/** Programs that the control keeps, where its panel has a folder for them. */
-function Files() {
-  const [files, setFiles] = useState<StoredFile[] | null>(null);
-  const [takes, setTakes] = useState(machine.get()?.programs ?? false);
-  useEffect(() => machine.subscribe(() => setTakes(machine.get()?.programs ?? false)), []);
-  useEffect(() => {
-    if (!takes) return;
-    fetch("files/", { headers: authorised() })
-      .then((answer) => (answer.ok ? answer.json() : { files: null }))
-      .then(({ files }) => setFiles(files), () => setFiles(null));
-  }, [takes]);
-  if (!files?.length) return null;
-  return (
-    <ul class="files" aria-label={t("files")}>
-      {files.map((file) => (
-        <li key={file.name}>
-          <Button kind="line" orders="program load" onClick={() => void order("program.load", { file: file.name })}>
-            <b>{file.name}</b>
-            <small>
-              {fixed(file.octets / 1000, 1)} kB · {dateAndTime(file.modified_unix_s)}
-            </small>
-          </Button>
-        </li>
-      ))}
-    </ul>
-  );
-}
+import { FileList, Upload } from "./program-files";
 
 function StartSettings() {
   const { repeat, dry } = useStore((s) => s.startWith);
@@ -166,7 +67,7 @@ function Reports() {
               disabled={entry.program!.report === null}
               onClick={() => void order("program.report", { number: entry.program!.report! }).then((answer) => answer && setReport(answer))}
             >
-              <b>{entry.program!.name}</b>
+              <b>{fileName(entry.program!.name)}</b>
               <small>
                 {dateAndTime(entry.unix_s)} · {word("result", entry.program!.result ?? "")} · {duration(entry.program!.took_s ?? 0)}
               </small>
@@ -175,7 +76,7 @@ function Reports() {
         ))}
       </ul>
       {report && (
-        <Dialog title={report.program} onClose={() => setReport(null)}>
+        <Dialog title={fileName(report.program)} onClose={() => setReport(null)}>
           <dl class="facts">
             {Object.entries(report)
               .filter(([, value]) => typeof value === "string" || typeof value === "number")
@@ -193,22 +94,23 @@ function Reports() {
 }
 
 export function Programs() {
+  const folder = useFolder();
   const program = useStatus((s) => s.program);
   const picked = useStore(pickedLine);
   return (
     <div class="page programs">
       <div class="column">
         <Card title={t("page-programs")}>
-          <Upload />
-          <Files />
+          <Upload folder={folder} />
+          {folder.files && folder.files.length > 0 && <FileList files={folder.files} refresh={folder.refresh} />}
         </Card>
-        <Card kind="program" id="program" label={t("program")} title={program?.name ?? t("no-program")} tools={program && <span class="muted">{t(program.lines === 1 ? "line" : "lines", { n: program.lines })} · {duration(program.planned_time_s)}</span>}>
+        <Card kind="program" id="program" label={t("program")} title={program ? fileName(program.name) : t("no-program")} tools={program && <span class="muted">{t(program.lines === 1 ? "line" : "lines", { n: program.lines })} · {duration(program.planned_time_s)}</span>}>
           <ProgramText onPick={pickLine} picked={picked ?? undefined} />
         </Card>
       </div>
       <div class="column">
         <Card kind="path-card">
-          <PathView />
+          <PathView previews />
         </Card>
         <StartSettings />
         <Parts />

@@ -1,13 +1,17 @@
 /** Pins of the control: all of them, some that are watched, some over time; variables of programs in Structured Text. */
 import type { ComponentChildren } from "preact";
 import { useEffect, useRef, useState } from "preact/hooks";
+import { inWords } from "../control-words";
 import { useSmall } from "../hooks";
-import { fixed, parseNumber, t } from "../i18n";
+import { fixed, language, parseNumber, t } from "../i18n";
+import { usePinValues } from "../pins";
 import { COLOURS, type Cursors, Plot } from "../plot";
+import type { Refused } from "../rpc";
 import { Rows, Scope } from "../scope";
-import { ask, connection, order, tellRefused, useStore } from "../store";
-import type { LogicTask, LogicVariable, Pin } from "../types";
+import { ask, connection, isBlind, order, tellRefused, useStore } from "../store";
+import type { Channel, LogicTask, LogicVariable, Pin } from "../types";
 import { Button, Card, Choice, Dialog, Field, Form, Icon } from "../ui";
+import { unitOf } from "../units";
 
 /** Signals at the same time. */
 const WATCHED_MAX = 32;
@@ -39,23 +43,6 @@ function usePins(): [Pin[], () => void] {
   return [pins, () => setAsked((n) => n + 1)];
 }
 
-/** Values of these pins, twice a second. */
-function useValues(names: string[]): Map<string, Pin> {
-  const [values, setValues] = useState<Map<string, Pin>>(new Map());
-  useEffect(() => {
-    if (names.length === 0) return;
-    const look = () =>
-      connection.call("hal.values", { pins: names }).then(
-        ({ pins }) => setValues(new Map(pins.map((pin) => [pin.name, pin]))),
-        () => {},
-      );
-    void look();
-    const timer = setInterval(look, LOOK_MS);
-    return () => clearInterval(timer);
-  }, [names.join(" ")]);
-  return values;
-}
-
 /** A value for a pin that nothing drives. */
 function SetPin({ pin, onClose }: { pin: Pin; onClose: () => void }) {
   const [text, setText] = useState(String(pin.value ?? ""));
@@ -71,7 +58,7 @@ function SetPin({ pin, onClose }: { pin: Pin; onClose: () => void }) {
         </div>
       ) : (
         <Form kind="row" onSend={() => send(number)}>
-          <Field id="pin-value" label={`${t("value")}${pin.unit ? `, ${pin.unit}` : ""}`} value={text} onInput={setText} numeric />
+          <Field id="pin-value" label={[t("value"), unitOf(pin)].filter(Boolean).join(", ")} value={text} onInput={setText} numeric />
           <Button id="pin-set" kind="warn" label={t("set")} orders="hal.set" disabled={Number.isNaN(number)} submit />
         </Form>
       )}
@@ -145,7 +132,7 @@ function Watch({
   onScope: (name: string) => void;
   onRemove: (name: string) => void;
 }) {
-  const values = useValues(names);
+  const { values } = usePinValues(names, LOOK_MS);
   const [setting, setSetting] = useState<Pin | null>(null);
   const maySet = useStore((s) => s.methods.has("hal.set") && s.role === "set-up");
   if (names.length === 0) return <Card title={t("watch")}>{<p class="muted">{t("watch-explained")}</p>}</Card>;
@@ -161,7 +148,7 @@ function Watch({
               <button type="button" class={at < 0 ? "signal" : `signal colour-${at % COLOURS}`} aria-pressed={at >= 0} aria-label={`${t("scope")}: ${name}`} onClick={() => onScope(name)} />
               <span class="name">{name}</span>
               <output data-testid={`value-${name}`}>
-                {shown(pin)} {pin.unit}
+                {shown(pin)} {unitOf(pin)}
               </output>
               {maySet && pin.source === null && pin.net === null && pin.direction === "in" && <Button kind="plain" label={t("set")} onClick={() => setSetting(pin)} />}
               <button type="button" class="button plain" title={t("watch-end")} aria-label={`${t("watch-end")}: ${name}`} onClick={() => onRemove(name)}>
@@ -205,6 +192,15 @@ function useScope(pins: string[], running: boolean, wanted: { seconds: number; t
   return scope;
 }
 
+/** Unit and scale of a trace; a bit is off or on, whatever the scale. */
+function legend(channel: Channel, step: number | undefined): string {
+  if (channel.type === "bit") return "0 / 1";
+  const unit = unitOf(channel);
+  if (!step) return unit;
+  const [size, name] = unit === "ns" && step >= 1e6 ? [step / 1e6, "ms"] : unit === "ns" && step >= 1e3 ? [step / 1e3, "µs"] : [step, unit];
+  return t("per-division", { step: `${size.toLocaleString(language, { maximumSignificantDigits: 2, useGrouping: false })} ${name}`.trim() });
+}
+
 /** The value of a channel at a time. */
 function at(rows: Rows, channel: number, time: number | null): number | null {
   if (time === null || rows.time.length === 0) return null;
@@ -225,6 +221,7 @@ function Oscilloscope({ pins }: { pins: string[] }) {
   const [single, setSingle] = useState(false);
   const [own, setOwn] = useState(true);
   const [cursors, setCursors] = useState<Cursors>({ a: null, b: null });
+  const [steps, setSteps] = useState<Record<string, number>>({});
   const next = useRef<"a" | "b">("a");
   const scope = useScope(pins, running, { seconds, trigger, single });
   const rows = scope?.rows ?? new Rows(0);
@@ -274,6 +271,7 @@ function Oscilloscope({ pins }: { pins: string[] }) {
           own={own}
           cursors={cursors}
           label={t("scope")}
+          onSteps={setSteps}
           onCursor={(time) => {
             const which = next.current;
             next.current = which === "a" ? "b" : "a";
@@ -310,7 +308,8 @@ function Oscilloscope({ pins }: { pins: string[] }) {
                 return (
                   <tr key={channel.name} data-testid={`figures-${channel.name}`} data-least={least} data-greatest={greatest}>
                     <td>
-                      <i class={`signal colour-${place % COLOURS}`} /> {channel.name} {channel.unit && <small>{channel.unit}</small>}
+                      <i class={`signal colour-${place % COLOURS}`} /> {channel.name}
+                      <small class="per-division">{legend(channel, steps[channel.name])}</small>
                     </td>
                     <td>{number(rows.greatest[place]!.at(-1))}</td>
                     <td>{number(least)}</td>
@@ -342,6 +341,69 @@ async function lookAt(program: string, search: string, most: number): Promise<{ 
   }
 }
 
+/** What forcing means, and a value for a variable; `now`: as it was behind the last scan. */
+function Force({ program, now, onClose }: { program: string; now: LogicVariable; onClose: () => void }) {
+  // Nothing until something is typed: a key that somebody is just pressing forces nothing.
+  const [text, setText] = useState("");
+  const [wrong, setWrong] = useState("");
+  const force = async (value: string) => {
+    if (isBlind()) return setWrong(t("not-sent"));
+    try {
+      await ask("logic.force", { program, variable: now.name, value });
+      onClose();
+    } catch (error) {
+      const { code, said, message } = error as Refused;
+      setWrong(code === 0 ? t("not-sent") : said ? inWords(said) : message);
+    }
+  };
+  return (
+    <Dialog id="force-dialogue" title={now.name} onClose={onClose}>
+      <p class="strong">{t("force-explained")}</p>
+      <p>{t("force-safety")}</p>
+      <p class="muted" data-testid="force-now">
+        {now.type}
+        {now.pin && ` · ${now.pin}`} · {t("now")} {now.value} {now.forced && <strong>{t("forced")}</strong>}
+      </p>
+      {now.type === "BOOL" ? (
+        <div class="row">
+          {["TRUE", "FALSE"].map((value) => (
+            <Button key={value} id={`force-${value}`} kind="warn" orders="logic.force" needs="set-up" label={t("force-to", { value })} onClick={() => void force(value)} />
+          ))}
+        </div>
+      ) : (
+        <Form kind="row" onSend={() => void force(text)}>
+          <Field
+            id="force-value"
+            label={t("value")}
+            value={text}
+            onInput={(value) => {
+              setText(value);
+              setWrong("");
+            }}
+          />
+          <Button id="force-set" kind="warn" label={t("force")} orders="logic.force" needs="set-up" disabled={text.trim() === ""} submit />
+        </Form>
+      )}
+      {wrong && (
+        <p class="error" role="alert" data-testid="force-wrong">
+          {wrong}
+        </p>
+      )}
+      {now.forced && (
+        <footer>
+          <Button
+            id="force-release"
+            label={t("release")}
+            orders="logic.release"
+            needs="set-up"
+            onClick={() => void order("logic.release", { program, variable: now.name }).then((done) => done && onClose())}
+          />
+        </footer>
+      )}
+    </Dialog>
+  );
+}
+
 /** Programs in Structured Text and their variables, as they were behind one scan. */
 function Logic() {
   const [tasks, setTasks] = useState<LogicTask[]>([]);
@@ -349,6 +411,8 @@ function Logic() {
   const [{ variables, more }, setFound] = useState<{ variables: LogicVariable[]; more: boolean }>({ variables: [], more: false });
   const [search, setSearch] = useState("");
   const [most, setMost] = useState(VARIABLES);
+  const [forcing, setForcing] = useState<LogicVariable | null>(null);
+  const mayForce = useStore((s) => s.methods.has("logic.force") && s.role === "set-up");
   const task = tasks[chosen];
   useEffect(() => {
     let [wanted, asked] = [true, false];
@@ -391,6 +455,7 @@ function Logic() {
             options={tasks.map(({ name }, value) => ({ value, label: name }))}
             onChange={(value) => {
               setChosen(value);
+              setForcing(null);
               anew();
             }}
           />
@@ -417,7 +482,15 @@ function Logic() {
             {variables.map((variable) => (
               <tr key={variable.name} data-testid={`variable-${variable.name}`}>
                 <td>
-                  {variable.name} <small>{variable.type}</small>
+                  {mayForce ? (
+                    <button type="button" class="variable" title={t("force-tap")} onClick={() => setForcing(variable)}>
+                      {variable.name} <small>{variable.type}</small>
+                    </button>
+                  ) : (
+                    <>
+                      {variable.name} <small>{variable.type}</small>
+                    </>
+                  )}
                 </td>
                 <td>
                   {variable.value} {variable.forced && <strong>{t("forced")}</strong>}
@@ -431,6 +504,8 @@ function Logic() {
         </table>
         {more && <Button id="logic-more" label={t("logic-more", { n: VARIABLES })} onClick={() => setMost(most + VARIABLES)} />}
       </div>
+      {mayForce && <p class="muted">{t("force-tap")}</p>}
+      {forcing && <Force key={forcing.name} program={task.name} now={variables.find(({ name }) => name === forcing.name) ?? forcing} onClose={() => setForcing(null)} />}
     </Card>
   );
 }

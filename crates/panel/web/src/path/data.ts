@@ -4,6 +4,8 @@
  */
 
 export const RAPID = 1;
+const FEED = 2;
+const ARC = 3;
 /** Vertices of a chunk: the index 65535 of 16 bits ends a line strip, so it is none. */
 export const CHUNK = 65_535;
 /** Deviation of each level, mm; level 0 has all vertices. */
@@ -59,6 +61,17 @@ export class PathData {
   readonly max: [number, number, number] = [-Infinity, -Infinity, -Infinity];
   /** Of the last vertex that the machine has passed; -1: none. */
   reached = -1;
+  /** What the moves at feed reach, in a system that is turned as the work system is. */
+  readonly feedMin: [number, number, number] = [Infinity, Infinity, Infinity];
+  readonly feedMax: [number, number, number] = [-Infinity, -Infinity, -Infinity];
+  private last: [number, number, number] | null = null;
+  private readonly turn: [number, number];
+
+  /** `degrees`: by how much the work system is turned about Z. */
+  constructor(degrees = 0) {
+    const angle = (-degrees * Math.PI) / 180;
+    this.turn = [Math.cos(angle), Math.sin(angle)];
+  }
 
   get segments(): number {
     return Math.max(0, this.count - 1);
@@ -78,6 +91,20 @@ export class PathData {
     }
     this.put(chunk, line, kind, x, y, z);
     this.count++;
+    const [c, s] = this.turn;
+    const place: [number, number, number] = [c * x - s * y, s * x + c * y, z];
+    if (kind === FEED || kind === ARC) {
+      if (this.last) this.feeds(this.last);
+      this.feeds(place);
+    }
+    this.last = place;
+  }
+
+  private feeds(place: [number, number, number]): void {
+    for (let k = 0; k < 3; k++) {
+      if (place[k]! < this.feedMin[k]!) this.feedMin[k] = place[k]!;
+      if (place[k]! > this.feedMax[k]!) this.feedMax[k] = place[k]!;
+    }
   }
 
   /** The way is at its end. */

@@ -16,7 +16,7 @@ export class FlatPicture implements Picture {
 
   draw(view: View, data: PathData, frame: Frame): void {
     const { context: c } = this;
-    const { colours, box, zeros, tool } = frame;
+    const { colours, box, zeros, tool, preview } = frame;
     this.canvas.width = view.width * devicePixelRatio;
     this.canvas.height = view.height * devicePixelRatio;
     c.scale(devicePixelRatio, devicePixelRatio);
@@ -39,9 +39,10 @@ export class FlatPicture implements Picture {
     for (const zero of zeros) {
       zero.axes.forEach((axis, k) => line(zero.place, zero.place.map((v, i) => v + axis[i]! * frame.unit) as unknown as Place, colours.axes[k]!));
     }
-    if (tool) {
-      const [x, y] = view.project(tool);
-      c.fillStyle = colours.tool;
+    for (const [place, colour] of [[tool, colours.tool], [preview, colours.preview]] as const) {
+      if (!place) continue;
+      const [x, y] = view.project(place);
+      c.fillStyle = colour;
       c.beginPath();
       c.moveTo(x, y);
       c.lineTo(x - 9, y - 24);

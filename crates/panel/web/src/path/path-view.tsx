@@ -1,45 +1,58 @@
 /** The picture of the path with its buttons: loads the way, follows the machine, draws when something has changed. */
 import { useEffect, useRef, useState } from "preact/hooks";
-import { t } from "../i18n";
+import { language, t } from "../i18n";
 import { machine } from "../machine";
 import { isInProgram } from "../orders";
-import { getStore, subscribe } from "../store";
+import { getStore, subscribe, useStore } from "../store";
 import type { Status } from "../types";
 import { Button } from "../ui";
 import { PathData, SPEED_MAX_MM_S, SPEED_MIN_MM_S, speedCode } from "./data";
 import { FlatPicture } from "./flat";
 import { loadPath } from "./load";
 import type { Frame, Picture, Zero } from "./picture";
-import { type Standpoint, View } from "./view";
+import { Preview } from "./preview";
+import { PathTimes } from "./times";
+import { type Place, type Standpoint, View } from "./view";
 
 const STANDPOINTS: Standpoint[] = ["iso", "top", "front", "side"];
 
-export function PathView() {
+/** `previews`: with a slider through the planned time of the program. */
+export function PathView({ previews }: { previews?: boolean } = {}) {
   const canvas = useRef<HTMLCanvasElement>(null);
   const labels = useRef<HTMLCanvasElement>(null);
   const path = useRef<Path | null>(null);
   const [note, setNote] = useState("");
   const [legend, setLegend] = useState<[number, number] | null>(null);
+  const [whole, setWhole] = useState(false);
+  const previewed = useStore((s) => s.previewLine !== null);
   useEffect(() => {
-    const made = new Path(canvas.current!, labels.current!, setNote, setLegend);
+    const made = new Path(canvas.current!, labels.current!, setNote, setLegend, setWhole);
     path.current = made;
     return () => made.dispose();
   }, []);
   return (
-    <div class="path">
-      <div class="picture">
-        <canvas data-testid="path" ref={canvas} role="img" tabIndex={0} aria-label={t("path")} />
-        <canvas ref={labels} class="labels" aria-hidden="true" />
-        <p class="note" data-testid="path-note">{note}</p>
-        <Legend span={legend} />
+    <>
+      <div class="path">
+        <div class={previewed ? "picture previewed" : "picture"}>
+          <canvas data-testid="path" ref={canvas} role="img" tabIndex={0} aria-label={t("path")} />
+          <canvas ref={labels} class="labels" aria-hidden="true" />
+          <p class="note" data-testid="path-note">{note}</p>
+          {previewed && (
+            <p class="preview-tag" data-testid="preview-tag">
+              {t("preview")}
+            </p>
+          )}
+          <Legend span={legend} />
+        </div>
+        <div class="views" role="group" aria-label={t("path")}>
+          {STANDPOINTS.map((standpoint) => (
+            <Button key={standpoint} id={`view-${standpoint}`} kind="small" label={t(`view-${standpoint}`)} onClick={() => path.current?.stand(standpoint)} />
+          ))}
+          <Button id="view-fit" kind="small" label={t("view-fit")} onClick={() => path.current?.fit()} />
+        </div>
       </div>
-      <div class="views" role="group" aria-label={t("path")}>
-        {STANDPOINTS.map((standpoint) => (
-          <Button key={standpoint} id={`view-${standpoint}`} kind="small" label={t(`view-${standpoint}`)} onClick={() => path.current?.stand(standpoint)} />
-        ))}
-        <Button id="view-fit" kind="small" label={t("view-fit")} onClick={() => path.current?.fit()} />
-      </div>
-    </div>
+      {previews && <Preview path={path.current} whole={whole} />}
+    </>
   );
 }
 
@@ -66,7 +79,7 @@ const MOVES_MS = 200;
 /** Speed of a code, mm/s: the other way round of speedCode. */
 const speedOf = (code: number) => SPEED_MIN_MM_S * (SPEED_MAX_MM_S / SPEED_MIN_MM_S) ** ((code - 2) / 253);
 
-class Path {
+export class Path {
   private view = new View();
   private data = new PathData();
   private picture: Picture | null = null;
@@ -88,19 +101,22 @@ class Path {
   private coarse = false;
   private urgent = false;
   private awake = false;
+  private times: PathTimes | null = null;
+  private previewed: Place | null = null;
 
   constructor(
     private canvas: HTMLCanvasElement,
     private labels: HTMLCanvasElement,
     private tellNote: (note: string) => void,
     private tellLegend: (span: [number, number] | null) => void,
+    private tellWhole: (whole: boolean) => void,
   ) {
     const size = new ResizeObserver(() => this.resize());
     size.observe(canvas);
     this.ends.push(() => size.disconnect(), subscribe(() => this.follow()), this.hands());
     const theme = new MutationObserver(() => this.draw());
     theme.observe(document.documentElement, { attributes: true });
-    this.ends.push(() => theme.disconnect(), machine.subscribe(() => this.moved || this.fit()));
+    this.ends.push(() => theme.disconnect(), machine.subscribe(() => this.described()));
     void this.begin();
   }
 
@@ -118,6 +134,12 @@ class Path {
     }
     this.resize();
     this.follow();
+  }
+
+  /** The machine is another one, or known only now. */
+  private described(): void {
+    this.times = null;
+    if (!this.moved) this.fit();
   }
 
   dispose(): void {
@@ -139,6 +161,21 @@ class Path {
     else if (box) this.view.fit(box.min, box.max);
     else this.view.fit([-50, -50, -50], [50, 50, 50]);
     this.draw();
+  }
+
+  /** What the way takes, s; 0 where that is not known. */
+  plannedTime(): number {
+    const planned = getStore().status?.program?.planned_time_s ?? 0;
+    if (this.times?.total !== planned) this.times = new PathTimes(this.data, planned, rapidTime);
+    return this.times.total;
+  }
+
+  /** Shows where the tool would be at a time, or no such tool any more; the line of it. */
+  preview(time_s: number | null): number | null {
+    const at = time_s === null || this.data.count < 2 ? null : (this.plannedTime(), this.times!.at(time_s));
+    this.previewed = at?.place ?? null;
+    this.draw(time_s !== null);
+    return at?.line ?? null;
   }
 
   private resize(): void {
@@ -182,7 +219,10 @@ class Path {
     const busy = status.activity !== "idle" && this.loading !== "" && nameOf(status) === this.loaded;
     if (key === this.loading || busy || !getStore().connected) return;
     this.loading = key;
-    this.data = new PathData();
+    this.data = new PathData(status.work_rotation_degrees);
+    this.times = null;
+    this.previewed = null;
+    this.tellWhole(false);
     this.speeds = [255, 2];
     this.tellLegend(null);
     this.error = "";
@@ -209,6 +249,7 @@ class Path {
         if (this.data !== data) return;
         this.error = error ?? "";
         this.note(false);
+        this.tellWhole(true);
         if (!this.moved) this.fit();
       },
       (error: Error) => {
@@ -223,12 +264,20 @@ class Path {
 
   private note(under_way: boolean): void {
     const { segments } = this.data;
-    const n = segments.toLocaleString();
-    const words = under_way ? "path-loading" : segments === 1 ? "path-segment" : "path-segments";
+    const told = under_way ? t("path-loading", { n: segments.toLocaleString(language) }) : this.size();
     const flat = this.canvas.dataset.renderer === "flat" ? ` (${t("path-flat")})` : "";
     this.canvas.dataset.segments = String(segments);
     this.canvas.dataset.whole = String(!under_way);
-    this.tellNote((this.error || (segments ? t(words, { n }) : "")) + flat);
+    this.tellNote((this.error || (segments ? told : "")) + flat);
+  }
+
+  /** How large the part is, as far as the moves at feed tell. */
+  private size(): string {
+    const { feedMin, feedMax } = this.data;
+    if (feedMin[0] > feedMax[0]) return "";
+    const number = (k: number) => (feedMax[k]! - feedMin[k]!).toLocaleString(language, { maximumFractionDigits: 2, useGrouping: false });
+    const axes = getStore().status?.axes.map(({ axis }) => axis) ?? [];
+    return `${["X", "Y", "Z"].flatMap((axis, k) => (axes.includes(axis) ? `${axis} ${number(k)}` : [])).join(" × ")} mm`;
   }
 
   private box(): Frame["box"] {
@@ -297,6 +346,7 @@ class Path {
         grid: colour("grid"),
         axes: [0, 1, 2].map((i) => colour(`axis-${i}`)),
         tool: colour("tool"),
+        preview: colour("preview"),
         text: colour("text"),
       },
       span: this.speeds[0] <= this.speeds[1] ? this.speeds : [2, 255],
@@ -304,6 +354,7 @@ class Path {
       zeros,
       unit: 28 / this.view.pixels_per_mm,
       tool: status ? xyz(status.position_mm) : null,
+      preview: this.previewed,
       tailFrom: this.ran && reached >= 0 && status?.activity !== "away" ? reached : null,
     };
   }
@@ -318,6 +369,11 @@ class Path {
     c.font = "600 12px system-ui, sans-serif";
     c.textAlign = "center";
     c.textBaseline = "middle";
+    if (frame.preview) {
+      const [x, y] = view.project(frame.preview);
+      c.fillStyle = frame.colours.preview;
+      c.fillText(t("preview"), x, y - 52);
+    }
     for (const zero of frame.zeros) {
       const [x, y] = view.project(zero.place);
       c.fillStyle = frame.colours.text;
@@ -390,6 +446,12 @@ class Path {
       for (const [name, heard] of entries) canvas.removeEventListener(name, heard);
     };
   }
+}
+
+/** How long the axes need for a rapid move, s, at their greatest speeds. */
+function rapidTime(...by: [number, number, number]): number {
+  const axes = machine.get()?.axes ?? [];
+  return Math.max(...["X", "Y", "Z"].map((letter, k) => Math.abs(by[k]!) / (axes.find(({ axis }) => axis === letter)?.velocity_per_s ?? Infinity)));
 }
 
 const nameOf = (status: Status) => JSON.stringify([status.program?.name, status.program?.lines, status.program?.revision]);

@@ -22,6 +22,7 @@ export interface Frame {
     grid: string;
     axes: string[];
     tool: string;
+    preview: string;
     text: string;
   };
   /** Codes of the slowest and the fastest speed of the done part. */
@@ -32,6 +33,8 @@ export interface Frame {
   /** How long the axes of a zero are drawn, mm. */
   unit: number;
   tool: [number, number, number] | null;
+  /** Where the tool would be at a time that somebody looks at: never the machine. */
+  preview: readonly [number, number, number] | null;
   /** The vertex from which the machine has gone on to where it is. */
   tailFrom: number | null;
 }

@@ -88,6 +88,19 @@ interface Drawn {
   doneChanged: number;
 }
 
+/** A tool, whose tip is its place. */
+function marker(material: MeshLambertMaterial): Group {
+  const shaft = new Mesh(new CylinderGeometry(0.32, 0.32, 1.1, 24), material);
+  shaft.rotation.x = Math.PI / 2;
+  shaft.position.z = 1.05;
+  const tip = new Mesh(new ConeGeometry(0.32, 0.5, 24), material);
+  tip.rotation.x = -Math.PI / 2;
+  tip.position.z = 0.25;
+  const group = new Group();
+  group.add(shaft, tip);
+  return group;
+}
+
 export class ScenePicture implements Picture {
   private renderer: WebGLRenderer;
   private scene = new Scene();
@@ -96,9 +109,11 @@ export class ScenePicture implements Picture {
   private material: RawShaderMaterial;
   private furniture = new Group();
   private furnitureKey = "";
-  private tool = new Group();
-  private tail: Line;
   private toolMaterial = new MeshLambertMaterial();
+  private tool = marker(this.toolMaterial);
+  private previewMaterial = new MeshLambertMaterial({ transparent: true, opacity: 0.85 });
+  private preview = marker(this.previewMaterial);
+  private tail: Line;
   private context: WebGL2RenderingContext;
   /** Signalled once the last picture is drawn, and when that was begun, ms. */
   private fence: WebGLSync | null = null;
@@ -129,13 +144,6 @@ export class ScenePicture implements Picture {
       },
     });
     this.camera.matrixAutoUpdate = false;
-    const shaft = new Mesh(new CylinderGeometry(0.32, 0.32, 1.1, 24), this.toolMaterial);
-    shaft.rotation.x = Math.PI / 2;
-    shaft.position.z = 1.05;
-    const tip = new Mesh(new ConeGeometry(0.32, 0.5, 24), this.toolMaterial);
-    tip.rotation.x = -Math.PI / 2;
-    tip.position.z = 0.25;
-    this.tool.add(shaft, tip);
     const light = new DirectionalLight(0xffffff, 2.2);
     light.position.set(-1, -2, 3);
     this.tail = new Line(
@@ -143,7 +151,7 @@ export class ScenePicture implements Picture {
       new LineBasicMaterial(),
     );
     this.tail.frustumCulled = false;
-    this.scene.add(light, new AmbientLight(0xffffff, 1.1), this.furniture, this.tool, this.tail);
+    this.scene.add(light, new AmbientLight(0xffffff, 1.1), this.furniture, this.tool, this.preview, this.tail);
   }
 
   draw(view: View, data: PathData, frame: Frame, moving: boolean): void {
@@ -298,7 +306,13 @@ export class ScenePicture implements Picture {
     }
   }
 
-  private place(view: View, data: PathData, { tool, colours, tailFrom }: Frame): void {
+  private place(view: View, data: PathData, { tool, preview, colours, tailFrom }: Frame): void {
+    this.preview.visible = preview !== null;
+    if (preview) {
+      this.previewMaterial.color.set(colours.preview);
+      this.preview.position.set(...preview);
+      this.preview.scale.setScalar(26 / view.pixels_per_mm);
+    }
     this.tool.visible = tool !== null;
     this.tail.visible = tool !== null && tailFrom !== null;
     if (!tool) return;
