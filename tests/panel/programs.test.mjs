@@ -48,10 +48,10 @@ const fill = async (page, name, value) => {
   await page.type(id(name), value);
 };
 const ordered = (page, method) => page.evaluate((method) => window.sent.filter((one) => one.method === method).map(({ params }) => params), method);
-const names = (page) => page.$$eval(".file b", (all) => all.map((one) => one.textContent));
+const names = (page) => page.$$eval(".stored b", (all) => all.map((one) => one.textContent));
 const listed = (page, wanted) =>
   page
-    .waitForFunction((wanted) => JSON.stringify([...document.querySelectorAll(".file b")].map((one) => one.textContent)) === wanted, { timeout: 20_000 }, JSON.stringify(wanted))
+    .waitForFunction((wanted) => JSON.stringify([...document.querySelectorAll(".stored b")].map((one) => one.textContent)) === wanted, { timeout: 20_000 }, JSON.stringify(wanted))
     .catch(async () => assert.deepEqual(await names(page), wanted));
 const picture = async (page, name) => {
   if (pictures) await page.screenshot({ path: join(pictures, `${name}.png`) });
@@ -82,7 +82,7 @@ test("an uploaded program is kept, loaded and marked; another one of its name as
   await upload(page, "part 1.ngc");
   await loaded("part 1.ngc");
   await listed(page, ["part 1.ngc"]);
-  await page.waitForFunction(() => document.querySelector(".file .tag")?.textContent === "loaded");
+  await page.waitForFunction(() => document.querySelector(".stored .tag")?.textContent === "loaded");
   const { revision } = (await ask("status")).program;
 
   write("part 1.ngc", 200 / 3);
@@ -152,7 +152,7 @@ test("several programs at once are kept, none of them is loaded, and one with an
   utimesSync(join(programs, "a9.ngc"), 1_600_000_000, 1_600_000_000);
   await page.evaluate(() => dispatchEvent(new Event("focus")));
   await click(page, "sort-time");
-  await page.waitForFunction(() => [...document.querySelectorAll(".file b")].at(-1).textContent === "a9.ngc");
+  await page.waitForFunction(() => [...document.querySelectorAll(".stored b")].at(-1).textContent === "a9.ngc");
   await click(page, "sort-name");
   await page.close();
 });
@@ -172,7 +172,7 @@ test("dropped files are uploaded; a tap loads; what comes another way is listed 
   await click(page, "file-load-by-scp.ngc");
   await loaded("by-scp.ngc");
   await page.waitForFunction(() => document.querySelector('[data-testid="file-by-scp.ngc"] .tag'));
-  assert.equal((await page.$$(".file .tag")).length, 1);
+  assert.equal((await page.$$(".stored .tag")).length, 1);
   await page.close();
 });
 

@@ -224,7 +224,7 @@ export function FileList({ files, refresh }: { files: StoredFile[]; refresh: () 
       {searches && <Field id="file-search" label={t("search")} value={search} onInput={setSearch} />}
       <ul class="files scroll" aria-label={t("files")} data-testid="files" data-count={found.length} tabIndex={0}>
         {shown.map(({ name, octets, modified_unix_s }) => (
-          <li key={name} class="file" data-testid={`file-${name}`}>
+          <li key={name} class="stored" data-testid={`file-${name}`}>
             <Button id={`file-load-${name}`} kind="line" orders="program load" onClick={() => void load(name)}>
               <span>
                 <b>{name}</b> {isLoaded(program, name) && <em class="tag">{t("file-loaded")}</em>}
