@@ -49,6 +49,8 @@ pub(super) fn interrupts(pc: &Pc<'_>) -> Vec<String> {
             .into_iter()
             .filter(named),
     );
+    numbers.sort();
+    numbers.dedup();
     numbers
 }
 

@@ -54,26 +54,7 @@ impl Operator {
                 };
                 self.log.note(time_s, text.unwrap_or_else(|| done(action)));
             }
-            Notice::Obstructed(Obstruction { joint, why }) => {
-                let why = match why {
-                    Obstacle::Travel => message!("jog.travel", "is at the end of its travel"),
-                    Obstacle::Speed => {
-                        message!(
-                            "jog.speed",
-                            "would have to be too fast: the place is near a singularity"
-                        )
-                    }
-                    Obstacle::Reach(why) => why.into(),
-                };
-                let what = message!(
-                    "jog.ended",
-                    "jog ended: {joint}: {why}",
-                    joint = self.names.joints[joint].clone(),
-                    why = why
-                );
-                self.log.note(time_s, what.clone());
-                self.obstruction = Some(what);
-            }
+            Notice::Obstructed(obstruction) => self.take_obstruction(time_s, obstruction),
             Notice::Logic { task, text } => {
                 let text = self.endpoints.logic.text(task, text);
                 self.log.note(time_s, program_message(text));
@@ -128,6 +109,28 @@ impl Operator {
                 }
             }
         }
+    }
+
+    /// What was in the way of a jog.
+    fn take_obstruction(&mut self, time_s: f64, Obstruction { joint, why }: Obstruction) {
+        let why = match why {
+            Obstacle::Travel => message!("jog.travel", "is at the end of its travel"),
+            Obstacle::Speed => {
+                message!(
+                    "jog.speed",
+                    "would have to be too fast: the place is near a singularity"
+                )
+            }
+            Obstacle::Reach(why) => why.into(),
+        };
+        let what = message!(
+            "jog.ended",
+            "jog ended: {joint}: {why}",
+            joint = self.names.joints[joint].clone(),
+            why = why
+        );
+        self.log.note(time_s, what.clone());
+        self.obstruction = Some(what);
     }
 
     fn take_fault(&mut self, time_s: f64, fault: &Fault, first: bool) {

@@ -117,19 +117,7 @@ impl MotionController<dyn CyclicBus + '_> {
             }
             // What a line of MDI or a hand has switched on.
             (Command::Stop, State::Ready) => self.all_off(),
-            (Command::Hold, State::Running) => {
-                self.drop_continuation();
-                if let Some(run) = &mut self.program {
-                    run.hold = true;
-                }
-            }
-            (Command::Hold, State::Held) => self.drop_continuation(),
-            (Command::Hold, State::Jogging) => self.parts.hand.release_all(),
-            (Command::Hold, State::Away | State::Returning) => {
-                self.drop_continuation();
-                self.come_back(false);
-                self.parts.hand.release_all();
-            }
+            (Command::Hold, _) => self.hold(),
             (Command::Resume, State::Away | State::Running | State::Held)
                 if !self.has_own_spindle(Continuation::Resume) => {}
             (Command::Reverse(share), State::Running | State::Held)
@@ -181,24 +169,12 @@ impl MotionController<dyn CyclicBus + '_> {
                 self.parts.estop.request_enable();
             }
             (Command::Acknowledge, State::Faulted) => self.end_fault(),
-            (Command::ShutDown, State::ShuttingDown | State::Down) => {}
-            // Nothing can be sent that would bring it down.
-            (Command::ShutDown, State::Silenced) => self.enter(State::Down),
-            (
-                Command::ShutDown,
-                State::Jogging | State::Running | State::Held | State::Away | State::Returning | State::Stopping,
-            ) => self.stop_then(AfterStop::ShutDown),
-            (Command::ShutDown, State::Homing) if self.parts.homer.is_active() => {
-                self.stop_then(AfterStop::ShutDown);
-            }
-            // The network follows once the drives are without power: see `step_state`.
-            (Command::ShutDown, _) => self.switch_off(State::ShuttingDown),
+            (Command::ShutDown, _) => self.shut_down(),
             (Command::Enable, _)
             | (Command::TakeHome { .. }, _)
             | (Command::Jog(_), _)
             | (Command::ByHand(_), _)
             | (Command::EstopReset, _)
-            | (Command::Hold, _)
             | (Command::ToolChanged, _)
             | (Command::Resume, _)
             | (Command::Skip(_), _)
@@ -206,6 +182,41 @@ impl MotionController<dyn CyclicBus + '_> {
             | (Command::Stop, _)
             | (Command::Disable, _)
             | (Command::Acknowledge, _) => {}
+        }
+    }
+
+    /// Rests where it is, on the path of a program.
+    fn hold(&mut self) {
+        match self.state {
+            State::Running => {
+                self.drop_continuation();
+                if let Some(run) = &mut self.program {
+                    run.hold = true;
+                }
+            }
+            State::Held => self.drop_continuation(),
+            State::Jogging => self.parts.hand.release_all(),
+            State::Away | State::Returning => {
+                self.drop_continuation();
+                self.come_back(false);
+                self.parts.hand.release_all();
+            }
+            _ => {}
+        }
+    }
+
+    /// Comes to rest, switches drives off, then the network.
+    fn shut_down(&mut self) {
+        match self.state {
+            State::ShuttingDown | State::Down => {}
+            // Nothing can be sent that would bring it down.
+            State::Silenced => self.enter(State::Down),
+            State::Jogging | State::Running | State::Held | State::Away | State::Returning | State::Stopping => {
+                self.stop_then(AfterStop::ShutDown);
+            }
+            State::Homing if self.parts.homer.is_active() => self.stop_then(AfterStop::ShutDown),
+            // The network follows once the drives are without power: see `step_state`.
+            _ => self.switch_off(State::ShuttingDown),
         }
     }
 

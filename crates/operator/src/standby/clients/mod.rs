@@ -307,39 +307,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             }
         }
         self.early.extend(early);
-        if self
-            .checking
-            .as_ref()
-            .is_some_and(|checking| checking.thread.is_finished())
-            && let Some(Checking {
-                wanted,
-                then,
-                by,
-                thread,
-                ..
-            }) = self.checking.take()
-        {
-            let checked = thread
-                .join()
-                .unwrap_or_else(|_| Err("the check of the program panicked".to_owned().into()));
-            if let Some(ticket) = wanted {
-                operator.log_mut().set_by(by);
-                let answer = checked.and_then(|part| Ok(self.accept(part, then, operator, keeper, now_ns)?));
-                operator.log_mut().set_by(None);
-                match (then, &answer) {
-                    (Then::Stream, Err(why)) => self.refuse_queue(&why.message),
-                    (Then::Stream, Ok(_)) => {}
-                    _ => answers.push((ticket, answer)),
-                }
-            }
-        }
-        while let Some(at) = self.inspected.iter().position(|(_, _, thread)| thread.is_finished()) {
-            let (ticket, _, thread) = self.inspected.swap_remove(at);
-            let checked = thread
-                .join()
-                .unwrap_or_else(|_| Err("the check of the program panicked".to_owned().into()));
-            answers.push((ticket, checked.map(|part| outlook(&part))));
-        }
+        self.finish_checks(operator, keeper, now_ns, &mut answers);
         self.serve_streamed(operator, &mut answers);
         if self.condition(operator).activity == Activity::Idle
             && self.streamed.is_none()
@@ -380,6 +348,49 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                 }
                 answer => self.inbox.answer(ticket, answer),
             }
+        }
+    }
+
+    /// Programs whose check is over are begun, loaded or told of.
+    fn finish_checks(
+        &mut self,
+        operator: &mut Operator,
+        keeper: &mut Keeper<'_, '_>,
+        now_ns: u64,
+        answers: &mut Vec<(Ticket, Result<Value, RpcError>)>,
+    ) {
+        if self
+            .checking
+            .as_ref()
+            .is_some_and(|checking| checking.thread.is_finished())
+            && let Some(Checking {
+                wanted,
+                then,
+                by,
+                thread,
+                ..
+            }) = self.checking.take()
+        {
+            let checked = thread
+                .join()
+                .unwrap_or_else(|_| Err("the check of the program panicked".to_owned().into()));
+            if let Some(ticket) = wanted {
+                operator.log_mut().set_by(by);
+                let answer = checked.and_then(|part| Ok(self.accept(part, then, operator, keeper, now_ns)?));
+                operator.log_mut().set_by(None);
+                match (then, &answer) {
+                    (Then::Stream, Err(why)) => self.refuse_queue(&why.message),
+                    (Then::Stream, Ok(_)) => {}
+                    _ => answers.push((ticket, answer)),
+                }
+            }
+        }
+        while let Some(at) = self.inspected.iter().position(|(_, _, thread)| thread.is_finished()) {
+            let (ticket, _, thread) = self.inspected.swap_remove(at);
+            let checked = thread
+                .join()
+                .unwrap_or_else(|_| Err("the check of the program panicked".to_owned().into()));
+            answers.push((ticket, checked.map(|part| outlook(&part))));
         }
     }
 

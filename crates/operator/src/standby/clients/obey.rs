@@ -44,14 +44,8 @@ impl Clients<'_, '_> {
         let done = match order {
             // It has no answer.
             Order::Withdraw => return None,
-            Order::Note(what) => {
-                operator.add_entry(what);
-                Ok(())
-            }
-            Order::TakenOver(text) => {
-                operator.add_entry(text);
-                Ok(())
-            }
+            Order::Note(what) => noted(operator, what),
+            Order::TakenOver(text) => noted(operator, text.into()),
             Order::Turned => {
                 let by = operator.log().by();
                 operator.turned(by);
@@ -61,21 +55,8 @@ impl Clients<'_, '_> {
             Order::Path(path) => return Some(self.draw(path, operator)),
             Order::Tools => return Some(Ok(json!(remembered::tools(&lock(self.tables), self.config.unit)))),
             Order::Offsets => return Some(Ok(json!(self.offsets()))),
-            Order::Report(number) => {
-                return Some(
-                    keeper
-                        .memory
-                        .reports()
-                        .find(number)
-                        .map(|report| json!(report))
-                        .map_err(Message::from),
-                );
-            }
-            Order::MdiHistory => {
-                return Some(Ok(json!(Lines {
-                    lines: keeper.memory.now().mdi.clone()
-                })));
-            }
+            Order::Report(number) => return Some(report(number, keeper)),
+            Order::MdiHistory => return Some(Ok(typed_before(keeper))),
             Order::Journal(since) => return Some(Ok(json!(remembered::journal(operator, since)))),
             Order::Parts { count, target } => {
                 set_parts(count, target, operator, keeper);
@@ -113,14 +94,9 @@ impl Clients<'_, '_> {
             )),
             Order::Mdi(line) => {
                 keeper.memory.add_mdi(&line);
-                self.mdi.push_back((ticket, Typed::Line(line), operator.log().by()));
-                return None;
+                return self.queue(ticket, Typed::Line(line), operator);
             }
-            Order::Lines { text, wait } => {
-                self.mdi
-                    .push_back((ticket, Typed::Lines(text, wait), operator.log().by()));
-                return None;
-            }
+            Order::Lines { text, wait } => return self.queue(ticket, Typed::Lines(text, wait), operator),
             Order::Change(change) => {
                 let changed = self.change(&change, operator, keeper);
                 let settle = |()| self.unsettled.push((ticket, Unsettled::new(keeper, operator, now_ns)));
@@ -172,6 +148,12 @@ impl Clients<'_, '_> {
             }
         };
         Some(done.map(|()| json!(Nothing {})))
+    }
+
+    /// Lines behind those that wait.
+    fn queue(&mut self, ticket: Ticket, typed: Typed, operator: &Operator) -> Option<Answer> {
+        self.mdi.push_back((ticket, typed, operator.log().by()));
+        None
     }
 
     /// Whether an order may be carried out now. One that the machine does is told in the journal.
@@ -294,6 +276,25 @@ impl Clients<'_, '_> {
         }
         Ok(())
     }
+}
+
+/// Into the journal.
+fn noted(operator: &mut Operator, what: Message) -> Result<(), Message> {
+    operator.add_entry(what);
+    Ok(())
+}
+
+/// The report of a program by its number, or the last one.
+fn report(number: Option<u64>, keeper: &Keeper<'_, '_>) -> Answer {
+    let report = keeper.memory.reports().find(number);
+    report.map(|report| json!(report)).map_err(Message::from)
+}
+
+/// The lines of MDI that were typed last.
+fn typed_before(keeper: &Keeper<'_, '_>) -> serde_json::Value {
+    json!(Lines {
+        lines: keeper.memory.now().mdi.clone()
+    })
 }
 
 /// Sets the counter of parts, and how many are wanted; 0: nobody says.
