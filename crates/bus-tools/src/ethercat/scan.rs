@@ -13,7 +13,7 @@ use config::{self, Config, Identity, Mapped, Node};
 use ethercat::wire::sii::Identity as SiiIdentity;
 use host::terminal;
 use machine::modules::Modules;
-use obd::device::{EsiDevice, EsiFile, parse_esi};
+use obd::device::{EsiDevice, EsiEntry, EsiFile, EsiPdo, parse_esi};
 use powerlink::link::Link;
 use serde_json::json;
 use std::io::Write;
@@ -43,6 +43,21 @@ pub(super) struct Module {
     device_file: Option<String>,
     /// Objects that hold numbers with a sign, by its ESI file.
     signed: Vec<Mapped>,
+    /// What numbers are, by its ESI file: counts, positions of encoders, duty cycles.
+    numbers: Vec<(Mapped, Number)>,
+}
+
+/// What a number of a device is, as far as the names of its ESI file tell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Number {
+    Counter,
+    /// Where it has one, with the object of the count at its last index.
+    Encoder {
+        latch: Option<Mapped>,
+    },
+    /// The count at the last index: it belongs to an encoder.
+    Latch,
+    Pwm,
 }
 
 /// Runs the command. Exit code 1: nobody answers, or a device does not come to PRE-OP.
@@ -146,6 +161,7 @@ pub(super) fn ask(lead: &mut Lead<'_, '_>, device: usize, found: Found) -> anyho
         node_name: String::new(),
         device_file: None,
         signed: Vec::new(),
+        numbers: Vec::new(),
     };
     if !lead.has_objects(device) {
         // Of inputs and outputs that have no objects, those of the profile say what lies where.
@@ -252,13 +268,9 @@ impl Module {
             .flat_map(|pdo| &pdo.entries);
         // Names of IEC 61131-3, as ETG.2000 has them.
         let signed = entries.filter(|entry| matches!(entry.data_type.as_str(), "SINT" | "INT" | "DINT" | "LINT"));
-        self.signed = signed
-            .map(|entry| Mapped {
-                index: entry.index,
-                sub: entry.sub,
-                bits: entry.bits,
-            })
-            .collect();
+        self.signed = signed.map(mapped).collect();
+        self.numbers = device.tx_pdos.iter().flat_map(inputs).collect();
+        self.numbers.extend(device.rx_pdos.iter().flat_map(outputs));
     }
 
     fn exchanges_nothing(&self) -> bool {
@@ -351,16 +363,75 @@ impl Module {
             let objects = objects.iter().flatten();
             for (number, object) in objects.enumerate() {
                 let used = used.as_ref().map_or(u8::MAX, |used| used[number]);
-                text += &channel(name, number, object, used, self.signed.contains(object));
+                let kind = self.numbers.iter().find(|(of, _)| of == object).map(|(_, kind)| *kind);
+                text += &channel(name, number, object, used, self.signed.contains(object), kind);
             }
         }
         text
     }
 }
 
+fn mapped(entry: &EsiEntry) -> Mapped {
+    Mapped {
+        index: entry.index,
+        sub: entry.sub,
+        bits: entry.bits,
+    }
+}
+
+/// Whether an entry is a number that is called so.
+fn is_called(entry: &EsiEntry, names: &[&str]) -> bool {
+    let name = entry.name.trim().to_ascii_lowercase();
+    entry.index != 0 && matches!(entry.bits, 16 | 32) && names.contains(&name.as_str())
+}
+
+/// Counters and encoders of a PDO that the device sends, by the names that terminals give them: ENC Status with Counter value and Latch
+/// value, CNT Inputs with Counter value.
+fn inputs(pdo: &EsiPdo) -> Vec<(Mapped, Number)> {
+    let find = |names: &[&str]| pdo.entries.iter().find(|entry| is_called(entry, names)).map(mapped);
+    let name = pdo.name.to_ascii_lowercase();
+    let is_encoder = name
+        .split([' ', '_', '-'])
+        .any(|word| matches!(word, "enc" | "encoder" | "fb"));
+    let count = find(&["counter value", "counter"]).or_else(|| find(&["position"]).filter(|_| is_encoder));
+    let latch = find(&["latch value"]);
+    let latch = latch.filter(|latch| count.is_some_and(|count| count.bits == latch.bits));
+    let kind = match is_encoder || latch.is_some() {
+        true => Number::Encoder { latch },
+        false => Number::Counter,
+    };
+    let counts = count.map(|count| (count, kind));
+    counts
+        .into_iter()
+        .chain(latch.filter(|_| count.is_some()).map(|latch| (latch, Number::Latch)))
+        .collect()
+}
+
+/// Duty cycles of a PDO that the device takes.
+fn outputs(pdo: &EsiPdo) -> Vec<(Mapped, Number)> {
+    let entries = pdo
+        .entries
+        .iter()
+        .filter(|entry| is_called(entry, &["pwm output", "pwm", "duty cycle", "duty"]));
+    entries.map(|entry| (mapped(entry), Number::Pwm)).collect()
+}
+
 /// Channels of an object: one for each bit of an octet that is used, else one of its value.
-fn channel(name: &str, number: usize, object: &Mapped, used: u8, is_signed: bool) -> String {
+fn channel(name: &str, number: usize, object: &Mapped, used: u8, is_signed: bool, kind: Option<Number>) -> String {
     let place = format!("object = \"0x{:04X}:{}\"", object.index, object.sub);
+    let head = |name: &str| format!("[[bus.node.channel]]\nname = \"{name}-{number}\"\n{place}\n");
+    match kind {
+        Some(Number::Counter) => return head("counter") + "type = \"counter\"\n\n",
+        Some(Number::Encoder { latch: None }) => return head("encoder") + "type = \"encoder\"\n\n",
+        Some(Number::Encoder { latch: Some(latch) }) => {
+            let latch = format!("latch = \"0x{:04X}:{}\"", latch.index, latch.sub);
+            return head("encoder") + &format!("type = \"encoder\"\n{latch}\n\n");
+        }
+        // It stands at its encoder.
+        Some(Number::Latch) => return String::new(),
+        Some(Number::Pwm) => return head("pwm") + "type = \"pwm\"\n\n",
+        None => {}
+    }
     if object.bits > 8 {
         let signed = if is_signed { "signed = true\n" } else { "" };
         return format!(

@@ -339,6 +339,80 @@ fn a_scan_tells_which_numbers_have_a_sign() {
     }
 }
 
+/// An ESI file of the same terminal as one that counts and switches: the names are those of makers.
+#[test]
+fn a_scan_proposes_counters_encoders_and_duty_cycles_by_their_names() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("m.toml");
+    let entries = |index: u16, names: [&str; 4]| -> String {
+        let entry = |(sub, name): (usize, &str)| {
+            format!(
+                "<Entry><Index>#x{index:04X}</Index><SubIndex>{sub}</SubIndex><BitLen>16</BitLen><Name>{name}</Name>\
+                 <DataType>UINT</DataType></Entry>"
+            )
+        };
+        (1..).zip(names).map(entry).collect()
+    };
+    let file = |pdo: &str, inputs, outputs| {
+        format!(
+            "<EtherCATInfo><Vendor><Id>2</Id></Vendor><Descriptions><Devices><Device><Type ProductCode=\"3\">CNT</Type>\
+             <Sm>MBoxOut</Sm><Sm>MBoxIn</Sm><Sm>Outputs</Sm><Sm>Inputs</Sm>\
+             <RxPdo Fixed=\"1\" Sm=\"2\"><Index>#x1600</Index><Name>PWM Output Channel 1</Name>{}</RxPdo>\
+             <TxPdo Fixed=\"1\" Sm=\"3\"><Index>#x1A00</Index><Name>{pdo}</Name>{}</TxPdo>\
+             <Mailbox><CoE/></Mailbox></Device></Devices></Descriptions></EtherCATInfo>",
+            entries(0x7000, outputs),
+            entries(0x6000, inputs)
+        )
+    };
+    let others = ["PWM output", "Set counter value", "Analog output", ""];
+    let encoder = ["Status", "Counter value", "Latch value", "Error counter"];
+    for (pdo, inputs, wanted, unwanted) in [
+        (
+            "ENC Status",
+            encoder,
+            "name = \"encoder-1\"\nobject = \"0x6000:2\"\ntype = \"encoder\"\nlatch = \"0x6000:3\"",
+            "counter-",
+        ),
+        (
+            "CNT Inputs",
+            ["Counter value", "", "", ""],
+            "name = \"counter-0\"\nobject = \"0x6000:1\"\ntype = \"counter\"",
+            "encoder-",
+        ),
+        (
+            "FB Inputs",
+            ["Status", "Position", "", ""],
+            "name = \"encoder-1\"\nobject = \"0x6000:2\"\ntype = \"encoder\"\n\n",
+            "latch",
+        ),
+        (
+            "AI Inputs",
+            ["Position", "Error counter", "", ""],
+            "name = \"analog-input-0\"",
+            "counter-",
+        ),
+    ] {
+        std::fs::write(folder.path().join("maker.xml"), file(pdo, inputs, others)).expect("our folder");
+        let _ = std::fs::remove_file(&path);
+        let identity = Identity {
+            vendor: 2,
+            product: 3,
+            revision: 1,
+            serial: 9,
+        };
+        let mut wire = Wire::with([analog_terminal(identity).expect("a terminal")]);
+        let (told, well) = scanned(&mut wire, &path, false, Some(folder.path()));
+        assert!(well, "{told}");
+        let text = std::fs::read_to_string(&path).expect("a file");
+        assert!(text.contains(wanted) && !text.contains(unwanted), "{pdo}: {text}");
+        assert!(
+            text.contains("name = \"pwm-0\"\nobject = \"0x7000:1\"\ntype = \"pwm\"\n"),
+            "{text}"
+        );
+        config::read(&path).unwrap_or_else(|errors| panic!("{errors}"));
+    }
+}
+
 /// What lies in the gaps of an ESI file is nothing that could have a name.
 #[test]
 fn a_scan_proposes_no_channels_for_gaps() {
