@@ -32,7 +32,8 @@ const LOOKS: Record<string, [string, IconName]> = {
 
 export function StateBar() {
   const machine = useStatus((s) => s.machine);
-  const state = useStatus((s) => s.state) ?? "";
+  // Between two joints that home one after the other, the machine is ready for an instant.
+  const state = useStatus((s) => (s.state === "ready" && s.activity === "homing" ? "homing" : s.state)) ?? "";
   const power = useStatus((s) => s.power) ?? "";
   const mode = useStatus((s) => s.mode);
   const waiting = useStatus((s) => s.waiting);
