@@ -221,6 +221,8 @@ pub struct ShownProgram {
     pub lines: u32,
     /// Planned time, s.
     pub planned_time_s: f64,
+    /// Tools that it changes to, in the order of their first use.
+    pub tools: Vec<u32>,
     /// It runs dry, or has.
     pub dry_run: bool,
     /// What is left of it at any place, while it runs.

@@ -66,6 +66,8 @@ pub struct Overview {
     pub real_time: RealTimeFactor,
     /// What is left of it at any place.
     pub outline: Outline,
+    /// Tools that it changes to, each once, in the order of their first use.
+    pub tools: Vec<u32>,
 }
 
 /// An error of a program for programs.
@@ -199,6 +201,7 @@ pub fn check<'t>(
     let measure = feeder.sink();
     overview.time_s = measure.time_s();
     overview.real_time = measure.real_time_factor();
+    overview.tools = measure.tools().to_vec();
     overview.outline = measure.outline().assuming(assumes).leading(&lead);
     overview.tolerance_mm = feeder.tolerance_mm();
     Ok(overview)
@@ -297,6 +300,15 @@ mod tests {
             config.program.tolerance_mm
         );
         assert_eq!(tolerance_mm("G21 G90 G61\nG1 X1 F100\nM2\n"), 0.0);
+    }
+
+    #[test]
+    fn a_check_tells_the_tools_that_a_program_changes_to() {
+        let (config, tables) = demo();
+        let text = b"G21 G90\nT3 M6\nG0 X1\nT1\nG0 X2\nM6\nT3 M6\nT0 M6\nM2\n";
+        let begin = Begin::at_home(&config);
+        let checked = check(&config, &tables, "p.ngc", text, &begin, &Cancel::default());
+        assert_eq!(checked.expect("a program").tools, [3, 1, 0]);
     }
 
     #[test]

@@ -11,7 +11,7 @@
 //! something has been planned already: before that the machine stands, and only waits a little longer.
 
 use super::outline::{Draft, Outline};
-use motion::element::Element;
+use motion::element::{Action, Element};
 use motion::plan::{LimitJudge, Over, Settings};
 use motion::ring::{Publish, Sink, Timed};
 use serde::{Deserialize, Serialize};
@@ -22,6 +22,8 @@ use std::fmt;
 pub const FACTOR_MIN: f64 = 10.0;
 /// Motion of a stretch at the least, s.
 const STRETCH_S: f64 = 1.0;
+/// Tools of a program that are told: more than any magazine holds.
+const TOOLS_MAX: usize = 200;
 /// Motion between two looks at the clock at the least, s: a look is a system call.
 const LOOK_S: f64 = 0.25;
 
@@ -155,6 +157,8 @@ pub struct Measure {
     /// Whether limits are looked at, and the first that is not kept.
     judge: Option<LimitJudge>,
     over: Option<Over>,
+    /// Tools that it changes to, each once, in the order of their first use.
+    tools: Vec<u32>,
 }
 
 impl Measure {
@@ -170,6 +174,7 @@ impl Measure {
             pace: Pace::new(cpu_s()),
             judge: None,
             over: None,
+            tools: Vec::new(),
         }
     }
 
@@ -184,6 +189,23 @@ impl Measure {
     /// The first limit that the plan does not keep.
     pub fn over(&self) -> Option<Over> {
         self.over
+    }
+
+    /// Tools that it changes to, each once, in the order of their first use; the first [`TOOLS_MAX`].
+    pub fn tools(&self) -> &[u32] {
+        &self.tools
+    }
+
+    fn note_tool(&mut self, element: &Element) {
+        if let Element::Action {
+            action: Action::ChangeTool { tool },
+            ..
+        } = element
+            && self.tools.len() < TOOLS_MAX
+            && !self.tools.contains(tool)
+        {
+            self.tools.push(*tool);
+        }
     }
 
     /// Elements of the plan.
@@ -220,6 +242,7 @@ impl Sink<Element> for Measure {
         self.elements += committed.len();
         self.time_s += committed.iter().map(Timed::duration_s).sum::<f64>();
         committed.iter().for_each(|element| self.draft.add(element));
+        committed.iter().for_each(|element| self.note_tool(element));
         if let (Some(judge), None) = (&self.judge, self.over) {
             self.over = committed.iter().find_map(|element| judge.over(element));
         }

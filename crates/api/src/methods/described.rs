@@ -121,6 +121,7 @@ impl From<orders::ShownProgram> for StatusProgram {
             revision: of.revision,
             lines: of.lines,
             planned_time_s: of.planned_time_s,
+            tools: of.tools,
             dry_run: of.dry_run,
             result: of.result,
         }

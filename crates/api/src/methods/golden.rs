@@ -216,6 +216,7 @@ impl Rig {
                 revision: 5,
                 lines: 90,
                 planned_time_s: 61.5,
+                tools: vec![7, 2],
                 dry_run: true,
                 outline: None,
                 result: Some(Outcome::Stopped),

@@ -966,6 +966,8 @@ export interface StatusAxis {
 
 /** A program, in the status. */
 export interface StatusProgram {
+  /** Tools that it changes to, each once, in the order of their first use. */
+  tools?: number[];
   /** It runs dry, or has. */
   dry_run: boolean;
   /** Its last line with something to do. */

@@ -214,6 +214,9 @@ pub struct StatusProgram {
     pub lines: u32,
     /// Planned time, s.
     pub planned_time_s: f64,
+    /// Tools that it changes to, each once, in the order of their first use.
+    #[serde(default)]
+    pub tools: Vec<u32>,
     /// It runs dry, or has.
     pub dry_run: bool,
     /// How it ended; null: it has not.

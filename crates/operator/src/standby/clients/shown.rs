@@ -90,6 +90,7 @@ impl Clients<'_, '_> {
             revision,
             lines: overview.lines,
             planned_time_s: overview.time_s,
+            tools: overview.tools.clone(),
             outline: Some(overview.outline.clone()).filter(|_| is_last && is_under_way),
             result: last.filter(|_| is_last).map(Outcome::code),
         };
