@@ -966,8 +966,6 @@ export interface StatusAxis {
 
 /** A program, in the status. */
 export interface StatusProgram {
-  /** Tools that it changes to, each once, in the order of their first use. */
-  tools?: number[];
   /** It runs dry, or has. */
   dry_run: boolean;
   /** Its last line with something to do. */
@@ -980,6 +978,8 @@ export interface StatusProgram {
   result: Outcome | null;
   /** Another one for each text that is loaded; 0: there is no text. */
   revision: number;
+  /** Tools that it changes to, each once, in the order of their first use. */
+  tools: number[];
 }
 
 /** Step of the sequence from power-on to power-off. */
