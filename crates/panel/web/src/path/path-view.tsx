@@ -79,13 +79,6 @@ const MOVES_MS = 200;
 /** Speed of a code, mm/s: the other way round of speedCode. */
 const speedOf = (code: number) => SPEED_MIN_MM_S * (SPEED_MAX_MM_S / SPEED_MIN_MM_S) ** ((code - 2) / 253);
 
-/** Tools of the program; "" without a change of tool. */
-function tools(): string {
-  const used = getStore().status?.program?.tools?.filter((tool) => tool !== 0) ?? [];
-  const more = used.length > 8 ? " …" : "";
-  return used.slice(0, 8).map((tool) => `T${tool}`).join(" ") + more;
-}
-
 export class Path {
   private view = new View();
   private data = new PathData();
@@ -271,7 +264,7 @@ export class Path {
 
   private note(under_way: boolean): void {
     const { segments } = this.data;
-    const told = under_way ? t("path-loading", { n: segments.toLocaleString(language) }) : [this.size(), tools()].filter(Boolean).join(" · ");
+    const told = under_way ? t("path-loading", { n: segments.toLocaleString(language) }) : this.size();
     const flat = this.canvas.dataset.renderer === "flat" ? ` (${t("path-flat")})` : "";
     this.canvas.dataset.segments = String(segments);
     this.canvas.dataset.whole = String(!under_way);
