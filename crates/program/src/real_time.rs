@@ -191,7 +191,7 @@ impl Measure {
         self.over
     }
 
-    /// Tools that it changes to, each once, in the order of their first use; the first [`TOOLS_MAX`].
+    /// Tools that it changes to, each once, in the order of their first use; the first 200.
     pub fn tools(&self) -> &[u32] {
         &self.tools
     }
