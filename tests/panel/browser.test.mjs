@@ -66,7 +66,20 @@ const go = async (page, where) => {
   await page.evaluate((where) => (location.hash = `#/${where}`), where);
   await page.waitForSelector(`${id(`page-${where}`)}[aria-current=page]`);
 };
-const shown = (page, wanted) => page.waitForFunction((wanted) => wanted.includes(document.querySelector("[data-testid=state]").dataset.state), { timeout: 60_000 }, wanted);
+/** The state is shown; where it is not after a minute: what the page shows and has sent, and what the control says of itself. */
+async function shown(page, wanted) {
+  try {
+    await page.waitForFunction((wanted) => wanted.includes(document.querySelector("[data-testid=state]").dataset.state), { timeout: 60_000 }, wanted);
+  } catch (error) {
+    const seen = await page.evaluate(() => ({
+      state: document.querySelector("[data-testid=state]").dataset.state,
+      toasts: [...document.querySelectorAll("[data-testid=toast]")].map((toast) => toast.textContent),
+      sent: window.sent.slice(-8),
+      offline: document.querySelector("[data-testid=offline]")?.textContent,
+    }));
+    throw new Error(`not ${wanted} after a minute\npage: ${JSON.stringify(seen)}\ncontrol: ${JSON.stringify(await ask("status"))}`, { cause: error });
+  }
+}
 const picture = async (page, name) => {
   if (pictures) await page.screenshot({ path: join(pictures, `${name}.png`) });
 };
@@ -327,6 +340,31 @@ test("the connection is lost: said after a second, crossed out after two, and no
   control.kill("SIGCONT");
   await page.waitForFunction(() => !document.querySelector("[data-testid=connection]"), { timeout: 30_000 });
   assert.ok(!(await page.$(".dro.stale")));
+  await page.close();
+});
+
+test("a page that stood still: what was pressed meanwhile is no order, what is pressed afterwards is one", { skip, timeout: 120_000 }, async () => {
+  const page = await open();
+  const standStill = () =>
+    page.evaluate(async () => {
+      const [age, old] = [document.querySelector("[data-testid=age]"), []];
+      const observer = new MutationObserver(() => age.classList.contains("old") && old.push(age.textContent));
+      observer.observe(age, { attributes: true });
+      for (const until = performance.now() + 1_500; performance.now() < until; );
+      await new Promise((resolve) => setTimeout(resolve, 250));
+      observer.disconnect();
+      return old;
+    });
+  // What came meanwhile is in its queue.
+  for (let round = 0; round < 8; round++) assert.deepEqual(await standStill(), []);
+  const { x, y, width, height } = await (await page.$(id("resume"))).boundingBox();
+  const still = standStill();
+  await page.mouse.click(x + width / 2, y + height / 2);
+  await still;
+  await page.waitForSelector(id("toast"));
+  assert.deepEqual(await ordered(page, "resume"), []);
+  await page.mouse.click(x + width / 2, y + height / 2);
+  await until("an order", async () => (await ordered(page, "resume")).length === 1);
   await page.close();
 });
 

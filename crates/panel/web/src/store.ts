@@ -186,9 +186,13 @@ const STALLED_MS = 2500;
 
 function judgeAge(): void {
   const now = performance.now();
-  // A page that was not let run has not read what came meanwhile: no word about the cycle then.
-  if (now - judged > 500) cyclesAt = now;
+  const stoodStill = now - judged > 500;
   judged = now;
+  // A page that was not let run has not read yet what came meanwhile: no word about it before the next time.
+  if (stoodStill) {
+    cyclesAt = now;
+    return;
+  }
   const ms = connection.age();
   const age = ms >= 2000 ? 2000 : ms >= 1000 ? 1000 : 0;
   const stalled = store.connected && age === 0 && now - cyclesAt > STALLED_MS;
@@ -216,8 +220,11 @@ export function ask<M extends Method>(method: M, ...[params]: Given<M>): Promise
   return connection.call(method, ...([{ ...params, ...id } as Params<M>] as Given<M>));
 }
 
-/** Nothing has come for a second: what is shown may be old, and an order may be carried out much later than it is given. */
-export const isBlind = (): boolean => store.age > 0 || !store.connected;
+/**
+ * Nothing has come for a second: what is shown may be old, and an order may be carried out much later than it is given. So it may where
+ * the page stood still for a second after the press.
+ */
+export const isBlind = (): boolean => store.age > 0 || !store.connected || performance.now() - (window.event?.timeStamp ?? Infinity) >= 1000;
 
 /** What is given also to a machine that nobody sees, as long as there is a connection. */
 export const ALWAYS: ReadonlySet<string> = new Set(["stop", "hold", "estop", "off"]);
