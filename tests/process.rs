@@ -25,6 +25,7 @@ mod machine_page;
 mod memory;
 mod odd_files;
 mod on_the_wire;
+mod own_component;
 #[cfg(feature = "panel")]
 mod panel;
 mod probing_cycles;
@@ -36,5 +37,6 @@ mod stand_by;
 mod state_folder;
 mod systemd;
 mod threading;
+mod tool_life;
 mod top;
 mod working_day;

@@ -61,7 +61,14 @@ mod tests {
             stuck: false,
             open_s: 0.0,
         };
-        for (level, open) in [(50.0, false), (19.0, true), (79.0, true), (80.0, false), (50.0, false), (f64::NAN, false)] {
+        for (level, open) in [
+            (50.0, false),
+            (19.0, true),
+            (79.0, true),
+            (80.0, false),
+            (50.0, false),
+            (f64::NAN, false),
+        ] {
             tank.level = level;
             tank.update(0.001);
             assert_eq!(tank.valve, open, "{level}");
