@@ -51,15 +51,19 @@ impl Control {
 
     /// Of the machine.toml in this folder, which names this machine.
     pub(crate) fn run(folder: TempDir, machine: String, stdout: impl Into<Stdio>) -> Control {
-        let file = folder.path().join("machine.toml");
-        let mut command = Command::new(env!("CARGO_BIN_EXE_isocnc"));
-        command.arg("run").arg(&file).arg("--json").stdout(stdout);
-        testing::usual_signals(&mut command);
+        let process = spawn(&folder, stdout);
         Control {
-            process: command.spawn().unwrap(),
+            process,
             folder,
             machine,
         }
+    }
+
+    /// Killed, and started once more.
+    pub(crate) fn restart(&mut self) {
+        self.process.kill().unwrap();
+        self.process.wait().unwrap();
+        self.process = spawn(&self.folder, Stdio::null());
     }
 
     pub(crate) fn program(&self, name: &str, text: &str) -> PathBuf {
@@ -117,6 +121,14 @@ impl Control {
         let said = self.ask(arguments).expect_err("a refusal");
         assert!(said.contains(why), "{said}");
     }
+}
+
+fn spawn(folder: &TempDir, stdout: impl Into<Stdio>) -> Child {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_isocnc"));
+    let file = folder.path().join("machine.toml");
+    command.arg("run").arg(file).arg("--json").stdout(stdout);
+    testing::usual_signals(&mut command);
+    command.spawn().unwrap()
 }
 
 impl Drop for Control {

@@ -107,4 +107,6 @@ pub use print::CanonPrinter;
 pub use resume::{Approach, Resume};
 pub use scan::LINE_OCTETS_MAX;
 pub use settings::{CompensatedPath, Remap, Settings, Splines, ToolChangePlace};
-pub use tool_table::{POCKET_MAX, SetToolError, TOOLS_MAX, TableError, TableErrorKind, Tool, ToolChanger, ToolTable};
+pub use tool_table::{
+    POCKET_MAX, SetToolError, TOOLS_MAX, TableError, TableErrorKind, Tool, ToolChanger, ToolTable, Wear,
+};

@@ -183,7 +183,7 @@ impl Modes {
     /// The table has another offset for a tool: where that of this tool is in force (G43), the new one is from now on, also in the state
     /// that M70 has saved. Nothing moves: the axes read otherwise.
     pub fn use_offset_of(&mut self, number: u32, tools: &ToolTable) {
-        let Some(offset) = tools.by_number(number).map(|tool| tool.offset) else {
+        let Some(offset) = tools.with_wear(number).map(|tool| tool.offset) else {
             return;
         };
         if self.in_force.offset_of == Some(number) {

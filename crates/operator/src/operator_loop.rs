@@ -264,6 +264,8 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
                 let name = self.program_name().unwrap_or_default().to_owned();
                 running.operator.begin_program(&name);
                 self.keeper.memory.begin_program(&name);
+                let tools = self.clients.part().map_or(&[][..], |part| &part.overview.tools);
+                self.keeper.begin_program(tools, &mut running.operator);
             }
             // Tools that the run before has changed are where the next one begins.
             self.keeper.look(&mut running.operator, now_ns);
@@ -304,6 +306,9 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
         let is_dry = self.clients.part().is_some_and(|part| part.dry_feed_min().is_some());
         let is_part = outcome == Outcome::Completed && !is_dry;
         self.keeper.memory.end_program(code, is_part, line);
+        if is_part {
+            self.keeper.made_part(operator);
+        }
         let mut number = None;
         if let (Task::StandBy, Some(part)) = (self.session.task, self.clients.part()) {
             let config = self.session.config;

@@ -7,7 +7,7 @@ use config::Config;
 use machine::tables::Tables;
 use motion::canon::{Axis, LengthUnit, Position};
 use program::settings_with;
-use protocol::{Journal, Message, Offsets, Tool, Tools, WorkSystem, message};
+use protocol::{Journal, Message, Offsets, Tool, ToolLife, Tools, WorkSystem, message};
 use std::collections::BTreeMap;
 
 /// Entries of one answer.
@@ -138,6 +138,27 @@ pub(super) fn changes(before: &Tables, after: &Tables) -> Vec<Message> {
             ));
             continue;
         };
+        let [was, is] = [before, after].map(|tables| tables.tools().wear(number));
+        for (what, from, to) in [
+            (
+                message!("changed.tool_length_wear", "T{tool}, wear of the length", tool = number),
+                was.length_mm,
+                is.length_mm,
+            ),
+            (
+                message!(
+                    "changed.tool_diameter_wear",
+                    "T{tool}, wear of the diameter",
+                    tool = number
+                ),
+                was.diameter_mm,
+                is.diameter_mm,
+            ),
+        ] {
+            if from != to {
+                told.push(changed(what, from / unit, to / unit));
+            }
+        }
         if old == tool {
             continue;
         }
@@ -209,11 +230,91 @@ pub(super) fn tools(tables: &Tables, unit: LengthUnit) -> Tools {
         length: tool.offset[Axis::Z] / unit.mm(),
         diameter: tool.diameter_mm / unit.mm(),
         remark: tool.remark.clone(),
+        length_wear: tables.tools().wear(tool.number).length_mm / unit.mm(),
+        diameter_wear: tables.tools().wear(tool.number).diameter_mm / unit.mm(),
+        life: tables.life(tool.number),
+        worn_out: tables.life(tool.number).is_over(),
     });
     Tools {
         unit: unit_word(unit).to_owned(),
         in_spindle: tables.tool_in_spindle(),
         tools: tools.collect(),
+    }
+}
+
+/// For how long a tool has been used.
+fn used(life: &ToolLife) -> Message {
+    let tenths = |minutes: f64| (minutes * 10.0).round() / 10.0;
+    let minutes = tenths(life.used_minutes);
+    let parts = life.used_parts;
+    match (life.minutes.map(tenths), life.parts) {
+        (None, None) => message!(
+            "tool.used",
+            "used for {minutes} min, {parts} parts",
+            minutes = minutes,
+            parts = parts
+        ),
+        (Some(of), None) => message!(
+            "tool.used_minutes",
+            "used for {minutes} of {of} min",
+            minutes = minutes,
+            of = of
+        ),
+        (None, Some(of)) => message!(
+            "tool.used_parts",
+            "used for {parts} of {of} parts",
+            parts = parts,
+            of = of
+        ),
+        (Some(of_minutes), Some(of_parts)) => message!(
+            "tool.used_both",
+            "used for {minutes} of {of_minutes} min, {parts} of {of_parts} parts",
+            minutes = minutes,
+            of_minutes = of_minutes,
+            parts = parts,
+            of_parts = of_parts
+        ),
+    }
+}
+
+/// What of a tool's life is otherwise than before.
+pub(super) fn life_changes(tool: u32, before: &ToolLife, after: &ToolLife) -> Vec<Message> {
+    let mut told = Vec::new();
+    let [was, is] = [before, after].map(|life| ToolLife { sister: None, ..*life });
+    if was != is {
+        let used = used(after);
+        told.push(message!(
+            "changed.tool_life",
+            "T{tool}: {used}",
+            tool = tool,
+            used = used
+        ));
+    }
+    if before.sister != after.sister {
+        let what = message!("changed.tool_sister", "T{tool}, sister tool", tool = tool);
+        let number = |sister: Option<u32>| f64::from(sister.unwrap_or(0));
+        told.push(changed(what, number(before.sister), number(after.sister)));
+    }
+    told
+}
+
+/// The life of a tool is over.
+pub(super) fn life_over(tool: u32, tables: &Tables) -> Message {
+    let used = used(&tables.life(tool));
+    match tables.sisters().get(&tool) {
+        Some(sister) => message!(
+            "tool.life_over",
+            "T{tool}: its life is over ({used}); from the next program on T{sister} takes its place",
+            tool = tool,
+            used = used,
+            sister = *sister
+        ),
+        None => message!(
+            "tool.life_over_alone",
+            "T{tool}: its life is over ({used}), and no sister tool can take its place: put in a new one, and set its use to 0",
+            tool = tool,
+            used = used
+        ),
     }
 }
 
@@ -242,7 +343,7 @@ fn system_word(number: u8) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use program::{Change, changed as change};
+    use program::{Change, ToolChange, changed as change};
     use std::path::Path;
 
     #[test]
@@ -256,12 +357,13 @@ mod tests {
             let told = changes(&before, &tables);
             told.into_iter().map(|message| message.text).collect::<Vec<_>>()
         };
-        let tool = |length, remark: &str| Change::Tool {
-            number: 5,
-            length,
-            diameter: None,
-            pocket: None,
-            remark: Some(remark.into()),
+        let tool = |length, remark: &str| {
+            Change::Tool(ToolChange {
+                number: 5,
+                length,
+                remark: Some(remark.into()),
+                ..ToolChange::default()
+            })
         };
         let offset = Change::Offset {
             axis: Axis::X,

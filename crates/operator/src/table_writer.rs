@@ -12,8 +12,10 @@ use crate::remembered;
 use gcode::ToolChanger;
 use host::capabilities;
 use machine::safe_file::Disk;
-use machine::tables::{self, Tables, lock};
-use protocol::Message;
+use machine::state::State;
+use machine::tables::{self, LifeChange, Tables, lock};
+use protocol::{Message, message};
+use std::collections::BTreeSet;
 use std::sync::Mutex;
 use std::thread::{Scope, ScopedJoinHandle};
 
@@ -27,6 +29,9 @@ pub(super) struct Mark {
 
 /// Between two attempts to write what could not be written, ns.
 const AGAIN_NS: u64 = 1_000_000_000;
+
+/// Use of tools that is lost where the power fails, min.
+const UNWRITTEN_MAX_MIN: f64 = 1.0;
 
 /// Waits for programs to end.
 pub(super) struct Keeper<'scope, 'env> {
@@ -43,6 +48,10 @@ pub(super) struct Keeper<'scope, 'env> {
     writer: Option<ScopedJoinHandle<'scope, Result<(), String>>>,
     /// When that is tried once more.
     again_ns: u64,
+    /// Tools that the program under way has used, when the last use was counted, and how much of it is not in the file, min.
+    used: BTreeSet<u32>,
+    counted_ns: u64,
+    unwritten_min: f64,
 }
 
 impl<'scope, 'env> Keeper<'scope, 'env> {
@@ -61,6 +70,9 @@ impl<'scope, 'env> Keeper<'scope, 'env> {
             failed: None,
             writer: None,
             again_ns: 0,
+            used: BTreeSet::new(),
+            counted_ns: 0,
+            unwritten_min: 0.0,
         }
     }
 
@@ -73,6 +85,72 @@ impl<'scope, 'env> Keeper<'scope, 'env> {
         tables.adopt(left);
         self.handed_in += u64::from(tables.has_files());
         remembered::changes(&before, &tables)
+    }
+
+    /// Somebody says how long a tool may be used, or has been.
+    pub(super) fn set_life(&mut self, tool: u32, change: &LifeChange, operator: &mut Operator) {
+        if *change == LifeChange::default() {
+            return;
+        }
+        let mut tables = lock(self.tables);
+        let before = tables.life(tool);
+        tables.set_life(tool, change);
+        for what in remembered::life_changes(tool, &before, &tables.life(tool)) {
+            operator.add_entry(what);
+            self.handed_in += u64::from(tables.has_files());
+        }
+    }
+
+    /// A program begins that calls these tools.
+    pub(super) fn begin_program(&mut self, tools: &[u32], operator: &mut Operator) {
+        self.used.clear();
+        let tables = lock(self.tables);
+        for (tool, sister) in tables.sisters() {
+            if tools.contains(&sister) {
+                operator.add_entry(message!(
+                    "tool.sister",
+                    "T{sister} is used where T{tool} is called, whose life is over",
+                    sister = sister,
+                    tool = tool
+                ));
+            }
+        }
+        let over = tools.iter().filter(|tool| tables.life(**tool).is_over());
+        for tool in over {
+            operator.add_warning(remembered::life_over(*tool, &tables));
+        }
+    }
+
+    /// A program came to its end, and made a part.
+    pub(super) fn made_part(&mut self, operator: &mut Operator) {
+        for tool in std::mem::take(&mut self.used) {
+            self.use_up(tool, 0.0, 1, operator);
+        }
+        self.unwritten_min = UNWRITTEN_MAX_MIN;
+    }
+
+    fn use_up(&mut self, tool: u32, minutes: f64, parts: u32, operator: &mut Operator) {
+        let mut tables = lock(self.tables);
+        if tables.use_up(tool, minutes, parts) {
+            operator.add_warning(remembered::life_over(tool, &tables));
+        }
+    }
+
+    /// Counts for how long tools are used. The file is not written for every turn of the loop.
+    fn count(&mut self, tool: u32, operator: &mut Operator, now_ns: u64) {
+        let minutes = now_ns.saturating_sub(std::mem::replace(&mut self.counted_ns, now_ns)) as f64 / 60e9;
+        let live = operator.live();
+        if tool != 0 && live.state == State::Running && live.spindle_on {
+            self.used.insert(tool);
+            self.use_up(tool, minutes, 0, operator);
+            self.unwritten_min += minutes;
+        } else if self.unwritten_min > 0.0 && live.state != State::Running {
+            self.unwritten_min = UNWRITTEN_MAX_MIN;
+        }
+        if self.unwritten_min >= UNWRITTEN_MAX_MIN {
+            self.unwritten_min = 0.0;
+            self.handed_in += u64::from(lock(self.tables).has_files());
+        }
     }
 
     /// What was handed in last is of a program that was given up: the work system in force is the one before it, for the program was
@@ -117,6 +195,7 @@ impl<'scope, 'env> Keeper<'scope, 'env> {
             self.handed_in += u64::from(is_kept && !changed.is_empty());
             tables.tool_in_spindle()
         };
+        self.count(tool, operator, now_ns);
         // Where tools are is not to wait for the end of the program. What could not be written is tried again: there may be room.
         let again = self.failed.is_some() && now_ns >= self.again_ns;
         if self.treated < self.handed_in || again {

@@ -12,7 +12,7 @@ use machine::journal::Journal;
 use machine::state_file::{self, Parts};
 use machine::tables::{Tables, lock};
 use motion::canon::{Axis, Position};
-use program::{Change, changed};
+use program::{Change, ToolChange, changed};
 use rt::shared::OperatorEndpoints;
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
@@ -77,13 +77,11 @@ fn the_process_that_is_killed() {
             let (axis, value) = (Axis::X, number as f64);
             let system = Some(2);
             let offset = Change::Offset { axis, value, system };
-            let tool = Change::Tool {
+            let tool = Change::Tool(ToolChange {
                 number: 5,
                 length: Some(number as f64),
-                diameter: None,
-                pocket: None,
-                remark: None,
-            };
+                ..ToolChange::default()
+            });
             for change in [offset, tool] {
                 let left = changed(config, &lock(tables), Position::ZERO, None, &change);
                 let _ = keeper.hand_in(left.unwrap());

@@ -75,6 +75,7 @@ fn answer(method: &str, params: &Value) -> Value {
                 length: 2.0,
                 diameter: 0.25,
                 remark: "end mill".into(),
+                ..Tool::default()
             }],
         }),
         _ => json!(state(10.0)),

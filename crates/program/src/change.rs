@@ -8,8 +8,8 @@
 
 use super::settings_with;
 use config::Config;
-use gcode::{Interpreter, Modes, Settings, Tool};
-use machine::tables::Tables;
+use gcode::{Interpreter, Modes, Settings, Tool, Wear};
+use machine::tables::{LifeChange, Tables};
 use motion::canon::{Axis, LengthUnit, Position};
 
 /// What the machine remembers otherwise from now on. Values are in the unit of the machine, or degrees.
@@ -24,15 +24,30 @@ pub enum Change {
     /// Rotation of a work system (1: G54; `None`: the one in force) about Z of its origin, degrees.
     Rotation { degrees: f64, system: Option<u8> },
     /// What the table has of a tool; what is `None` stays. One that the table does not have is added.
-    Tool {
-        number: u32,
-        length: Option<f64>,
-        diameter: Option<f64>,
-        pocket: Option<u32>,
-        remark: Option<String>,
-    },
+    Tool(ToolChange),
     /// Takes a tool out of the table.
     DeleteTool { number: u32 },
+}
+
+/// What of a tool is to be otherwise. Lengths are in the unit of the machine.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ToolChange {
+    /// The tool.
+    pub number: u32,
+    /// Its length: it has not worn since.
+    pub length: Option<f64>,
+    /// Its diameter: it has not worn since.
+    pub diameter: Option<f64>,
+    /// What has to be added to the length.
+    pub length_wear: Option<f64>,
+    /// What has to be added to the diameter.
+    pub diameter_wear: Option<f64>,
+    /// Its place in the magazine.
+    pub pocket: Option<u32>,
+    /// What is written next to it.
+    pub remark: Option<String>,
+    /// How long it may be used, and has been; see [`Tables::set_life`].
+    pub life: LifeChange,
 }
 
 impl Change {
@@ -42,14 +57,15 @@ impl Change {
             Change::TouchOffWork { axis, .. } | Change::TouchOffTool { axis, .. } | Change::Offset { axis, .. } => {
                 Some(*axis)
             }
-            Change::Rotation { .. } | Change::Tool { .. } | Change::DeleteTool { .. } => None,
+            Change::Rotation { .. } | Change::Tool(_) | Change::DeleteTool { .. } => None,
         }
     }
 
     /// The tool whose measures it sets.
     pub fn tool(&self) -> Option<u32> {
         match self {
-            Change::TouchOffTool { tool, .. } | Change::Tool { number: tool, .. } => Some(*tool),
+            Change::TouchOffTool { tool, .. } => Some(*tool),
+            Change::Tool(tool) => Some(tool.number),
             Change::TouchOffWork { .. }
             | Change::Offset { .. }
             | Change::Rotation { .. }
@@ -75,7 +91,7 @@ pub fn changed(
         Change::Offset { axis, value, system } => set("L2", u32::from(system.unwrap_or(0)), axis, value),
         Change::Rotation { degrees, system } => format!("G10 L2 P{} R{degrees}", system.unwrap_or(0)),
         Change::TouchOffTool { axis, value, tool } => set("L10", tool, axis, value),
-        Change::Tool { .. } => return with_tool(settings, config.unit, change),
+        Change::Tool(ref change) => return with_tool(settings, config.unit, change),
         Change::DeleteTool { number } if number == tables.tool_in_spindle() => {
             return Err(format!("tool {number} is in the spindle"));
         }
@@ -105,17 +121,8 @@ fn set(how: &str, what: u32, axis: Axis, value: f64) -> String {
     format!("G10 {how} P{what} {}{value}", axis.letter())
 }
 
-fn with_tool(mut settings: Settings, unit: LengthUnit, change: &Change) -> Result<Settings, String> {
-    let Change::Tool {
-        number,
-        length,
-        diameter,
-        pocket,
-        ref remark,
-    } = *change
-    else {
-        return Ok(settings);
-    };
+fn with_tool(mut settings: Settings, unit: LengthUnit, change: &ToolChange) -> Result<Settings, String> {
+    let number = change.number;
     let known = settings.tools.by_number(number).cloned();
     if number == 0 && known.is_none() {
         return Err("tool 0 stands for none: numbers of tools begin at 1".into());
@@ -125,19 +132,40 @@ fn with_tool(mut settings: Settings, unit: LengthUnit, change: &Change) -> Resul
         pocket: number,
         ..Tool::default()
     });
-    if let Some(length) = length {
+    if let Some(length) = change.length {
         tool.offset[Axis::Z] = length * unit.mm();
     }
-    if let Some(diameter) = diameter {
+    if let Some(diameter) = change.diameter {
         tool.diameter_mm = diameter * unit.mm();
     }
-    if let Some(pocket) = pocket {
+    if let Some(pocket) = change.pocket {
         tool.pocket = pocket;
     }
-    if let Some(remark) = remark {
+    if let Some(remark) = &change.remark {
         tool.remark.clone_from(remark);
     }
     settings.tools.set(tool).map_err(|error| error.to_string())?;
+    // What was measured has not worn, also where it measures the same as before.
+    let worn = settings.tools.wear(number);
+    let left = |worn: f64, to: Option<f64>, measured: Option<f64>| match to {
+        Some(to) => to * unit.mm(),
+        None if measured.is_some() => 0.0,
+        None => worn,
+    };
+    let wear = Wear {
+        length_mm: left(worn.length_mm, change.length_wear, change.length),
+        diameter_mm: left(worn.diameter_mm, change.diameter_wear, change.diameter),
+    };
+    let tools = &mut settings.tools;
+    tools.set_wear(number, wear).map_err(|error| error.to_string())?;
+    if let Some(sister) = change.life.sister.filter(|sister| *sister != 0) {
+        if sister == number {
+            return Err("a tool is no sister of its own".into());
+        }
+        if tools.by_number(sister).is_none() {
+            return Err(format!("the tool table has no tool {sister}"));
+        }
+    }
     Ok(settings)
 }
 
@@ -196,25 +224,23 @@ mod tests {
         let (config, mut tables) = demo();
         let at = Position::xyz(0.0, 0.0, -10.0);
         let length = |settings: &Settings, tool| settings.tools.by_number(tool).unwrap().offset[Axis::Z];
-        let set = Change::Tool {
+        let set = Change::Tool(ToolChange {
             number: 5,
             length: Some(12.3),
             diameter: Some(6.0),
             pocket: Some(7),
             remark: Some("end mill\n2 flutes".into()),
-        };
+            ..ToolChange::default()
+        });
         let found = changed(&config, &tables, at, None, &set).unwrap();
         assert_eq!(length(&found, 5), 12.3);
         let tool = found.tools.by_number(5).unwrap();
         assert_eq!((tool.diameter_mm, tool.pocket), (6.0, 7));
         assert_eq!(tool.remark, "end mill 2 flutes", "the table has one line for it");
-        let none = Change::Tool {
-            number: 0,
+        let none = Change::Tool(ToolChange {
             length: Some(1.0),
-            diameter: None,
-            pocket: None,
-            remark: None,
-        };
+            ..ToolChange::default()
+        });
         let refused = changed(&config, &tables, at, None, &none).unwrap_err();
         assert_eq!(refused, "tool 0 stands for none: numbers of tools begin at 1");
         tables.adopt(found);

@@ -51,7 +51,7 @@ mod user_code;
 pub mod waits;
 
 pub use begin::{Begin, home};
-pub use change::{Change, changed};
+pub use change::{Change, ToolChange, changed};
 pub use check::{Overview, ProgramErrors, check, check_text, error_json};
 use config::{self, Config};
 pub use doubts::{Doubt, doubts};

@@ -49,7 +49,7 @@ const USER_CODES: std::ops::RangeInclusive<u8> = 100..=199;
 /// Settings for a program that begins at `start`, a machine position.
 pub fn settings_with(config: &Config, tables: &Tables, start: Position) -> gcode::Settings {
     let mut settings = gcode::Settings {
-        tools: tables.tools().clone(),
+        tools: tables.tools_to_call(),
         tool_in_spindle: tables.tool_in_spindle(),
         block_delete: tables.block_delete,
         ..interpreter_settings(config, start)

@@ -42,4 +42,4 @@ pub use rpc::{Received, RpcError};
 
 /// Version of what is served: the first number changes when something is gone or means something else, the second when something is
 /// new.
-pub const API_VERSION: &str = "3.1";
+pub const API_VERSION: &str = "3.2";

@@ -337,6 +337,20 @@ params! {
         pub pocket: Option<u32>,
         /// What is written next to it in the table.
         pub remark: Option<String>,
+        /// To be added to the length since it was measured, in the unit of the machine.
+        pub length_wear: Option<f64>,
+        /// The same of the diameter.
+        pub diameter_wear: Option<f64>,
+        /// Minutes that it may be used; 0: as long as one likes.
+        pub life_minutes: Option<f64>,
+        /// Parts that it may be used for; 0: as many as one likes.
+        pub life_parts: Option<u32>,
+        /// Minutes that it has been used; 0 for a new one.
+        pub used_minutes: Option<f64>,
+        /// Parts that it has been used for.
+        pub used_parts: Option<u32>,
+        /// The tool that is called in its place when its life is over; 0: none.
+        pub sister: Option<u32>,
     }
 
     /// A tool of the table.

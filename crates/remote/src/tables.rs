@@ -5,7 +5,7 @@
 use super::control::{ControlArgs, ask, parts_words, print, warn};
 use clap::{Args, Subcommand};
 use host::terminal::{self, table};
-use protocol::{Entry, EntryKind, Offsets, Tools, method, params};
+use protocol::{Entry, EntryKind, Offsets, Tool, ToolLife, Tools, method, params};
 use std::collections::BTreeMap;
 use std::process::ExitCode;
 use std::time::{Duration, UNIX_EPOCH};
@@ -69,8 +69,8 @@ enum ToolCommand {
     /// The tool table
     #[command(after_help = "Example: isocnc tool list")]
     List,
-    /// Set length, diameter or both of a tool; a length whose G43 is in force counts at once
-    #[command(after_help = "Example: isocnc tool set 5 --length 12.3 --diameter 6")]
+    /// Set length, diameter, wear or life of a tool; a length whose G43 is in force counts at once
+    #[command(after_help = "Example: isocnc tool set 5 --length 12.3 --diameter 6 --life-minutes 45 --sister 15")]
     Set {
         /// Number
         tool: u32,
@@ -80,6 +80,27 @@ enum ToolCommand {
         /// In the unit of the machine
         #[arg(long, allow_negative_numbers = true)]
         diameter: Option<f64>,
+        /// To be added to the length since it was measured
+        #[arg(long, allow_negative_numbers = true)]
+        length_wear: Option<f64>,
+        /// To be added to the diameter since it was measured
+        #[arg(long, allow_negative_numbers = true)]
+        diameter_wear: Option<f64>,
+        /// Minutes that it may be used; 0: as long as one likes
+        #[arg(long)]
+        life_minutes: Option<f64>,
+        /// Parts that it may be used for; 0: as many as one likes
+        #[arg(long)]
+        life_parts: Option<u32>,
+        /// Minutes that it has been used; 0 for a new one
+        #[arg(long)]
+        used_minutes: Option<f64>,
+        /// Parts that it has been used for; 0 for a new one
+        #[arg(long)]
+        used_parts: Option<u32>,
+        /// The tool that is called in its place when its life is over; 0: none
+        #[arg(long)]
+        sister: Option<u32>,
     },
 }
 
@@ -271,14 +292,46 @@ pub fn tool(args: &ToolArgs) -> anyhow::Result<ExitCode> {
             let tools = ask::<method::ToolList>(&args.control, &params::NoParams {})?;
             print(&args.control, &tools, &tool_table(&tools));
         }
-        ToolCommand::Set { tool, length, diameter } => {
+        ToolCommand::Set {
+            tool,
+            length,
+            diameter,
+            length_wear,
+            diameter_wear,
+            life_minutes,
+            life_parts,
+            used_minutes,
+            used_parts,
+            sister,
+        } => {
+            let number = |count: &Option<u32>| count.map(f64::from);
+            let given = [
+                ("length", *length),
+                ("diameter", *diameter),
+                ("length wear", *length_wear),
+                ("diameter wear", *diameter_wear),
+                ("life in minutes", *life_minutes),
+                ("life in parts", number(life_parts)),
+                ("minutes used", *used_minutes),
+                ("parts made", number(used_parts)),
+                ("sister", number(sister)),
+            ];
             let mut words = vec![format!("tool {tool}")];
-            words.extend(length.map(|length| format!("length {length}")));
-            words.extend(diameter.map(|diameter| format!("diameter {diameter}")));
+            let given = given
+                .into_iter()
+                .filter_map(|(name, value)| Some(format!("{name} {}", value?)));
+            words.extend(given);
             let wanted = params::ToolSet {
                 tool: *tool,
                 length: *length,
                 diameter: *diameter,
+                length_wear: *length_wear,
+                diameter_wear: *diameter_wear,
+                life_minutes: *life_minutes,
+                life_parts: *life_parts,
+                used_minutes: *used_minutes,
+                used_parts: *used_parts,
+                sister: *sister,
                 ..Default::default()
             };
             let kept = ask::<method::ToolSet>(&args.control, &wanted)?;
@@ -326,16 +379,41 @@ fn offset_table(offsets: &Offsets) -> String {
 }
 
 fn tool_table(tools: &Tools) -> String {
-    let head = ["tool", ">pocket", ">length", ">diameter", "remark"];
+    let has = |what: fn(&Tool) -> bool| tools.tools.iter().any(what);
+    let wears = has(|tool| tool.length_wear != 0.0 || tool.diameter_wear != 0.0);
+    let lives = has(|tool| tool.life != ToolLife::default());
+    let mut head = vec!["tool", ">pocket", ">length", ">diameter"];
+    head.extend(wears.then_some([">wear", ">of diameter"]).into_iter().flatten());
+    head.extend(lives.then_some([">min", ">parts", ">sister"]).into_iter().flatten());
+    head.push("remark");
+    let share = |used: String, of: Option<String>| match of {
+        Some(of) => format!("{used} of {of}"),
+        None => used,
+    };
     let rows = tools.tools.iter().map(|tool| {
         let mark = if tool.tool == tools.in_spindle { " *" } else { "" };
-        vec![
+        let life = &tool.life;
+        let mut row = vec![
             format!("{}{mark}", tool.tool),
             tool.pocket.to_string(),
             number(tool.length),
             number(tool.diameter),
-            tool.remark.clone(),
-        ]
+        ];
+        if wears {
+            row.extend([number(tool.length_wear), number(tool.diameter_wear)]);
+        }
+        if lives {
+            row.extend([
+                share(
+                    format!("{:.1}", life.used_minutes),
+                    life.minutes.map(|of| of.to_string()),
+                ),
+                share(life.used_parts.to_string(), life.parts.map(|of| of.to_string())),
+                life.sister.map_or_else(|| "-".to_owned(), |sister| sister.to_string()),
+            ]);
+        }
+        row.push(tool.remark.clone());
+        row
     });
     format!("{}* in the spindle; {}", table(&head, rows), tools.unit)
 }

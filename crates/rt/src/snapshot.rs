@@ -49,6 +49,8 @@ pub struct Snapshot {
     pub waiting: Option<Waiting>,
     /// How often a stop, a fault or power-off has switched spindle and coolant off.
     pub switched_off: u64,
+    /// The spindle is on.
+    pub spindle_on: bool,
     /// The emergency stop chain is open.
     pub chain_open: bool,
     /// A pin keeps jogs from beginning.
@@ -83,6 +85,7 @@ pub(super) struct SnapshotCells {
     elapsed_s: AtomicU64,
     waiting: WaitingCell,
     switched_off: AtomicU64,
+    spindle_on: AtomicBool,
     chain_open: AtomicBool,
     jog_barred: AtomicBool,
     /// Not numbers: the machine is not away from a path.
@@ -128,6 +131,7 @@ impl SnapshotCells {
         self.elapsed_s.store(snapshot.elapsed_s.to_bits(), Relaxed);
         self.waiting.set(snapshot.waiting);
         self.switched_off.store(snapshot.switched_off, Relaxed);
+        self.spindle_on.store(snapshot.spindle_on, Relaxed);
         self.chain_open.store(snapshot.chain_open, Relaxed);
         self.jog_barred.store(snapshot.jog_barred, Relaxed);
         for (cells, place) in [(&self.held_at, snapshot.held_at), (&self.piece_end, snapshot.piece_end)] {
@@ -172,6 +176,7 @@ impl SnapshotCells {
             elapsed_s: float(&self.elapsed_s),
             waiting: self.waiting.get(),
             switched_off: self.switched_off.load(Relaxed),
+            spindle_on: self.spindle_on.load(Relaxed),
             chain_open: self.chain_open.load(Relaxed),
             jog_barred: self.jog_barred.load(Relaxed),
             held_at: place(&self.held_at),

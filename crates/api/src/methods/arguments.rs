@@ -10,10 +10,11 @@ use config::SimFaultKind;
 use glob::Pattern;
 use hal_pins::scope::CHANNELS_MAX;
 use machine::fault_order::{FAULT, FaultOrder};
+use machine::tables::LifeChange;
 use motion::canon::Axis;
 use obd::AbortCode;
-use program::Change;
 use program::tool_path::TOLERANCE_MIN_MM;
+use program::{Change, ToolChange};
 use protocol::Nothing;
 use protocol::limits::{self, SIM_FAULTS, WORK_SYSTEMS};
 use rt::joint_jog::JogMotion;
@@ -320,26 +321,48 @@ pub(super) fn offset(params: &Params) -> Result<Change, RpcError> {
 
 /// What "tool.set" is to do.
 pub(super) fn tool(params: &Params) -> Result<Change, RpcError> {
-    let (length, diameter) = (params.real("length")?, params.real("diameter")?);
-    let pocket = match params.has("pocket") {
-        true => Some(params.number("pocket", 0, u64::from(u32::MAX))? as u32),
-        false => None,
+    let count = |name| match params.has(name) {
+        true => params
+            .number(name, 0, u64::from(u32::MAX))
+            .map(|count| Some(count as u32)),
+        false => Ok(None),
     };
-    let remark = params.text("remark")?.map(str::to_owned);
-    if length.is_none() && diameter.is_none() && pocket.is_none() && remark.is_none() {
+    let minutes = |name| match params.real(name)? {
+        Some(minutes) if !(0.0..=MINUTES_MAX).contains(&minutes) => Err(RpcError::new(
+            code::INVALID_PARAMS,
+            format!("\"{name}\" is a number from 0 to {MINUTES_MAX}"),
+        )),
+        minutes => Ok(minutes),
+    };
+    let change = ToolChange {
+        number: 0,
+        length: params.real("length")?,
+        diameter: params.real("diameter")?,
+        pocket: count("pocket")?,
+        remark: params.text("remark")?.map(str::to_owned),
+        length_wear: params.real("length_wear")?,
+        diameter_wear: params.real("diameter_wear")?,
+        life: LifeChange {
+            minutes: minutes("life_minutes")?,
+            parts: count("life_parts")?,
+            used_minutes: minutes("used_minutes")?,
+            used_parts: count("used_parts")?,
+            sister: count("sister")?,
+        },
+    };
+    if change == ToolChange::default() {
         return Err(RpcError::new(
             code::INVALID_PARAMS,
-            "expected \"length\", \"diameter\", \"pocket\" or \"remark\"",
+            "expected \"length\", \"diameter\", \"pocket\", \"remark\", \"length_wear\", \"diameter_wear\", \"life_minutes\", \
+             \"life_parts\", \"used_minutes\", \"used_parts\" or \"sister\"",
         ));
     }
-    Ok(Change::Tool {
-        number: tool_number(params)?,
-        length,
-        diameter,
-        pocket,
-        remark,
-    })
+    let number = tool_number(params)?;
+    Ok(Change::Tool(ToolChange { number, ..change }))
 }
+
+/// Greatest life of a tool, min: some years.
+const MINUTES_MAX: f64 = 1e7;
 
 /// The tool of "tool.delete".
 pub(super) fn deleted_tool(params: &Params) -> Result<Change, RpcError> {

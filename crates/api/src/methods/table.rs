@@ -374,8 +374,8 @@ pub static METHODS: LazyLock<Vec<Method>> = LazyLock::new(|| {
         look::<method::ToolList>("the tool table, and the tool in the spindle")
             .order(|_, _| Ok(Order::Tools)),
         order::<method::ToolSet>(
-            "\"length\", \"diameter\" (in the unit of the machine), \"pocket\" and \"remark\" of a \"tool\", one or several of them; a tool \
-             that the table lacks is added. A length whose G43 is in force counts at once",
+            "\"length\", \"diameter\", their wear (in the unit of the machine), \"pocket\", \"remark\" and life of a \"tool\", one or several of \
+             them; a tool that the table lacks is added. A length whose G43 is in force counts at once",
         )
             .order(|_, call| arguments::tool(call.params).map(Order::Change)),
         order::<method::ToolDelete>("takes a \"tool\" out of the table; refused for the one in the spindle")

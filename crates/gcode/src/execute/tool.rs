@@ -27,10 +27,22 @@ impl State {
         }
     }
 
-    /// The table's entry of a tool number. 0 is no tool, but of a random tool changer.
+    /// The tool that a number calls, with its wear. 0 is no tool, but of a random tool changer.
     pub(super) fn tool_of(&self, number: f64) -> Result<Tool, ErrorKind> {
         let wanted = integer_in(number, 0..=i64::from(u32::MAX)).map(|number| number as u32);
+        let table = &self.tools.table;
+        let found = wanted.and_then(|number| table.with_wear(table.called(number)));
+        self.found(found, wanted, number)
+    }
+
+    /// The table's entry of just that number.
+    fn entry_of(&self, number: f64) -> Result<Tool, ErrorKind> {
+        let wanted = integer_in(number, 0..=i64::from(u32::MAX)).map(|number| number as u32);
         let found = wanted.and_then(|number| self.tools.table.by_number(number).cloned());
+        self.found(found, wanted, number)
+    }
+
+    fn found(&self, found: Option<Tool>, wanted: Option<u32>, number: f64) -> Result<Tool, ErrorKind> {
         match (found, wanted, self.tools.table.changer()) {
             (Some(tool), _, _) => Ok(tool),
             (None, Some(0), ToolChanger::Fixed) => Ok(Tool::default()),
@@ -81,7 +93,7 @@ impl State {
                 let number = block.word_value(b'Q').ok_or_else(missing)?;
                 block.check_not_negative(b'Q')?;
                 let tool = self
-                    .tool_of(number.round())
+                    .entry_of(number.round())
                     .map_err(|kind| block.span(b'Q').fault(kind))?;
                 self.tool_changed(tool.number);
                 calls.push_back(Call::SetToolNumber {
@@ -328,7 +340,7 @@ impl State {
                 number,
             }));
         }
-        self.tool_of(number).map_err(|kind| block.span(b'P').fault(kind))
+        self.entry_of(number).map_err(|kind| block.span(b'P').fault(kind))
     }
 
     /// The offset with which the axes that are named read in `offsets` as the words say.

@@ -82,11 +82,7 @@ impl Values for State {
 impl State {
     /// The table's entry of the tool in the spindle, zeros without one.
     pub(crate) fn tool(&self) -> crate::Tool {
-        self.tools
-            .table
-            .by_number(self.tools.in_spindle)
-            .cloned()
-            .unwrap_or_default()
+        self.tools.table.with_wear(self.tools.in_spindle).unwrap_or_default()
     }
 
     fn predefined(&self, name: &str) -> Option<f64> {

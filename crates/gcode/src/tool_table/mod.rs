@@ -20,4 +20,4 @@ mod table;
 mod tests;
 
 pub use file::{TableError, TableErrorKind};
-pub use table::{POCKET_MAX, SetToolError, TOOLS_MAX, Tool, ToolChanger, ToolTable};
+pub use table::{POCKET_MAX, SetToolError, TOOLS_MAX, Tool, ToolChanger, ToolTable, Wear};

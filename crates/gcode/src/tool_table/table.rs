@@ -3,6 +3,7 @@
 use super::TableError;
 use motion::canon::{Axis, LengthUnit, Position, ToolEntry};
 use std::cmp::Ordering;
+use std::collections::BTreeMap;
 
 /// Most entries of a table, LinuxCNC's limit: pockets 0 (the spindle) to 1000.
 pub const TOOLS_MAX: usize = 1001;
@@ -63,6 +64,16 @@ impl Tool {
     }
 }
 
+/// How far a tool has worn since it was measured: what has to be added to its length and its diameter. LinuxCNC's file has no place for
+/// it; whoever keeps it sets it with [`ToolTable::set_wear`].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Wear {
+    /// Along Z, mm; a tool that has become shorter has a negative one.
+    pub length_mm: f64,
+    /// Of the diameter, mm.
+    pub diameter_mm: f64,
+}
+
 /// A line of the file.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Line {
@@ -80,13 +91,17 @@ pub struct ToolTable {
     pub(super) lines: Vec<Line>,
     pub(super) unit: LengthUnit,
     changer: ToolChanger,
+    /// By the number of the tool; without those that have not worn.
+    wear: BTreeMap<u32, Wear>,
+    /// Tools that are called in the place of others: see [`ToolTable::set_sisters`].
+    sisters: BTreeMap<u32, u32>,
     /// What of the file was passed over when it was read.
     pub(super) passed_over: Vec<TableError>,
 }
 
 impl PartialEq for ToolTable {
     fn eq(&self, other: &ToolTable) -> bool {
-        self.changer == other.changer && self.tools().eq(other.tools())
+        self.changer == other.changer && self.wear == other.wear && self.tools().eq(other.tools())
     }
 }
 
@@ -103,6 +118,8 @@ impl ToolTable {
             lines: Vec::new(),
             unit,
             changer,
+            wear: BTreeMap::new(),
+            sisters: BTreeMap::new(),
             passed_over: Vec::new(),
         }
     }
@@ -140,7 +157,60 @@ impl ToolTable {
         self.tools().find(|tool| tool.pocket == pocket)
     }
 
-    /// Replaces the tool of the same number where it stands, or adds one at the end.
+    /// The wear of a tool since it was measured.
+    pub fn wear(&self, number: u32) -> Wear {
+        self.wear.get(&number).copied().unwrap_or_default()
+    }
+
+    /// Sets it; a tool that is not in the table has none.
+    ///
+    /// # Errors
+    /// What no file could hold as length or diameter.
+    pub fn set_wear(&mut self, number: u32, wear: Wear) -> Result<(), SetToolError> {
+        for (letter, value) in [('Z', wear.length_mm), ('D', wear.diameter_mm)] {
+            if !(-VALUE_MAX..=VALUE_MAX).contains(&(value / self.unit.mm())) {
+                return Err(SetToolError::OutOfRange { letter });
+            }
+        }
+        match wear != Wear::default() && self.by_number(number).is_some() {
+            true => self.wear.insert(number, wear),
+            false => self.wear.remove(&number),
+        };
+        Ok(())
+    }
+
+    /// Takes over the wear of those tools that measure the same as there.
+    pub fn take_wear_of(&mut self, other: &ToolTable) {
+        for number in other.wear.keys() {
+            let wear = match (self.by_number(*number), other.by_number(*number)) {
+                (Some(tool), Some(before)) => left_of(other.wear(*number), before, tool),
+                (None, _) | (_, None) => continue,
+            };
+            let _ = self.set_wear(*number, wear); // it was good there
+        }
+    }
+
+    /// The tool with its wear, as G43 and G41 count with it.
+    pub fn with_wear(&self, number: u32) -> Option<Tool> {
+        let mut tool = self.by_number(number)?.clone();
+        let wear = self.wear(number);
+        tool.offset[Axis::Z] += wear.length_mm;
+        tool.diameter_mm += wear.diameter_mm;
+        Some(tool)
+    }
+
+    /// Tools that are called in the place of others, whose life is over: where T, H and D name the first, the second is meant.
+    pub fn set_sisters(&mut self, sisters: BTreeMap<u32, u32>) {
+        self.sisters = sisters;
+    }
+
+    /// The number of the tool that is meant where a program calls `number`.
+    pub fn called(&self, number: u32) -> u32 {
+        self.sisters.get(&number).copied().unwrap_or(number)
+    }
+
+    /// Replaces the tool of the same number where it stands, or adds one at the end. What is measured anew has not worn: another length
+    /// or diameter ends its wear.
     ///
     /// # Errors
     /// What the file could not hold; the table is as it was.
@@ -154,9 +224,15 @@ impl ToolTable {
         }
         let same = |line: &&mut Line| matches!(line, Line::Tool { tool, .. } if tool.number == number);
         if let Some(line) = self.lines.iter_mut().find(same) {
-            if !matches!(&*line, Line::Tool { tool: before, .. } if *before == tool) {
+            if let Line::Tool { tool: before, .. } = &*line
+                && *before != tool
+            {
+                if let Some(worn) = self.wear.get_mut(&number) {
+                    *worn = left_of(*worn, before, &tool);
+                }
                 *line = Line::Tool { tool, text: None };
             }
+            self.wear.retain(|_, wear| *wear != Wear::default());
             return Ok(());
         }
         if self.tools().count() >= TOOLS_MAX {
@@ -169,6 +245,7 @@ impl ToolTable {
     /// Takes a tool out of the table, with its line; false: it has none of this number.
     pub fn remove(&mut self, number: u32) -> bool {
         let before = self.lines.len();
+        self.wear.remove(&number);
         self.lines
             .retain(|line| !matches!(line, Line::Tool { tool, .. } if tool.number == number));
         self.lines.len() < before
@@ -203,6 +280,15 @@ impl ToolTable {
                 *text = None;
             }
         }
+    }
+}
+
+/// What is left of a wear where the measures of a tool are no longer those of before.
+fn left_of(wear: Wear, before: &Tool, now: &Tool) -> Wear {
+    let kept = |worn: f64, same: bool| if same { worn } else { 0.0 };
+    Wear {
+        length_mm: kept(wear.length_mm, before.offset[Axis::Z] == now.offset[Axis::Z]),
+        diameter_mm: kept(wear.diameter_mm, before.diameter_mm == now.diameter_mm),
     }
 }
 

@@ -1,8 +1,10 @@
 //! Reading and writing of tool tables.
 
 use super::*;
-use motion::canon::{Axis, LengthUnit, Position};
+use crate::{Interpreter, Settings};
+use motion::canon::{Axis, Call, LengthUnit, Position};
 use proptest::prelude::*;
+use std::collections::BTreeMap;
 
 fn read(text: &str) -> ToolTable {
     ToolTable::parse(text.as_bytes(), LengthUnit::Millimetre, ToolChanger::Fixed).unwrap()
@@ -333,4 +335,59 @@ fn what_counts_for_nothing_is_told_and_the_rest_counts() {
         .map(|line| line[..4].to_owned())
         .collect();
     assert_eq!(lines, ["1:7:", "2:4:", "3:7:", "4:7:"]);
+}
+
+#[test]
+fn wear_is_counted_with_until_the_tool_is_measured_anew() {
+    let text = b"T1 P1 Z+10 D6 ;mill\nT2 P2 Z20\n";
+    let mut table = ToolTable::parse(text, LengthUnit::Millimetre, ToolChanger::Fixed).unwrap();
+    let wear = Wear {
+        length_mm: -0.02,
+        diameter_mm: -0.05,
+    };
+    table.set_wear(1, wear).unwrap();
+    table.set_wear(7, wear).unwrap();
+    assert_eq!((table.wear(1), table.wear(7)), (wear, Wear::default()), "there is no tool 7");
+    let worn = table.with_wear(1).unwrap();
+    assert_eq!((worn.offset[Axis::Z], worn.diameter_mm), (9.98, 5.95));
+    assert_eq!(table.write().as_bytes(), text, "LinuxCNC's file has no place for it");
+    let mut tool = table.by_number(1).unwrap().clone();
+    tool.remark = "end mill".into();
+    table.set(tool.clone()).unwrap();
+    assert_eq!(table.wear(1), wear);
+    tool.offset[Axis::Z] = 9.9;
+    table.set(tool).unwrap();
+    let left = Wear {
+        length_mm: 0.0,
+        ..wear
+    };
+    assert_eq!(table.wear(1), left);
+    // Somebody has edited the file: the diameter is another one.
+    let mut edited = ToolTable::parse(b"T1 P1 Z+9.9 D5.9\n", LengthUnit::Millimetre, ToolChanger::Fixed).unwrap();
+    edited.take_wear_of(&table);
+    assert_eq!(edited.wear(1), Wear::default());
+    assert!(table.remove(1));
+    assert_eq!(table.wear(1), Wear::default());
+    let beyond = Wear {
+        length_mm: f64::NAN,
+        ..wear
+    };
+    assert!(table.set_wear(2, beyond).is_err());
+}
+
+#[test]
+fn a_sister_is_meant_where_the_tool_is_called() {
+    let mut table = ToolTable::parse(b"T5 P5 Z50 D6\nT15 P15 Z30 D8\n", LengthUnit::Millimetre, ToolChanger::Fixed).unwrap();
+    table.set_sisters(BTreeMap::from([(5, 15)]));
+    let settings = Settings {
+        tools: table,
+        ..Settings::default()
+    };
+    let program = b"T5 M6 G43 H5\nG10 L1 P5 Z51\n#1=#5400 #2=#5403 #3=#5410\nM2\n";
+    let mut run = Interpreter::new(settings).run(program);
+    let calls: Vec<Call> = run.by_ref().map(|call| call.unwrap().call).collect();
+    let changes = calls.iter().filter(|call| matches!(call, Call::ChangeTool { tool: 15, .. }));
+    assert_eq!(changes.count(), 1, "{calls:?}");
+    let left = run.snapshot();
+    assert_eq!(left.tools.by_number(5).unwrap().offset[Axis::Z], 51.0, "the table is set as it is written");
 }

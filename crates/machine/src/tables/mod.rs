@@ -6,11 +6,18 @@
 //! A file that somebody edits while the control runs counts from the next program on. Where nothing can be written, or no
 //! file is named, the machine remembers until the process ends.
 
+mod life;
+
+pub use life::LifeChange;
+
 use super::safe_file::{self, Files};
 use config::Config;
 use gcode::parameter::file as parameter_file;
 use gcode::{Located, Tool, ToolChanger, ToolTable};
+use life::Lives;
 use motion::canon::{Axis, LengthUnit, Position};
+use protocol::ToolLife;
+use std::collections::BTreeMap;
 use std::fmt;
 use std::fmt::Write;
 use std::io;
@@ -39,10 +46,12 @@ const ROTATION: u16 = 9;
 pub struct Tables {
     parameters: Vec<(u16, f64)>,
     tools: ToolTable,
+    lives: Lives,
     /// 0: none.
     tool_in_spindle: u32,
     parameter_file: Option<Kept>,
     tool_file: Option<Kept>,
+    life_file: Option<Kept>,
     /// The operator's switch: lines that begin with / are left out.
     pub block_delete: bool,
 }
@@ -130,9 +139,11 @@ impl Tables {
         let mut tables = Tables {
             parameters: default_parameters(&config.work_offsets, config.unit),
             tools: without_file(config),
+            lives: Lives::default(),
             tool_in_spindle: 0,
             parameter_file: kept(&config.program.parameter_file, "parameters.var"),
             tool_file: kept(&config.tools.table, "tools.tbl"),
+            life_file: kept(&None, "tool-life.json"),
             block_delete: config.program.block_delete,
         };
         tables.refresh(config)?;
@@ -160,6 +171,14 @@ impl Tables {
         {
             let parsed = ToolTable::parse(&content, config.unit, config.tools.changer);
             fresh.tools = parsed.map_err(|errors| TablesError::mistakes(&kept.path, &content, &errors))?;
+            fresh.tools.take_wear_of(&self.tools);
+            kept.content = Some(content);
+        }
+        if let Some(kept) = &mut fresh.life_file
+            && let Some(content) = kept.changed()?
+        {
+            let parsed = Lives::parse(&content, &mut fresh.tools);
+            fresh.lives = parsed.map_err(|error| TablesError::unreadable(&kept.path, &error))?;
             kept.content = Some(content);
         }
         *self = fresh;
@@ -231,6 +250,33 @@ impl Tables {
         &self.tools
     }
 
+    /// The same for a program that begins now: tools whose life is over give way to their sisters.
+    pub fn tools_to_call(&self) -> ToolTable {
+        let mut tools = self.tools.clone();
+        tools.set_sisters(self.sisters());
+        tools
+    }
+
+    /// The tools that are called in the place of those whose life is over.
+    pub fn sisters(&self) -> BTreeMap<u32, u32> {
+        self.lives.sisters(&self.tools)
+    }
+
+    /// How long a tool may be used, and has been.
+    pub fn life(&self, tool: u32) -> ToolLife {
+        self.lives.of(tool)
+    }
+
+    /// Sets it.
+    pub fn set_life(&mut self, tool: u32, change: &LifeChange) {
+        self.lives.change(tool, change);
+    }
+
+    /// A tool was used. Whether its life is over by that.
+    pub fn use_up(&mut self, tool: u32, minutes: f64, parts: u32) -> bool {
+        self.lives.use_up(tool, minutes, parts)
+    }
+
     /// Number of the tool in the spindle, 0: none. Of a random changer that of pocket 0.
     pub fn tool_in_spindle(&self) -> u32 {
         match self.tools.changer() {
@@ -265,18 +311,22 @@ impl Tables {
     }
 
     /// What the files must hold.
-    fn contents(&self) -> [Option<(&Kept, String)>; 2] {
+    fn contents(&self) -> [Option<(&Kept, String)>; 3] {
         let parameters = self.parameter_file.as_ref();
         let tools = self.tool_file.as_ref();
         [
             parameters.map(|kept| (kept, parameter_file::write(&self.parameters))),
             tools.map(|kept| (kept, self.tools.write())),
+            self.life_file
+                .as_ref()
+                .map(|kept| (kept, self.lives.write(&self.tools)))
+                .filter(|(kept, text)| kept.content.is_some() || !text.is_empty()),
         ]
     }
 
     /// Notes what a file holds now.
     fn saved(&mut self, path: &Path, content: Vec<u8>) {
-        let files = [&mut self.parameter_file, &mut self.tool_file];
+        let files = [&mut self.parameter_file, &mut self.tool_file, &mut self.life_file];
         if let Some(kept) = files.into_iter().flatten().find(|kept| kept.path == path) {
             kept.content = Some(content);
         }

@@ -26,7 +26,7 @@ pub(super) fn wish(order: &Order) -> Option<Wish> {
         Order::Run(_) => Wish::Run,
         Order::Mdi(_) | Order::Lines { .. } => Wish::Mdi,
         Order::Change(
-            Change::Offset { .. } | Change::Rotation { .. } | Change::Tool { .. } | Change::DeleteTool { .. },
+            Change::Offset { .. } | Change::Rotation { .. } | Change::Tool(_) | Change::DeleteTool { .. },
         ) => Wish::Set,
         Order::Change(_) => Wish::TouchOff,
         Order::Jog(_) => Wish::Jog,

@@ -1029,14 +1029,36 @@ export interface Times {
 export interface Tool {
   /** Diameter, in the unit of the machine. */
   diameter: number;
+  /** The same of the diameter. */
+  diameter_wear: number;
   /** Length, in the unit of the machine. */
   length: number;
+  /** To be added to the length since it was measured, in the unit of the machine. */
+  length_wear: number;
+  /** How long it may be used. */
+  life: ToolLife;
   /** Its place in the magazine. */
   pocket: number;
   /** What is written next to it in the table. */
   remark: string;
   /** Its number. */
   tool: number;
+  /** Its life is over. */
+  worn_out: boolean;
+}
+
+/** How long a tool may be used, and how long it has been. */
+export interface ToolLife {
+  /** Minutes that it may be used; null: nobody has said. */
+  minutes: number | null;
+  /** Parts that it may be used for; null: nobody has said. */
+  parts: number | null;
+  /** The tool that is called in its place when its life is over. */
+  sister: number | null;
+  /** Minutes that programs have moved with it in the spindle and the spindle on. */
+  used_minutes: number;
+  /** Parts of programs that have used it. */
+  used_parts: number;
 }
 
 /** The tool table. */
@@ -1133,7 +1155,7 @@ export interface Calls {
   "offset.list": { params: Record<string, never>; answer: Offsets };
   "offset.set": { params: { system?: "G54" | "G55" | "G56" | "G57" | "G58" | "G59" | "G59.1" | "G59.2" | "G59.3"; axis?: "X" | "Y" | "Z" | "A" | "B" | "C" | "U" | "V" | "W"; value?: number; rotation_degrees?: number; request_id?: string }; answer: Kept };
   "tool.list": { params: Record<string, never>; answer: Tools };
-  "tool.set": { params: { tool: number; length?: number; diameter?: number; pocket?: number; remark?: string; request_id?: string }; answer: Kept };
+  "tool.set": { params: { tool: number; length?: number; diameter?: number; pocket?: number; remark?: string; length_wear?: number; diameter_wear?: number; life_minutes?: number; life_parts?: number; used_minutes?: number; used_parts?: number; sister?: number; request_id?: string }; answer: Kept };
   "tool.delete": { params: { tool: number; request_id?: string }; answer: Kept };
   "tool.changed": { params: { request_id?: string }; answer: Nothing };
   "jog": { params: { axis?: "X" | "Y" | "Z" | "A" | "B" | "C" | "U" | "V" | "W"; joint?: number; velocity_mm_s: number; distance_mm?: number; request_id?: string }; answer: Jog };

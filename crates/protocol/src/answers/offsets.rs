@@ -65,4 +65,40 @@ pub struct Tool {
     pub diameter: f64,
     /// What is written next to it in the table.
     pub remark: String,
+    /// To be added to the length since it was measured, in the unit of the machine.
+    #[serde(default)]
+    pub length_wear: f64,
+    /// The same of the diameter.
+    #[serde(default)]
+    pub diameter_wear: f64,
+    /// How long it may be used.
+    #[serde(default)]
+    pub life: ToolLife,
+    /// Its life is over.
+    #[serde(default)]
+    pub worn_out: bool,
+}
+
+/// How long a tool may be used, and how long it has been.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct ToolLife {
+    /// Minutes that it may be used; null: nobody has said.
+    pub minutes: Option<f64>,
+    /// Parts that it may be used for; null: nobody has said.
+    pub parts: Option<u32>,
+    /// Minutes that programs have moved with it in the spindle and the spindle on.
+    pub used_minutes: f64,
+    /// Parts of programs that have used it.
+    pub used_parts: u32,
+    /// The tool that is called in its place when its life is over.
+    pub sister: Option<u32>,
+}
+
+impl ToolLife {
+    /// Whether it has been used for as long as it may be.
+    pub fn is_over(&self) -> bool {
+        self.minutes.is_some_and(|minutes| self.used_minutes >= minutes)
+            || self.parts.is_some_and(|parts| self.used_parts >= parts)
+    }
 }

@@ -63,6 +63,7 @@ impl MotionController<dyn CyclicBus + '_> {
             elapsed_s: run.map_or(0.0, |run| run.cycles as f64 * self.parts.cycle_s),
             waiting: self.waits_for(),
             switched_off: self.switched_off,
+            spindle_on: self.parts.spindles.first.commanded().is_some(),
             jog_barred: self.is_jog_barred(),
             chain_open: self.chain_opened_by().is_some(),
             held_at: run.and_then(|run| run.away_from).map(|place| place.axes),

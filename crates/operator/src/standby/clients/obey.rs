@@ -274,6 +274,9 @@ impl Clients<'_, '_> {
         for what in keeper.hand_in(left) {
             operator.add_entry(what);
         }
+        if let Change::Tool(tool) = change {
+            keeper.set_life(tool.number, &tool.life, operator);
+        }
         Ok(())
     }
 }
