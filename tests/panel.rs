@@ -8,7 +8,7 @@ use std::collections::BTreeSet;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::path::PathBuf;
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use testing::PATIENCE;
 use tungstenite::client::IntoClientRequest;
@@ -56,36 +56,7 @@ impl Control {
 
     /// Answers with status, head and body.
     fn http(&self, method: &str, path: &str, headers: &[(&str, &str)], body: &[u8]) -> (u16, String, Vec<u8>) {
-        let local = self.local();
-        let mut stream = TcpStream::connect(local).unwrap();
-        stream.set_read_timeout(Some(PATIENCE)).unwrap();
-        let mut head = format!("{method} {path} HTTP/1.1\r\nConnection: close\r\n");
-        let own_host = ("Host", local.to_string());
-        if !headers.iter().any(|(name, _)| *name == "Host") {
-            head += &format!("{}: {}\r\n", own_host.0, own_host.1);
-        }
-        for (name, value) in headers {
-            head += &format!("{name}: {value}\r\n");
-        }
-        if !body.is_empty() && !headers.iter().any(|(name, _)| *name == "Content-Length") {
-            head += &format!("Content-Length: {}\r\n", body.len());
-        }
-        stream.write_all(format!("{head}\r\n").as_bytes()).unwrap();
-        // It may answer and close before it has all.
-        let _ = stream.write_all(body);
-        let mut answer = Vec::new();
-        let _ = stream.read_to_end(&mut answer);
-        let end = answer
-            .windows(4)
-            .position(|octets| octets == b"\r\n\r\n")
-            .expect("a head");
-        let head = String::from_utf8(answer[..end].to_vec()).unwrap().to_ascii_lowercase();
-        let status = head.split(' ').nth(1).unwrap().parse().unwrap();
-        let mut body = answer[end + 4..].to_vec();
-        if head.contains("transfer-encoding: chunked") {
-            body = unchunked(&body);
-        }
-        (status, head, body)
+        http(self.local(), method, path, headers, body)
     }
 
     fn json(&self, method: &str, path: &str, headers: &[(&str, &str)], body: &[u8]) -> (u16, Value) {
@@ -102,6 +73,38 @@ impl Control {
         let (socket, _) = tungstenite::client(request, stream).unwrap();
         Rpc { socket, last: 0 }
     }
+}
+
+/// Answers with status, head and body.
+fn http(at: SocketAddr, method: &str, path: &str, headers: &[(&str, &str)], body: &[u8]) -> (u16, String, Vec<u8>) {
+    let mut stream = TcpStream::connect(at).unwrap();
+    stream.set_read_timeout(Some(PATIENCE)).unwrap();
+    let mut head = format!("{method} {path} HTTP/1.1\r\nConnection: close\r\n");
+    if !headers.iter().any(|(name, _)| *name == "Host") {
+        head += &format!("Host: {at}\r\n");
+    }
+    for (name, value) in headers {
+        head += &format!("{name}: {value}\r\n");
+    }
+    if !body.is_empty() && !headers.iter().any(|(name, _)| *name == "Content-Length") {
+        head += &format!("Content-Length: {}\r\n", body.len());
+    }
+    stream.write_all(format!("{head}\r\n").as_bytes()).unwrap();
+    // It may answer and close before it has all.
+    let _ = stream.write_all(body);
+    let mut answer = Vec::new();
+    let _ = stream.read_to_end(&mut answer);
+    let end = answer
+        .windows(4)
+        .position(|octets| octets == b"\r\n\r\n")
+        .expect("a head");
+    let head = String::from_utf8(answer[..end].to_vec()).unwrap().to_ascii_lowercase();
+    let status = head.split(' ').nth(1).unwrap().parse().unwrap();
+    let mut body = answer[end + 4..].to_vec();
+    if head.contains("transfer-encoding: chunked") {
+        body = unchunked(&body);
+    }
+    (status, head, body)
 }
 
 fn unchunked(mut body: &[u8]) -> Vec<u8> {
@@ -827,4 +830,101 @@ fn a_jog_of_a_lost_client_comes_to_rest() {
         (&later["state"], &later["position_mm"]),
         (&json!("ready"), &rest["position_mm"])
     );
+}
+
+#[test]
+fn a_machine_file_is_made_on_a_page_whose_place_the_control_takes() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("mill.toml");
+    let mut process = testing::command(env!("CARGO_BIN_EXE_isocnc"))
+        .arg("init")
+        .arg(&file)
+        .args(["--panel", "127.0.0.1:0"])
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut output = BufReader::new(process.stdout.take().unwrap());
+    let mut line = String::new();
+    output.read_line(&mut line).unwrap();
+    let told = line
+        .trim()
+        .strip_prefix("a machine file is made at http://")
+        .expect("an address");
+    let at: SocketAddr = told.trim_end_matches('/').parse().unwrap();
+    let ask = |method: &str, path: &str, body: &Value| {
+        let body = if body.is_null() {
+            Vec::new()
+        } else {
+            body.to_string().into_bytes()
+        };
+        let (status, _, body) = http(at, method, path, &[], &body);
+        (status, serde_json::from_slice::<Value>(&body).unwrap_or(Value::Null))
+    };
+    let (status, begin) = ask("GET", "/init", &Value::Null);
+    assert_eq!(
+        (status, &begin["exists"], &begin["name"]),
+        (200, &json!(false), &json!("mill"))
+    );
+    assert_eq!(begin["file"], file.display().to_string());
+    let page = http(at, "GET", "/", &[], &[]).2;
+    assert_eq!(
+        page,
+        http(at, "GET", "/init.html", &[], &[]).2,
+        "the page is the first one"
+    );
+    let answers = json!({
+        "name": format!("init-{}", std::process::id()), "interface": "lo", "scan": false, "axes": "XYZ", "drives": [1, 2, 3],
+        "io": [20], "scales": ["10000/5", "10000/5", "10000/5"], "travels": ["-5:205", "-5:205", "-105:5"],
+        "speeds": ["1000", "1000", "1000"], "to_try": true, "cycle_us": 1000,
+    });
+    let with = |key: &str, value: Value| {
+        let mut answers = answers.clone();
+        answers[key] = value;
+        answers
+    };
+    for (what, asked, status, why) in [
+        ("start", json!({}), 409, "no machine file is written yet"),
+        ("scan", json!({ "interface": "nowhere0" }), 502, "nowhere0"),
+        ("check", with("scan", json!(true)), 422, "lo has not been scanned"),
+        (
+            "check",
+            with("scales", json!(["10000/0"])),
+            422,
+            "10000/0: expected increments",
+        ),
+        ("check", with("axes", json!("XQZ")), 422, "Q"),
+        ("check", with("nobody", json!(1)), 422, "unknown field `nobody`"),
+        ("write", with("name", json!("1st")), 422, "name"),
+        ("anything", json!({}), 404, "/init knows no anything"),
+    ] {
+        let (found, answer) = ask("POST", &format!("/init/{what}"), &asked);
+        let said = answer["error"].as_str().unwrap_or_default();
+        assert!(
+            found == status && said.contains(why),
+            "{what} {asked}: {found} {answer}"
+        );
+    }
+    // A page of another site makes nothing.
+    let foreign = [("Origin", "http://evil.example")];
+    assert_eq!(
+        http(at, "POST", "/init/write", &foreign, answers.to_string().as_bytes()).0,
+        403
+    );
+    assert!(!file.exists());
+    let (status, checked) = ask("POST", "/init/check", &answers);
+    assert_eq!(status, 200);
+    assert_eq!(ask("POST", "/init/write", &answers).0, 200);
+    assert_eq!(checked["text"], std::fs::read_to_string(&file).unwrap());
+    assert_eq!(ask("POST", "/init/write", &answers).0, 409, "it is there now");
+    assert_eq!(ask("POST", "/init/write", &with("replace", json!(true))).0, 200);
+    // The control listens at the same address; that this interface is none for a bus it finds out later.
+    assert_eq!(ask("POST", "/init/start", &json!({})).0, 202);
+    let mut line = String::new();
+    while !line.starts_with(&format!("panel: http://{at}/")) {
+        line.clear();
+        assert!(output.read_line(&mut line).unwrap() > 0, "the control does not begin");
+    }
+    // Gone already where it has found out.
+    let _ = process.kill();
+    process.wait().unwrap();
 }

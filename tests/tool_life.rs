@@ -38,11 +38,25 @@ fn a_tool_whose_life_is_over_gives_way_to_its_sister() {
     });
     ready(&control);
     let set = |arguments: &[&str]| control.ask(&[&["tool", "set"], arguments].concat()).unwrap();
-    set(&["5", "--length", "40", "--length-wear", "-0.5", "--life-parts", "2", "--sister", "15"]);
+    set(&[
+        "5",
+        "--length",
+        "40",
+        "--length-wear",
+        "-0.5",
+        "--life-parts",
+        "2",
+        "--sister",
+        "15",
+    ]);
     set(&["15", "--length", "30"]);
     let first = run(&control);
     let used = tool(&control, 5);
-    assert_eq!((&used["life"]["used_parts"], &used["worn_out"]), (&Value::from(1), &Value::from(false)), "{used}");
+    assert_eq!(
+        (&used["life"]["used_parts"], &used["worn_out"]),
+        (&Value::from(1), &Value::from(false)),
+        "{used}"
+    );
     assert!(used["life"]["used_minutes"].as_f64().unwrap() > 0.0, "{used}");
     assert_eq!(run(&control), first);
     assert_eq!(tool(&control, 5)["worn_out"], true);
@@ -62,7 +76,18 @@ fn a_tool_whose_life_is_over_gives_way_to_its_sister() {
     assert_eq!([tool(&control, 5), tool(&control, 15)], before);
     ready(&control);
     let set = |arguments: &[&str]| control.ask(&[&["tool", "set"], arguments].concat());
-    set(&["5", "--length", "41", "--used-parts", "0", "--life-parts", "1", "--sister", "0"]).unwrap();
+    set(&[
+        "5",
+        "--length",
+        "41",
+        "--used-parts",
+        "0",
+        "--life-parts",
+        "1",
+        "--sister",
+        "0",
+    ])
+    .unwrap();
     assert!((run(&control) - first - 1.5).abs() < 1e-9);
     assert_eq!(tool(&control, 5)["length_wear"], 0.0);
     assert!(said(&control, "and no sister tool can take its place"));
@@ -72,7 +97,10 @@ fn a_tool_whose_life_is_over_gives_way_to_its_sister() {
     for (wrong, expected) in [
         (["5", "--sister", "5"], "a tool is no sister of its own"),
         (["5", "--sister", "777"], "the tool table has no tool 777"),
-        (["5", "--life-minutes", "1e9"], "\"life_minutes\" is a number from 0 to 10000000"),
+        (
+            ["5", "--life-minutes", "1e9"],
+            "\"life_minutes\" is a number from 0 to 10000000",
+        ),
     ] {
         assert!(set(&wrong).unwrap_err().contains(expected), "{wrong:?}");
     }

@@ -5,6 +5,8 @@ pub mod check;
 pub mod dda;
 pub mod demo;
 pub mod doctor;
+#[cfg(feature = "panel")]
+pub mod init_page;
 pub mod input;
 pub mod interpret;
 pub mod jitter;
@@ -16,10 +18,13 @@ pub mod panel;
 pub mod run;
 pub mod simulate;
 
-use bus_tools::init;
+#[cfg(not(feature = "panel"))]
+use bus_tools::init::{InitArgs, init};
 use clap::{CommandFactory, Parser, Subcommand};
 use hal_tools::hal;
 use host::terminal::say;
+#[cfg(feature = "panel")]
+use init_page::{WithPage as InitArgs, init};
 use remote::{buttons, control, jog, tables, top};
 use std::ffi::OsString;
 use std::process::ExitCode;
@@ -134,8 +139,8 @@ enum Command {
     #[command(after_help = "Example: isocnc check configs/mill3-powerlink.toml")]
     Check(check::CheckArgs),
     /// Write a first machine file: asks, or takes the nodes that answer on an interface.
-    #[command(after_help = "Example: isocnc init machine.toml --scan eth1")]
-    Init(init::InitArgs),
+    #[command(after_help = "Example: isocnc init machine.toml --scan eth1\nExample: isocnc init machine.toml --panel")]
+    Init(InitArgs),
     /// Print the canonical calls of a part program, one a line.
     #[command(after_help = "Example: isocnc interpret configs/sample-part.ngc --check")]
     Interpret(interpret::InterpretArgs),
@@ -236,7 +241,7 @@ pub fn main() -> ExitCode {
         Command::Top(args) => top::top(args),
         Command::Alarm(args) => control::alarm(args),
         Command::Check(args) => check::check(args),
-        Command::Init(args) => init::init(args),
+        Command::Init(args) => init(args),
         Command::Interpret(args) => interpret::interpret(args),
         Command::Plan(args) => plan_report::plan(args),
         Command::Job(args) => job::job(args),

@@ -100,6 +100,7 @@ impl Panel {
             }
         }
         let settings = Settings {
+            setup: None,
             hosts: wanted.hosts.clone(),
             tokens,
             programs: wanted.programs.clone(),

@@ -1,6 +1,6 @@
 //! `isocnc init`: a machine file to begin with.
 //!
-//! In:  options, answers of the user, or the nodes that answer on an interface, of either bus.
+//! In:  options, answers of the user at a terminal or of a page ([`Page`]), or the nodes that answer on an interface, of either bus.
 //! Out: a machine file that `isocnc check` accepts. It is written at once at the end: what is given up before leaves nothing.
 
 use super::proposal::{Node, Proposal, Travel, letters};
@@ -11,9 +11,12 @@ use terminal::refusal::Refusal;
 
 use anyhow::{Context, bail, ensure};
 use clap::Args;
+use serde::Deserialize;
+use serde_json::{Value, json};
 use std::io::{BufRead, IsTerminal, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::{Mutex, PoisonError};
 
 /// Arguments of `init`.
 #[derive(Clone, Debug, Default, Args)]
@@ -120,10 +123,7 @@ pub fn init(args: &InitArgs) -> anyhow::Result<ExitCode> {
             &mut files::printed::stdout(),
         )?;
     }
-    let text = machine_file(&args, found)?;
-    // What the options say makes no machine.
-    let config = config::parse(&text, &args.file).map_err(|errors| Refusal::from(errors).wrong_usage())?;
-    bus::check(&config).map_err(Refusal::from)?;
+    let text = checked(&args, found)?;
     ensure!(
         args.force || !is_there(),
         "{file} has come meanwhile; --force replaces it"
@@ -139,6 +139,170 @@ pub fn init(args: &InitArgs) -> anyhow::Result<ExitCode> {
         );
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// The text of the machine file, which `isocnc check` accepts.
+fn checked(args: &InitArgs, found: Option<(Protocol, Vec<Node>)>) -> anyhow::Result<String> {
+    let text = machine_file(args, found)?;
+    // What the options say makes no machine.
+    let config = config::parse(&text, &args.file).map_err(|errors| Refusal::from(errors).wrong_usage())?;
+    bus::check(&config).map_err(Refusal::from)?;
+    Ok(text)
+}
+
+/// The dialogue as a page in the browser. Values are those of docs/panel-api.md.
+pub struct Page {
+    args: InitArgs,
+    /// What the last scan has found, and where.
+    found: Mutex<Option<(String, Protocol, Vec<Node>)>>,
+}
+
+/// What somebody has typed into the page.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Answers {
+    name: String,
+    interface: String,
+    /// Take the nodes of the last scan.
+    scan: bool,
+    axes: String,
+    drives: Vec<u8>,
+    io: Vec<u8>,
+    scales: Vec<String>,
+    travels: Vec<String>,
+    speeds: Vec<String>,
+    to_try: bool,
+    cycle_us: u32,
+}
+
+/// Why a file is not written.
+#[derive(Debug)]
+pub enum NotWritten {
+    /// One is there, and is not to be replaced.
+    IsThere(String),
+    /// The answers make no machine, or the disk does not take it.
+    Wrong(String),
+}
+
+impl Page {
+    /// A page that writes the file of these options, which are what it begins with.
+    pub fn new(args: &InitArgs) -> Page {
+        Page {
+            args: args.clone(),
+            found: Mutex::default(),
+        }
+    }
+
+    /// The machine file that it writes.
+    pub fn file(&self) -> &Path {
+        &self.args.file
+    }
+
+    /// What the page begins with.
+    pub fn begin(&self) -> Value {
+        json!({
+            "file": self.args.file.display().to_string(),
+            "exists": self.is_there(),
+            "name": self.args.name.clone().unwrap_or_else(|| usual_name(&self.args)),
+            "real_time": is_real_time(),
+            "interfaces": interfaces(),
+            "cycle_us": self.args.cycle_us,
+        })
+    }
+
+    /// Who answers on an interface. Takes seconds.
+    ///
+    /// # Errors
+    /// Nobody does, or nothing can be asked, in words.
+    pub fn scan(&self, interface: &str) -> Result<Value, String> {
+        let (bus, nodes) = scan::nodes_on(interface).map_err(|error| format!("{error:#}"))?;
+        let told: Vec<Value> = nodes
+            .iter()
+            .map(|node| json!({ "id": node.id, "name": node.name, "is_drive": node.is_drive }))
+            .collect();
+        let mut found = self.found.lock().unwrap_or_else(PoisonError::into_inner);
+        *found = Some((interface.to_owned(), bus, nodes));
+        Ok(json!({ "bus": bus.name(), "nodes": told }))
+    }
+
+    /// The machine file that answers make.
+    ///
+    /// # Errors
+    /// Why they make none, in words.
+    pub fn check(&self, answers: &Value) -> Result<String, String> {
+        let answers = Answers::deserialize(answers).map_err(|error| error.to_string())?;
+        let found = self.found.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let found = match (answers.scan, found) {
+            (false, _) => None,
+            (true, Some((interface, bus, nodes))) if interface == answers.interface => Some((bus, nodes)),
+            (true, _) => return Err(format!("{} has not been scanned", answers.interface)),
+        };
+        let args = answers.args(&self.args)?;
+        checked(&args, found).map_err(|error| format!("{error:#}"))
+    }
+
+    /// Writes it.
+    ///
+    /// # Errors
+    /// Why it is not written.
+    pub fn write(&self, answers: &Value, replace: bool) -> Result<(), NotWritten> {
+        let text = self.check(answers).map_err(NotWritten::Wrong)?;
+        let file = self.args.file.display();
+        if self.is_there() && !replace {
+            return Err(NotWritten::IsThere(format!("{file} is there already")));
+        }
+        let written = files::write(&self.args.file, text);
+        written.map_err(|error| NotWritten::Wrong(format!("{file}: cannot be written: {error}")))
+    }
+
+    fn is_there(&self) -> bool {
+        std::fs::symlink_metadata(&self.args.file).is_ok()
+    }
+}
+
+impl Answers {
+    /// The options that say the same.
+    fn args(self, usual: &InitArgs) -> Result<InitArgs, String> {
+        fn all<T>(texts: &[String], read: fn(&str) -> Result<T, String>) -> Result<Vec<T>, String> {
+            let read = |text: &String| read(text).map_err(|why| format!("{text}: {why}"));
+            texts.iter().map(read).collect()
+        }
+        let interface = Some(self.interface);
+        Ok(InitArgs {
+            file: usual.file.clone(),
+            name: Some(self.name),
+            scan: interface.clone().filter(|_| self.scan),
+            interface: interface.filter(|_| !self.scan),
+            axes: Some(self.axes),
+            drives: self.drives,
+            io: self.io,
+            scales: all(&self.scales, scale)?,
+            travels: all(&self.travels, ends)?,
+            speeds: all(&self.speeds, speed)?,
+            to_try: self.to_try,
+            cycle_us: self.cycle_us,
+            yes: true,
+            force: usual.force,
+        })
+    }
+}
+
+/// Network interfaces of this PC, by name.
+fn interfaces() -> Vec<Value> {
+    let class = Path::new("/sys/class/net");
+    let entries = std::fs::read_dir(class).into_iter().flatten().flatten();
+    let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
+    let mut names: Vec<String> = names.filter(|name| name != "lo").collect();
+    names.sort();
+    let told = names.iter().map(|name| {
+        let state = std::fs::read_to_string(class.join(name).join("operstate")).unwrap_or_default();
+        json!({
+            "name": name,
+            "up": state.trim() == "up",
+            "wireless": class.join(name).join("wireless").exists(),
+        })
+    });
+    told.collect()
 }
 
 /// Asks for what no option gives; `drives`: how many are known. An empty answer is the usual one, in brackets.

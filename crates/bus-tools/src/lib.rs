@@ -37,6 +37,16 @@ pub enum Protocol {
     Ethercat,
 }
 
+impl Protocol {
+    /// What people call it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Protocol::Powerlink => "POWERLINK",
+            Protocol::Ethercat => "EtherCAT",
+        }
+    }
+}
+
 /// Arguments of `bus`.
 #[derive(Clone, Debug, Args)]
 pub struct BusArgs {

@@ -14,6 +14,7 @@
 //! | a client of `/rpc`, from its first message to its end | `rpc.rs` |
 //! | the same without a socket, for fuzzing | `play.rs` |
 //! | senders of Grbl; MTConnect | `grbl.rs`; `mtconnect.rs` |
+//! | a machine file where there is no control yet | `setup.rs` |
 //! | pages; programs; the way of a program; figures; measurements; a backup | `pages.rs`; `programs.rs`; `path.rs`; `figures.rs`; `measurements.rs`; `backup.rs` |
 
 mod ask;
@@ -33,6 +34,7 @@ pub mod play;
 mod programs;
 mod rpc;
 mod serve;
+mod setup;
 mod shdr;
 mod tls;
 mod tokens;
@@ -42,6 +44,7 @@ pub use counts::Counts;
 pub use listen::{BindError, DEFAULT_ADDRESS, Listener};
 pub use protocol::Role;
 pub use serve::{Settings, serve};
+pub use setup::Setup;
 pub use tls::{Tls, TlsError};
 pub use tokens::{FileError, Token, TokenFile, Tokens};
 

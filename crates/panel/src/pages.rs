@@ -36,6 +36,7 @@ pub(crate) fn is_page(path: &str) -> bool {
         "/metrics",
         "/backup",
         "/mtconnect",
+        "/init",
     ];
     !own.iter().any(|own| {
         path.strip_prefix(own)
@@ -44,12 +45,16 @@ pub(crate) fn is_page(path: &str) -> bool {
 }
 
 /// Serves a page, a script, a picture.
-pub(crate) async fn page(request: Request) -> Response {
+pub(crate) async fn page(State(panel): State<Arc<Panel>>, request: Request) -> Response {
     if request.method() != Method::GET && request.method() != Method::HEAD {
         return refuse(StatusCode::METHOD_NOT_ALLOWED, "a page can be read and nothing else");
     }
     let path = request.uri().path().trim_start_matches('/');
-    let path = if path.is_empty() { "index.html" } else { path };
+    let path = match (path, &panel.settings.setup) {
+        ("", None) => "index.html",
+        ("", Some(_)) => "init.html",
+        (path, _) => path,
+    };
     let found = Dist::get(path).or_else(|| Example::get(path));
     // Built without a front end, the example is the panel.
     let found = found.or_else(|| Example::get("example.html").filter(|_| path == "index.html"));
@@ -140,10 +145,12 @@ mod tests {
             "/measurements/step-0.svg",
             "/metrics",
             "/backup",
+            "/init",
+            "/init/scan",
         ] {
             assert!(!is_page(path), "{path}");
         }
-        for path in ["/", "/index.html", "/paths.js", "/files.css"] {
+        for path in ["/", "/index.html", "/paths.js", "/files.css", "/init.html"] {
             assert!(is_page(path), "{path}");
         }
     }

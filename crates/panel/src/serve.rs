@@ -4,13 +4,14 @@ use crate::backup::{self, Backup};
 use crate::counts::Counts;
 use crate::listen::Listener;
 use crate::programs::{self, Programs};
+use crate::setup::{self, Setup};
 use crate::tls::Tls;
 use crate::tokens::Tokens;
 use crate::{Control, figures, grbl, guard, measurements, mtconnect, pages, path, rpc, shdr};
 use axum::Router;
 use axum::body::Body;
 use axum::extract::Request;
-use axum::routing::{any, get};
+use axum::routing::{any, get, post};
 use hyper::body::Incoming;
 use hyper::server::conn::http1;
 use hyper_util::rt::{TokioIo, TokioTimer};
@@ -50,8 +51,10 @@ const STACK: usize = 512 * 1024;
 const FILE_THREADS: usize = 2;
 
 /// What the panel is told.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub struct Settings {
+    /// There is no control yet: what makes its machine file.
+    pub setup: Option<Arc<dyn Setup>>,
     /// Names of this PC by which it may be called, beside its addresses.
     pub hosts: Vec<String>,
     /// Who may come from elsewhere.
@@ -86,6 +89,8 @@ pub(crate) struct Panel {
     pub(crate) mtconnect: mtconnect::Shared,
     /// True: the control is ending.
     pub(crate) ending: watch::Receiver<bool>,
+    /// Who has it asks for the machine file.
+    pub(crate) setup_turn: Arc<tokio::sync::Mutex<()>>,
 }
 
 impl Panel {
@@ -108,6 +113,7 @@ impl Panel {
             counts,
             mtconnect: mtconnect::Shared::default(),
             ending,
+            setup_turn: Arc::default(),
         }
     }
 
@@ -197,6 +203,8 @@ pub(crate) fn router(panel: &Arc<Panel>) -> Router {
         .route("/mtconnect/{*rest}", get(mtconnect::answer))
         .route("/metrics", get(figures::metrics))
         .route("/backup", any(backup::backup))
+        .route("/init", get(setup::begin))
+        .route("/init/{what}", post(setup::order))
         .fallback(pages::page)
         .layer(axum::middleware::from_fn_with_state(Arc::clone(panel), guard::guard))
         .with_state(Arc::clone(panel))

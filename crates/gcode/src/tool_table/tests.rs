@@ -347,7 +347,11 @@ fn wear_is_counted_with_until_the_tool_is_measured_anew() {
     };
     table.set_wear(1, wear).unwrap();
     table.set_wear(7, wear).unwrap();
-    assert_eq!((table.wear(1), table.wear(7)), (wear, Wear::default()), "there is no tool 7");
+    assert_eq!(
+        (table.wear(1), table.wear(7)),
+        (wear, Wear::default()),
+        "there is no tool 7"
+    );
     let worn = table.with_wear(1).unwrap();
     assert_eq!((worn.offset[Axis::Z], worn.diameter_mm), (9.98, 5.95));
     assert_eq!(table.write().as_bytes(), text, "LinuxCNC's file has no place for it");
@@ -357,10 +361,7 @@ fn wear_is_counted_with_until_the_tool_is_measured_anew() {
     assert_eq!(table.wear(1), wear);
     tool.offset[Axis::Z] = 9.9;
     table.set(tool).unwrap();
-    let left = Wear {
-        length_mm: 0.0,
-        ..wear
-    };
+    let left = Wear { length_mm: 0.0, ..wear };
     assert_eq!(table.wear(1), left);
     // Somebody has edited the file: the diameter is another one.
     let mut edited = ToolTable::parse(b"T1 P1 Z+9.9 D5.9\n", LengthUnit::Millimetre, ToolChanger::Fixed).unwrap();
@@ -377,7 +378,12 @@ fn wear_is_counted_with_until_the_tool_is_measured_anew() {
 
 #[test]
 fn a_sister_is_meant_where_the_tool_is_called() {
-    let mut table = ToolTable::parse(b"T5 P5 Z50 D6\nT15 P15 Z30 D8\n", LengthUnit::Millimetre, ToolChanger::Fixed).unwrap();
+    let mut table = ToolTable::parse(
+        b"T5 P5 Z50 D6\nT15 P15 Z30 D8\n",
+        LengthUnit::Millimetre,
+        ToolChanger::Fixed,
+    )
+    .unwrap();
     table.set_sisters(BTreeMap::from([(5, 15)]));
     let settings = Settings {
         tools: table,
@@ -386,8 +392,14 @@ fn a_sister_is_meant_where_the_tool_is_called() {
     let program = b"T5 M6 G43 H5\nG10 L1 P5 Z51\n#1=#5400 #2=#5403 #3=#5410\nM2\n";
     let mut run = Interpreter::new(settings).run(program);
     let calls: Vec<Call> = run.by_ref().map(|call| call.unwrap().call).collect();
-    let changes = calls.iter().filter(|call| matches!(call, Call::ChangeTool { tool: 15, .. }));
+    let changes = calls
+        .iter()
+        .filter(|call| matches!(call, Call::ChangeTool { tool: 15, .. }));
     assert_eq!(changes.count(), 1, "{calls:?}");
     let left = run.snapshot();
-    assert_eq!(left.tools.by_number(5).unwrap().offset[Axis::Z], 51.0, "the table is set as it is written");
+    assert_eq!(
+        left.tools.by_number(5).unwrap().offset[Axis::Z],
+        51.0,
+        "the table is set as it is written"
+    );
 }
