@@ -484,3 +484,32 @@ fn plan_tells_doubts_and_warnings_in_json_as_in_words() {
         "S without M3 or M4: the spindle stands while the tool cuts in line 4"
     );
 }
+
+#[test]
+fn efficiency_is_measured_over_threads_and_over_the_number_of_blocks() {
+    let folder = tempfile::tempdir().unwrap();
+    let program = folder.path().join("long.ngc");
+    let lines: String = (1..=1200).map(|n| format!("X{} Y{}\n", n % 7, f64::from(n) * 0.01)).collect();
+    std::fs::write(&program, format!("G21 G90 G54 G64 P0.01\nG1 F3000\n{lines}M2\n")).unwrap();
+    let picture = folder.path().join("efficiency.svg");
+    let output = Command::new(env!("CARGO_BIN_EXE_isocnc"))
+        .args(["plan", "configs/mill3-demo.toml"])
+        .arg(&program)
+        .args(["--threads", "2", "--efficiency"])
+        .arg(&picture)
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(output.status.success(), "{output:?}");
+    let rows: Vec<Vec<&str>> = said.lines().map(|line| line.split_whitespace().collect()).collect();
+    let blocks: Vec<usize> = rows[1..].iter().map_while(|row| row[0].parse().ok()).collect();
+    let threads: Vec<&str> = rows[1..=blocks.len()].iter().map(|row| row[1]).collect();
+    assert_eq!(threads, ["1", "2", "1", "2", "1", "2", "1", "2"], "{said}");
+    // The whole program, and its first 100, 300 and 1,000 blocks; no length beyond its end.
+    assert!(blocks[2..].windows(2).all(|pair| pair[0] <= pair[1]), "{said}");
+    for (found, least) in blocks.iter().zip([1200, 1200, 100, 100, 300, 300, 1000, 1000]) {
+        assert!((least..least + 400).contains(found), "{said}");
+    }
+    let svg = std::fs::read_to_string(&picture).unwrap();
+    assert!([">threads<", ">blocks<", ">2 threads<"].iter().all(|text| svg.contains(text)));
+}
