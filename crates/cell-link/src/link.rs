@@ -52,6 +52,8 @@ const RETRY: Duration = Duration::from_secs(1);
 const ENTRIES_OCTETS: usize = MESSAGE_MAX / 2;
 /// Questions that wait to be answered.
 const QUESTIONS: usize = 64;
+/// Ports of a machine that a supervisor is told: those of 64 stations with 8 modules of 8 channels.
+const PORTS_MAX: usize = 4096;
 /// The longest one, octets, where it is not a program: with that, all that wait have a bound.
 const QUESTION_MAX: usize = 64 << 10;
 /// Programs and runs that wait: each may hold a whole program.
@@ -682,10 +684,11 @@ fn answer_orders(shared: &Shared<'_>, queries: &Receiver<Query>) -> Result<(), R
                 let described = control.ask::<method::Describe>(&NoParams {})?;
                 let tools = control.ask::<method::ToolList>(&NoParams {}).ok();
                 let panel = &shared.settings.panel;
+                let ports = ports(control.as_mut())?;
                 reply(
                     shared,
                     query,
-                    json!({ "machine": described, "tools": tools, "panel": panel }),
+                    json!({ "machine": described, "tools": tools, "panel": panel, "ports": ports }),
                 );
             }
             Some(Topic::Journal) => match body::<Since>(query.payload()) {
@@ -707,6 +710,30 @@ fn answer_orders(shared: &Shared<'_>, queries: &Receiver<Query>) -> Result<(), R
         }
         Ok(())
     })
+}
+
+/// Channels of inputs and outputs that the machine file names, the first [`PORTS_MAX`].
+fn ports(control: &mut dyn Control) -> Result<Vec<serde_json::Value>, Refused> {
+    let mut ports = Vec::new();
+    let mut from = 0;
+    loop {
+        let wanted = params::PinList {
+            pattern: None,
+            from: Some(from),
+        };
+        let told = control.ask::<method::PinList>(&wanted)?;
+        from += told.pins.len() as u32;
+        let named = told.pins.iter().filter(|pin| pin.alias_of.is_some());
+        ports.extend(named.map(|pin| {
+            json!({
+                "name": pin.name, "type": pin.kind, "direction": pin.direction, "unit": pin.unit, "channel": pin.alias_of, "net": pin.net,
+            })
+        }));
+        if !told.more || told.pins.is_empty() || ports.len() >= PORTS_MAX {
+            ports.truncate(PORTS_MAX);
+            return Ok(ports);
+        }
+    }
 }
 
 fn of(id: &str, phase: Phase, note: impl Into<String>) -> OrderState {

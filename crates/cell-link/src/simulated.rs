@@ -9,8 +9,8 @@ use crate::control::{Control, Refused};
 use protocol::params::Hex;
 use protocol::{
     Acknowledged, Activity, AlarmRecord, Control as Holder, Described, DescribedAxis, DescribedJoint, Entry, EntryKind,
-    Journal, Message, Mode, Outcome, Outlook, Parts, Power, ProgramRecord, State, Status, StatusProgram, Tool, Tools,
-    UploadBegun, UploadGrown,
+    Journal, Message, Mode, Outcome, Outlook, Parts, Pin, PinDirection, PinType, Pins, Power, ProgramRecord, State,
+    Status, StatusProgram, Tool, Tools, UploadBegun, UploadGrown,
 };
 use serde_json::{Value, json};
 use std::collections::HashMap;
@@ -189,6 +189,23 @@ impl Machine {
                 Ok(json!(Tools {
                     tools: vec![tool(1), tool(4)],
                     ..Tools::default()
+                }))
+            }
+            "hal.list" => {
+                let pin = |name: &str, channel: Option<&str>| Pin {
+                    name: name.into(),
+                    kind: PinType::Bit,
+                    direction: PinDirection::Out,
+                    value: json!(false),
+                    net: None,
+                    source: None,
+                    alias_of: channel.map(str::to_owned),
+                    unit: None,
+                };
+                let all = [pin("motion.enable", None), pin("door", Some("io.20.in-00"))];
+                Ok(json!(Pins {
+                    pins: all.into(),
+                    more: false,
                 }))
             }
             "journal.since" => {

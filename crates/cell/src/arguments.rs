@@ -103,6 +103,13 @@ pub(super) enum Command {
         #[command(flatten)]
         dir: Dir,
     },
+    /// Inputs and outputs that the machine files name, of all machines or of one.
+    Ports {
+        /// Only of this machine.
+        name: Option<String>,
+        #[command(flatten)]
+        dir: Dir,
+    },
     /// Orders of parts.
     Queue {
         #[command(subcommand)]

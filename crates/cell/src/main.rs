@@ -166,6 +166,7 @@ fn carry_out(command: Command) -> anyhow::Result<()> {
                 format!("order {}: {}\n", word(&order["id"]), word(&order["phase"]))
             })
         }
+        Command::Ports { name, dir } => answer(&dir, &Ask::Ports { machine: name }, words::ports),
         Command::Mdi { name, line, dir } => {
             let machine = name.clone();
             answer(&dir, &Ask::Mdi { machine, line }, |_| format!("{name} runs it\n"))

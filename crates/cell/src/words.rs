@@ -63,6 +63,22 @@ pub(super) fn journal(answer: &Value) -> String {
         .collect()
 }
 
+pub(super) fn ports(answer: &Value) -> String {
+    if all(answer, "ports").next().is_none() {
+        return "no machine that has spoken names its inputs and outputs\n".into();
+    }
+    let [machines, names, channels] =
+        ["machine", "name", "channel"].map(|key| width(all(answer, "ports").map(|port| &port[key])));
+    let line = |port: &Value| {
+        let [machine, name, channel, kind, unit, net] =
+            ["machine", "name", "channel", "type", "unit", "net"].map(|key| word(&port[key]));
+        let way = if port["direction"] == "out" { "input" } else { "output" };
+        let line = format!("{machine:machines$} {name:names$} {channel:channels$} {way:6} {kind:5} {unit} {net}");
+        line.trim_end().to_owned() + "\n"
+    };
+    all(answer, "ports").map(line).collect()
+}
+
 /// How something is, and why, where that says more.
 fn with_note(is: &Value, note: &Value) -> String {
     match (word(is), word(note)) {

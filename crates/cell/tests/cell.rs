@@ -183,6 +183,27 @@ fn programs_go_down_ends_and_alarms_come_up_and_nothing_runs_by_itself() {
         until(name, || machine(desk, name));
     }
 
+    // Of the pins only those that the machine file names; of all machines, by their names.
+    let ports = until("ports", || {
+        let ports = desk.ask(Ask::Ports { machine: None }).unwrap()["ports"].clone();
+        (ports.as_array()?.len() == 3).then_some(ports)
+    });
+    let named = |port: &Value| {
+        [&port["machine"], &port["name"], &port["channel"]].map(|text| text.as_str().unwrap().to_owned())
+    };
+    let named: Vec<_> = ports.as_array().unwrap().iter().map(named).collect();
+    assert_eq!(
+        named,
+        ["lathe", "mill", "saw"].map(|machine| [machine, "door", "io.20.in-00"].map(str::to_owned))
+    );
+    let of_one = |machine: &str| {
+        desk.ask(Ask::Ports {
+            machine: Some(machine.into()),
+        })
+    };
+    assert_eq!(of_one("saw").unwrap()["ports"], json!([ports[2]]));
+    assert!(of_one("nobody").unwrap_err().contains("there is no machine"));
+
     let error = upload(desk, "mill", "G0 X1\n(wrong)\n").unwrap_err();
     assert_eq!(error, "p.ngc:2: this is wrong");
     assert!(run_program(desk, "mill").unwrap_err().contains("has no p.ngc"));

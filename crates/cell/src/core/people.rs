@@ -18,6 +18,11 @@ const LAST_ENTRIES: u32 = 100;
 pub enum Ask {
     /// All machines.
     Machines,
+    /// Inputs and outputs that the machine files name, of one machine or of all.
+    Ports {
+        /// Name of the machine.
+        machine: Option<String>,
+    },
     /// Says which class a machine is of.
     SetClass {
         /// Name of the machine.
@@ -105,6 +110,7 @@ impl Core {
         now: f64,
     ) -> Outcome<Result<Value, String>> {
         let answer = match ask {
+            Ask::Ports { machine } => self.ports(machine.as_deref()),
             Ask::Machines => Ok(json!({ "machines": self.shown_machines(now) })),
             Ask::SetClass { machine, class } => match self.store.set_class(&machine, &class)? {
                 0 => Err(unknown(&machine)),
@@ -290,6 +296,27 @@ impl Core {
             .collect()
     }
 
+    fn ports(&self, machine: Option<&str>) -> Result<Value, String> {
+        if let Some(name) = machine
+            && !self.machines.contains_key(name)
+        {
+            return Err(unknown(name));
+        }
+        let mut all: Vec<_> = (self.machines.iter())
+            .filter(|(name, _)| machine.is_none_or(|machine| machine == *name))
+            .collect();
+        all.sort_by_key(|(name, _)| *name);
+        let ports = all.into_iter().flat_map(|(name, machine)| {
+            let ports = machine.described["ports"].as_array().into_iter().flatten();
+            ports.map(move |port| {
+                let mut port = port.clone();
+                port["machine"] = json!(name);
+                port
+            })
+        });
+        Ok(json!({ "ports": ports.take(PORTS_MAX).collect::<Vec<Value>>() }))
+    }
+
     fn overview(&self, now: f64) -> Outcome<Value> {
         let day = (now / 86_400.0).floor() as i64;
         let alarms = self.store.alarms()?.into_iter().map(
@@ -310,6 +337,9 @@ impl Core {
         }))
     }
 }
+
+/// Ports of one answer.
+const PORTS_MAX: usize = 10_000;
 
 fn unknown(machine: &str) -> String {
     format!("there is no machine {machine:?}: isocnc-cell machines")
