@@ -566,7 +566,8 @@ test("what a program says is on every page: a stop with its text goes on by one 
   await page.reload();
   await prompted(page, said);
   // Both at once: one of them goes on, and the other one goes on with nothing else.
-  await Promise.all([click(page, "prompt-resume"), click(other, "prompt-resume")]);
+  const both = await Promise.all([page, other].map((one) => one.waitForSelector(id("prompt-resume"))));
+  await Promise.all(both.map((button) => button.evaluate((element) => element.click())));
   await until("the end", async () => (await ask("status")).program.result === "completed");
   for (const one of [page, other]) {
     await prompted(one, "^measure it");
@@ -817,9 +818,17 @@ async function differs(page, name) {
 const DIFFERENT_MAX = 0.04;
 const AXE = skip ? "" : readFileSync(join(modules, "axe-core/axe.min.js"), "utf8");
 
-/** What is wrong with how a page looks: compared with the committed picture, judged by axe, too wide, too small for a finger. */
+/** What is wrong with how a page looks, also compared with the committed picture. */
 async function wrong(page, name) {
   await picture(page, name);
+  const all = await faults(page, name);
+  const different = await differs(page, name);
+  if (different > DIFFERENT_MAX) all.push(`${name}: ${(100 * different).toFixed(1)} % of its pixels differ from tests/panel/screens`);
+  return all;
+}
+
+/** What axe says of a page, what is too wide, and what is too small for a finger. */
+async function faults(page, name) {
   const { width } = page.viewport();
   const all = [];
   const found = await page.evaluate(() => [...document.querySelectorAll("button, a, input")].filter((element) => element.offsetParent).map((element) => {
@@ -835,8 +844,6 @@ async function wrong(page, name) {
     const serious = await page.evaluate(() => axe.run(document, { runOnly: ["wcag2a", "wcag2aa"] }).then(({ violations }) => violations.filter(({ impact }) => ["serious", "critical"].includes(impact)).map(({ id, nodes }) => `${id}: ${nodes.map(({ html, any }) => `${html.slice(0, 120)} ${any[0]?.message ?? ""}`).join(" | ")}`)));
     all.push(...serious.map((one) => `${name}: ${one}`));
   }
-  const different = await differs(page, name);
-  if (different > DIFFERENT_MAX) all.push(`${name}: ${(100 * different).toFixed(1)} % of its pixels differ from tests/panel/screens`);
   return all;
 }
 
@@ -1413,7 +1420,7 @@ test("touch off: in any work system, half of the reading, all axes, the length o
   await page.close();
 });
 
-test("tools are added, described, put into the spindle and deleted, for all panels", { skip, timeout: 120_000 }, async () => {
+test("tools are added, described, put into the spindle and deleted, for all panels", { skip, timeout: 180_000 }, async (tools) => {
   await ready();
   await run("M61 Q0");
   const page = await openAs(SIZES[0], "en", "dark", "#/setup");
@@ -1427,17 +1434,122 @@ test("tools are added, described, put into the spindle and deleted, for all pane
   await fill(other, "tool-find", "555");
   await click(page, "tool-add");
   await page.waitForSelector(id("tool-edit"));
-  assert.deepEqual(await tool(), { tool: 555, pocket: 555, length: 0, diameter: 0, remark: "" });
+  const unused = { length_wear: 0, diameter_wear: 0, life: { minutes: null, parts: null, used_minutes: 0, used_parts: 0, sister: null }, worn_out: false };
+  assert.deepEqual(await tool(), { tool: 555, pocket: 555, length: 0, diameter: 0, remark: "", ...unused });
   assert.ok(await page.$eval(id("tool-set"), ({ disabled }) => disabled), "nothing is changed yet");
   await fill(page, "tool-remark", "face mill 63");
   await fill(page, "tool-pocket", "12");
   await picture(page, "tool-edit");
   await click(page, "tool-set");
   await gone(page, "tool-edit");
-  assert.deepEqual(await tool(), { tool: 555, pocket: 12, length: 0, diameter: 0, remark: "face mill 63" });
+  assert.deepEqual(await tool(), { tool: 555, pocket: 12, length: 0, diameter: 0, remark: "face mill 63", ...unused });
   // Another panel sees it without being told, and cannot add it once more.
   await other.waitForFunction(() => /T55512.*face mill 63/.test(document.querySelector(".grid tbody").textContent));
   assert.equal(await other.$(id("tool-add")), null);
+
+  await tools.test("when tools are added: wear set and added, a life and its end, a sister, a new tool", async () => {
+    const heads = () => page.$$eval(".grid thead th", (all) => all.map((one) => one.textContent));
+    const row = async (pattern) => page.waitForFunction((pattern) => new RegExp(pattern).test(document.querySelector(".grid tbody tr").textContent), {}, pattern);
+    const fails = async (pattern) => {
+      await page.waitForFunction((pattern) => [...document.querySelectorAll("[data-testid=toast]")].some((toast) => new RegExp(pattern).test(toast.textContent)), {}, pattern);
+      assert.ok(await page.$(id("tool-edit")), "what was typed stays");
+    };
+    const was = (await ask("tool.list")).tools.filter(({ life, length_wear }) => life.minutes || life.parts || life.sister || length_wear);
+    assert.deepEqual(was, []);
+    assert.deepEqual(await heads(), ["T", "Pocket", "Length", "Diameter", "Remark"]);
+    await ask("tool.set", { tool: 555, length: 80.1, diameter: 63 });
+    await row("80\\.10063\\.000");
+
+    // A correction is added, or takes the place of what is there; both say beforehand what becomes of it.
+    await click(page, "tool-555");
+    await click(page, "part-tool-wear");
+    await page.waitForSelector(id("tool-length-wear"));
+    assert.ok(await page.$eval(id("tool-length-wear-add"), ({ disabled }) => disabled), "nothing is typed");
+    for (const [button, typed, says, wear] of [
+      ["set", "-0.03", "Set → −0.030", -0.03],
+      ["add", "0,01", "Add → −0.020", -0.02],
+      ["add", "-.1", "Add → −0.120", -0.12],
+      ["set", "-0.02", "Set → −0.020", -0.02],
+    ]) {
+      await fill(page, "tool-length-wear", typed);
+      assert.equal(await text(page, `tool-length-wear-${button}`), says);
+      // Enter adds.
+      if (typed === "-.1") await page.keyboard.press("Enter");
+      else await click(page, `tool-length-wear-${button}`);
+      await until(`a wear of ${wear}`, async () => (await tool()).length_wear === wear);
+      await page.waitForFunction(() => document.querySelector("[data-testid=tool-length-wear]").value === "");
+    }
+    await fill(page, "tool-length-wear", "x");
+    assert.ok(await page.$eval(id("tool-length-wear-add"), ({ disabled }) => disabled));
+    await fill(page, "tool-diameter-wear", "-0.0005");
+    await picture(page, "tool-edit-wear");
+    assert.deepEqual(await faults(page, "tool-edit-wear"), []);
+    assert.equal(await text(page, "tool-diameter-wear-add"), "Add → −0.0005");
+    await click(page, "tool-diameter-wear-add");
+    await row("80\\.100 −0\\.02063\\.000 −0\\.0005");
+    assert.equal((await tool()).length, 80.1, "what was measured stays");
+    assert.deepEqual(await heads(), ["T", "Pocket", "Length", "Diameter", "Remark"]);
+
+    // A life, and who takes its place. The control refuses in words, and what was typed stays.
+    await click(page, "part-tool-life");
+    await fill(page, "tool-life-minutes", "-1");
+    assert.ok(await page.$eval(id("tool-set"), ({ disabled }) => disabled));
+    await fill(page, "tool-life-minutes", "45.5");
+    await fill(page, "tool-life-parts", "20");
+    await fill(page, "tool-sister", "1.5");
+    assert.ok(await page.$eval(id("tool-set"), ({ disabled }) => disabled));
+    await fill(page, "tool-sister", "777");
+    await click(page, "tool-set");
+    await fails("no tool 777");
+    await fill(page, "tool-sister", "555");
+    await click(page, "tool-set");
+    await fails("no sister of its own");
+    await fill(page, "tool-sister", "5");
+    await picture(page, "tool-edit-life");
+    assert.deepEqual(await faults(page, "tool-edit-life"), []);
+    await click(page, "tool-set");
+    await gone(page, "tool-edit");
+    assert.deepEqual((await tool()).life, { minutes: 45.5, parts: 20, used_minutes: 0, used_parts: 0, sister: 5 });
+    await row("0 / 45\\.5 min0 / 20 partsSister tool → T5face mill 63");
+    assert.deepEqual(await heads(), ["T", "Pocket", "Length", "Diameter", "Life", "Remark"]);
+
+    // Used, and used up: told by a word, not by the colour alone.
+    await ask("tool.set", { tool: 555, used_minutes: 12.46, used_parts: 3 });
+    await row("12\\.4 / 45\\.5 min3 / 20 parts");
+    assert.equal(await page.$(`${id("tool-555-life")}.over`), null);
+    await ask("tool.set", { tool: 555, used_minutes: 45.49, used_parts: 20 });
+    await row("45\\.4 / 45\\.5 min20 / 20 parts worn outSister tool → T5");
+    for (const [one, name] of [[page, "tools-worn"], [other, "tools-worn-phone"]]) {
+      await one.waitForSelector(`${id("tool-555-life")}.over`);
+      await picture(one, name);
+      assert.deepEqual(await faults(one, name), []);
+    }
+
+    // A measure says beforehand that it ends the wear.
+    await page.$eval(".grid tbody td:nth-child(3) button", (button) => button.click());
+    await page.waitForSelector(id("edit-dialogue"));
+    assert.match(await text(page, "edit-dialogue"), /ends the wear of −0\.020/);
+    await close(page);
+    await gone(page, "edit-dialogue");
+
+    await click(page, "tool-555");
+    await click(page, "part-tool-life");
+    await page.waitForSelector(id("tool-new"));
+    assert.match(await text(page, "tool-used"), /45\.4 min, 20 parts/);
+    await click(page, "tool-new");
+    await until("a new tool", async () => (await tool()).worn_out === false);
+    assert.deepEqual(await tool(), { tool: 555, pocket: 12, length: 80.1, diameter: 63, remark: "face mill 63", ...unused, life: { minutes: 45.5, parts: 20, used_minutes: 0, used_parts: 0, sister: 5 } });
+    await page.waitForFunction(() => document.querySelector("[data-testid=tool-new]").disabled);
+    // Emptied, it may be used for as long as one likes, and the table is as it was.
+    for (const name of ["tool-life-minutes", "tool-life-parts", "tool-sister"]) await page.$eval(id(name), (input) => ((input.value = ""), input.dispatchEvent(new Event("input", { bubbles: true }))));
+    await click(page, "tool-set");
+    await gone(page, "tool-edit");
+    assert.deepEqual((await tool()).life, unused.life);
+    await page.waitForFunction(() => document.querySelectorAll(".grid thead th").length === 5);
+    await ask("tool.set", { tool: 555, length: 0, diameter: 0 });
+  });
+
+  await other.waitForFunction(() => /T55512.*face mill 63/.test(document.querySelector(".grid tbody").textContent));
   await click(other, "tool-555");
   await clickOnce(other, "tool-m61", "line-dialogue");
   assert.equal(await text(other, "line"), "M61 Q555");

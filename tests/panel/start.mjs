@@ -8,7 +8,7 @@ import { join } from "node:path";
 
 export const root = new URL("../../", import.meta.url).pathname;
 export const program = process.env.ISOCNC ?? join(root, "target/debug/isocnc");
-const chromium = process.env.CHROMIUM ?? ["/usr/bin/chromium-headless-shell", "/usr/bin/chromium"].find(existsSync);
+export const chromium = process.env.CHROMIUM ?? ["/usr/bin/chromium-headless-shell", "/usr/bin/chromium"].find(existsSync);
 export const modules = join(root, "crates/panel/web/node_modules");
 const serves = () => execFileSync(program, ["run", "--help"], { encoding: "utf8" }).includes("--panel");
 

@@ -1,4 +1,4 @@
-// Builds ../dist from src: a page, a style sheet, modules. The same sources give the same octets.
+// Builds ../dist from src: the panel, the page of `isocnc init`, a style sheet, modules. The same sources give the same octets.
 import { build } from "esbuild";
 import { cpSync, mkdirSync, readFileSync, readdirSync, rmSync, writeFileSync } from "node:fs";
 
@@ -18,7 +18,7 @@ const out = process.argv[2] ?? "../dist";
 rmSync(out, { recursive: true, force: true });
 mkdirSync(out, { recursive: true });
 await build({
-  entryPoints: { app: "src/main.tsx", style: "src/style.css" },
+  entryPoints: { app: "src/main.tsx", init: "src/init/main.tsx", style: "src/style.css" },
   outdir: out,
   bundle: true,
   splitting: true,
@@ -32,8 +32,7 @@ await build({
   define: { FAULTS: JSON.stringify(faults) },
   external: ["*.svg"],
 });
-cpSync("src/index.html", `${out}/index.html`);
-cpSync("src/icon.svg", `${out}/icon.svg`);
+for (const name of ["index.html", "init.html", "icon.svg"]) cpSync(`src/${name}`, `${out}/${name}`);
 const pictures = new URL("../../../docs/pictures/", import.meta.url);
 for (const name of readdirSync(pictures)) if (/^probe-.*\.svg$/.test(name)) cpSync(new URL(name, pictures), `${out}/${name}`);
 

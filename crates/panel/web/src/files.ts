@@ -1,5 +1,6 @@
 /** The folder of programs of the control, as docs/panel-api.md describes it. */
 import { useEffect, useRef, useState } from "preact/hooks";
+import { HttpRefused, refusal, request } from "./http";
 import { t } from "./i18n";
 import { useMachine } from "./machine";
 import { authorised, useStore } from "./store";
@@ -10,36 +11,10 @@ export interface StoredFile {
   modified_unix_s: number;
 }
 
-/** A refusal in the words of the control, with its HTTP status; 0: there was no answer. */
-export class FileRefused extends Error {
-  constructor(
-    readonly status: number,
-    message: string,
-  ) {
-    super(message);
-  }
-}
-
 /** There is a file of that name. */
 export const EXISTS = 412;
 
 export const addressOf = (name: string): string => `files/${encodeURIComponent(name)}`;
-
-function refusal(status: number, text: string, otherwise: string): FileRefused {
-  try {
-    return new FileRefused(status, (JSON.parse(text) as { error: string }).error);
-  } catch {
-    return new FileRefused(status, otherwise || String(status));
-  }
-}
-
-async function request(address: string, init: RequestInit & { headers?: Record<string, string> } = {}): Promise<Response> {
-  const answer = await fetch(address, { ...init, headers: authorised(init.headers) }).catch(() => {
-    throw new FileRefused(0, t("file-no-answer"));
-  });
-  if (!answer.ok) throw refusal(answer.status, await answer.text(), answer.statusText);
-  return answer;
-}
 
 export async function listFiles(): Promise<StoredFile[]> {
   return ((await (await request("files/")).json()) as { files: StoredFile[] }).files;
@@ -54,8 +29,8 @@ export function putFile(file: File, replace: boolean, told: (share: number) => v
     for (const [name, value] of Object.entries(authorised(replace ? {} : { "If-None-Match": "*" }))) sending.setRequestHeader(name, value);
     sending.upload.onprogress = ({ loaded, total }) => told(total ? loaded / total : 1);
     sending.onload = () => (sending.status < 300 ? resolve() : reject(refusal(sending.status, sending.responseText, sending.statusText)));
-    sending.onerror = () => reject(new FileRefused(0, t("file-no-answer")));
-    sending.onabort = () => reject(new FileRefused(0, t("upload-cancelled")));
+    sending.onerror = () => reject(new HttpRefused(0, t("file-no-answer")));
+    sending.onabort = () => reject(new HttpRefused(0, t("upload-cancelled")));
     stop.addEventListener("abort", () => sending.abort());
     sending.send(file);
   });

@@ -1,6 +1,7 @@
 import { render } from "preact";
 import { useState } from "preact/hooks";
-import { language, t } from "./i18n";
+import { showAsChosen } from "./display";
+import { t } from "./i18n";
 import { listenToKeys } from "./keys";
 import { Bus } from "./pages/bus";
 import { Jobs } from "./pages/jobs";
@@ -11,7 +12,7 @@ import { Setup } from "./pages/setup";
 import { Signals } from "./pages/signals";
 import { Prompt } from "./prompt";
 import { PAGES, type Page, usePage } from "./route";
-import { Actions, Banners, chosenTheme, StateBar, Toasts, TokenDialogue, ToolDialogue } from "./shell";
+import { Actions, Banners, StateBar, Toasts, TokenDialogue, ToolDialogue } from "./shell";
 import { connect, useStore } from "./store";
 import { Icon } from "./ui";
 
@@ -57,8 +58,7 @@ function App() {
   );
 }
 
-document.documentElement.lang = language;
-document.documentElement.dataset.theme = chosenTheme();
+showAsChosen();
 listenToKeys();
 connect();
 render(<App />, document.getElementById("app")!);

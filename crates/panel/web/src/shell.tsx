@@ -2,7 +2,8 @@
 import { useEffect, useState } from "preact/hooks";
 import { Alarm } from "./alarms";
 import { inWords } from "./control-words";
-import { type Key, fixed, language, setLanguage, t, word } from "./i18n";
+import { Display } from "./display";
+import { type Key, fixed, t, word } from "./i18n";
 import { keys } from "./keys";
 import { nextStep, refuses, reset } from "./orders";
 import { StartButton } from "./start";
@@ -142,35 +143,6 @@ function KeysChip() {
       }}
     />
   );
-}
-
-function Display() {
-  return (
-    <>
-      <Button
-        icon="theme"
-        kind="chip icon-only"
-        id="theme"
-        title={t("theme")}
-        onClick={() => {
-          const next = chosenTheme() === "dark" ? "light" : "dark";
-          localStorage.setItem("theme", next);
-          document.documentElement.dataset.theme = next;
-        }}
-      >
-        <span class="hidden">{t("theme")}</span>
-      </Button>
-      <Button kind="chip" id="language" onClick={() => setLanguage(language === "en" ? "de" : "en")}>
-        <span lang={language === "en" ? "de" : "en"}>{language === "en" ? "DE" : "EN"}</span>
-        <span class="hidden">{t("language")}</span>
-      </Button>
-    </>
-  );
-}
-
-/** What was chosen here, else what the device wants. */
-export function chosenTheme(): string {
-  return localStorage.getItem("theme") ?? (matchMedia("(prefers-color-scheme: light)").matches ? "light" : "dark");
 }
 
 // ------------------------------------------------------------------------------------------------ control

@@ -8,6 +8,8 @@ import { Button, Dialog, Field, Form } from "../ui";
 export interface Edited {
   title: string;
   value: string;
+  /** What else the change does. */
+  note?: string;
   set: (value: number) => Promise<unknown>;
 }
 
@@ -28,6 +30,7 @@ export function Edit({ edited, onClose }: { edited: Edited; onClose: () => void 
             </>
           )}
         </p>
+        {edited.note && <p class="muted">{edited.note}</p>}
         <footer>
           <Button id="edit-set" kind="go" label={t("set")} orders="offset set, tool set" disabled={Number.isNaN(value)} submit />
         </footer>

@@ -1,6 +1,7 @@
 /** Programs into the control, and the list of those that it keeps. */
 import { useMemo, useRef, useState } from "preact/hooks";
-import { EXISTS, FileRefused, type Folder, type StoredFile, addressOf, deleteFile, downloadFile, listFiles, putFile, renameFile } from "../files";
+import { EXISTS, type Folder, type StoredFile, addressOf, deleteFile, downloadFile, listFiles, putFile, renameFile } from "../files";
+import { HttpRefused } from "../http";
 import { dateAndTime, fixed, language, t } from "../i18n";
 import { send, tellLoaded } from "../send";
 import { isBlind, order, say, tellRefused, token, useStatus } from "../store";
@@ -53,7 +54,7 @@ export function Upload({ folder: { files, refresh } }: { folder: Folder }) {
         return true;
       } catch (error) {
         // It has come meanwhile, by another way.
-        if (!(error instanceof FileRefused) || error.status !== EXISTS || existing) throw error;
+        if (!(error instanceof HttpRefused) || error.status !== EXISTS || existing) throw error;
         existing = (await listFiles()).find(({ name }) => name === file.name);
       }
     }
@@ -262,7 +263,7 @@ function FileMenu({ file: { name, octets, modified_unix_s }, loaded, refresh, on
       await work();
       onClose();
     } catch (error) {
-      const { status, message } = error as FileRefused;
+      const { status, message } = error as HttpRefused;
       setWrong(status === EXISTS ? t("file-exists", { name: wanted }) : message);
     }
     await refresh();
