@@ -489,7 +489,9 @@ fn plan_tells_doubts_and_warnings_in_json_as_in_words() {
 fn efficiency_is_measured_over_threads_and_over_the_number_of_blocks() {
     let folder = tempfile::tempdir().unwrap();
     let program = folder.path().join("long.ngc");
-    let lines: String = (1..=1200).map(|n| format!("X{} Y{}\n", n % 7, f64::from(n) * 0.01)).collect();
+    let lines: String = (1..=1200)
+        .map(|n| format!("X{} Y{}\n", n % 7, f64::from(n) * 0.01))
+        .collect();
     std::fs::write(&program, format!("G21 G90 G54 G64 P0.01\nG1 F3000\n{lines}M2\n")).unwrap();
     let picture = folder.path().join("efficiency.svg");
     let output = Command::new(env!("CARGO_BIN_EXE_isocnc"))
@@ -511,5 +513,9 @@ fn efficiency_is_measured_over_threads_and_over_the_number_of_blocks() {
         assert!((least..least + 400).contains(found), "{said}");
     }
     let svg = std::fs::read_to_string(&picture).unwrap();
-    assert!([">threads<", ">blocks<", ">2 threads<"].iter().all(|text| svg.contains(text)));
+    assert!(
+        [">threads<", ">blocks<", ">2 threads<"]
+            .iter()
+            .all(|text| svg.contains(text))
+    );
 }

@@ -112,8 +112,8 @@ struct Shared<'a> {
     boot: u64,
     connect: &'a Connect<'a>,
     ledger: Mutex<Ledger>,
-    /// Whether a run would be refused, and why.
-    why_not: Mutex<Option<String>>,
+    /// What bars a run, if anything does.
+    bars: Mutex<Option<String>>,
     /// Messages so far.
     said: AtomicU64,
     stop: &'a AtomicBool,
@@ -128,9 +128,9 @@ impl Shared<'_> {
         self.ledger.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Why a run would be refused now.
-    fn why_not(&self) -> Option<String> {
-        self.why_not.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    /// What bars a run now.
+    fn bars(&self) -> Option<String> {
+        self.bars.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     fn stops(&self) -> bool {
@@ -167,7 +167,7 @@ pub fn run(settings: &Settings, connect: &Connect<'_>, stop: &AtomicBool) -> Res
             .map_or(0, |since| since.as_millis() as u64),
         connect,
         ledger: Mutex::new(Ledger::open(&settings.state)?),
-        why_not: Mutex::default(),
+        bars: Mutex::default(),
         said: AtomicU64::new(0),
         stop,
         ended: AtomicBool::new(false),
@@ -343,7 +343,7 @@ impl<'a> Teller<'a> {
             let news = self.news(&status)?;
             self.note_ends(&news.entries);
             let state = self.state(&status);
-            *self.shared.why_not.lock().unwrap_or_else(PoisonError::into_inner) = state.why_not.clone();
+            *self.shared.bars.lock().unwrap_or_else(PoisonError::into_inner) = self.bars(&status);
             let Some(live) = &live else { continue };
             if !news.entries.is_empty() {
                 self.put(&live.session, Topic::Journal, news.message());
@@ -512,8 +512,17 @@ impl<'a> Teller<'a> {
         }
     }
 
-    /// Why a run would be refused now. The control has the last word.
+    /// Why a run would be refused now, as people are told.
     fn why_not(&self, status: &Status) -> Option<String> {
+        let has_control = || {
+            let holder = status.control.as_ref().filter(|control| control.taken)?;
+            Some(format!("{} has control", holder.name))
+        };
+        self.bars(status).or_else(has_control)
+    }
+
+    /// What bars a run, whoever has control: that says the control itself, which knows whether it is still so.
+    fn bars(&self, status: &Status) -> Option<String> {
         if self.shared.settings.remote < Remote::Run {
             return Some(
                 "the machine file does not let the supervisor run programs: remote = \"run\" of [cell]".into(),
@@ -532,13 +541,8 @@ impl<'a> Teller<'a> {
         if homed < self.joints {
             return Some(format!("{homed} of {} joints are homed", self.joints));
         }
-        if self.by_hand {
-            return Some(
-                "the machine was moved by hand: run a program at the machine, or home it, to hand it over".into(),
-            );
-        }
-        let holder = status.control.as_ref().filter(|control| control.taken)?;
-        Some(format!("{} has control", holder.name))
+        let by_hand = "the machine was moved by hand: run a program at the machine, or home it, to hand it over";
+        self.by_hand.then(|| by_hand.into())
     }
 }
 
@@ -873,7 +877,7 @@ fn run_program(shared: &Shared<'_>, control: &mut dyn Control, order: &Order) ->
     if let Some(known) = shared.ledger().get(&order.id) {
         return Ok(known.state.clone());
     }
-    if let Some(why) = shared.why_not() {
+    if let Some(why) = shared.bars() {
         return refused(why);
     }
     let content = match store::read(&shared.settings.programs, program) {
@@ -888,7 +892,7 @@ fn run_program(shared: &Shared<'_>, control: &mut dyn Control, order: &Order) ->
 
 /// Runs a line of MDI; the control carries out an order of this id once.
 fn run_line(shared: &Shared<'_>, control: &mut dyn Control, order: &Order, line: &str) -> Result<OrderState, Refused> {
-    if let Some(why) = shared.why_not() {
+    if let Some(why) = shared.bars() {
         return Ok(of(&order.id, Phase::Refused, why));
     }
     in_control(control, order, |control| {
