@@ -688,7 +688,7 @@ fn answer_orders(shared: &Shared<'_>, queries: &Receiver<Query>) -> Result<(), R
                 let described = control.ask::<method::Describe>(&NoParams {})?;
                 let tools = control.ask::<method::ToolList>(&NoParams {}).ok();
                 let panel = &shared.settings.panel;
-                let ports = ports(control.as_mut())?;
+                let ports = ports(control.as_mut()).ok();
                 reply(
                     shared,
                     query,
