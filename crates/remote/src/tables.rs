@@ -70,7 +70,7 @@ enum ToolCommand {
     #[command(after_help = "Example: isocnc tool list")]
     List,
     /// Set length, diameter, wear or life of a tool; a length whose G43 is in force counts at once
-    #[command(after_help = "Example: isocnc tool set 5 --length 12.3 --diameter 6 --life-minutes 45 --sister 15")]
+    #[command(after_help = "Example: isocnc tool set 5 --length 12.3 --life-minutes 45 --sister 15")]
     Set {
         /// Number
         tool: u32,
