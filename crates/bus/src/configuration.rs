@@ -9,11 +9,14 @@ use config::{
     Bus, Config, ConfigurationWrite, DeviceDescription, DriveMode, DriveProfile, Exchange, FactorGroup, HomingBy,
     Joint, Node, SpindleAxis,
 };
+use obd::device::EsiDictionary;
 use obd::{Access, Expected, Scalar};
 
 /// Configuration writes of one node.
 pub(super) struct Configuration<'a> {
     pub(super) device: Option<&'a DeviceDescription>,
+    /// The same of EtherCAT, where the file tells objects.
+    dictionary: Option<&'a EsiDictionary>,
     /// Objects that the drive profile says there are not.
     without: &'a [(u16, u8)],
     /// The axis whose objects of the drive profile are meant by [`Configuration::set`].
@@ -26,11 +29,17 @@ impl<'a> Configuration<'a> {
     pub(super) fn new(device: Option<&'a DeviceDescription>, drive: Option<&'a DriveProfile>) -> Configuration<'a> {
         Configuration {
             device,
+            dictionary: None,
             without: drive.map_or(&[], |drive| &drive.without),
             axis: 0,
             writes: Vec::new(),
             left_out: Vec::new(),
         }
+    }
+
+    /// With the objects that an ESI file tells.
+    pub(super) fn with_dictionary(self, dictionary: Option<&'a EsiDictionary>) -> Configuration<'a> {
+        Configuration { dictionary, ..self }
     }
 
     /// A value that every node must take.
@@ -47,6 +56,7 @@ impl<'a> Configuration<'a> {
             let object = device.object(index, sub);
             object.is_some_and(|object| object.access.is_none_or(Access::writable))
         });
+        let is_in_file = is_in_file && self.dictionary.is_none_or(|objects| objects.can_write(index, sub));
         is_in_file && !self.without.contains(&(axis_of(index).1, sub))
     }
 

@@ -1,9 +1,9 @@
 //! The bus of a machine and its nodes, as checked as the rest of the machine.
 
-use super::channels::{Channel, ChannelKind, ObjectKind, kind_of};
+use super::channels::{Channel, ChannelKind, ObjectKind, Typed, kind_of};
 use super::drive_profile::DriveProfile;
 pub use super::objects::{Identity, Mapped, Profile};
-use obd::device::{ConfigurationWrite, DeviceDescription};
+use obd::device::{ConfigurationWrite, DeviceDescription, EsiDictionary};
 
 /// A node by its place in the machine file.
 pub type NodeIndex = usize;
@@ -266,6 +266,10 @@ pub struct EthercatNode {
     pub start: Vec<StartCommand>,
     /// `ModuleIdent` of what stands in each of its slots, 0: nothing.
     pub modules: Vec<u32>,
+    /// Objects that its ESI file says it has; `None`: the file does not tell them, or there is none.
+    pub dictionary: Option<EsiDictionary>,
+    /// What its ESI file says of the bits of objects in its PDOs.
+    pub types: Vec<Typed>,
 }
 
 /// A value that an ESI file has a device told in PRE-OP.
@@ -327,13 +331,19 @@ pub struct Cross {
 impl Node {
     /// Whether an object holds single inputs or outputs, whatever channels make of it.
     pub fn is_of_bits(&self, object: Mapped) -> bool {
-        kind_of(object, self.device.as_ref()) == ObjectKind::Bits
+        self.told_kind(object) == ObjectKind::Bits
+    }
+
+    /// What the bits of an object are, as far as its device file and CiA 401 tell.
+    fn told_kind(&self, object: Mapped) -> ObjectKind {
+        let types = self.ethercat.as_ref().map_or(&[][..], |own| &own.types);
+        kind_of(object, self.device.as_ref(), types)
     }
 
     /// What the bits of one of its objects are: what a channel says, else its device file, else CiA 401. Of what nobody knows,
     /// octets are bits, and what is longer is a number.
     pub fn object_kind(&self, object: Mapped) -> ObjectKind {
-        let known = kind_of(object, self.device.as_ref());
+        let known = self.told_kind(object);
         let as_number = |signed: Option<bool>| match (signed, known) {
             (Some(true), _) | (None, ObjectKind::Signed) => ObjectKind::Signed,
             (None, ObjectKind::Real) => ObjectKind::Real,

@@ -82,8 +82,17 @@ pub enum ObjectKind {
     Real,
 }
 
-/// What the bits of an object are, as far as CiA 401 and a device file tell.
-pub(super) fn kind_of(object: Mapped, device: Option<&DeviceDescription>) -> ObjectKind {
+/// An object, and what the ESI file of its node says of its bits.
+pub type Typed = (u16, u8, ObjectKind);
+
+/// What the bits of an object are, as far as CiA 401 and a device file tell; `types`: those of an ESI file, which knows best.
+pub(super) fn kind_of(object: Mapped, device: Option<&DeviceDescription>, types: &[Typed]) -> ObjectKind {
+    let typed = types
+        .iter()
+        .find(|(index, sub, _)| (*index, *sub) == (object.index, object.sub));
+    if let Some((_, _, kind)) = typed {
+        return *kind;
+    }
     // CiA 401: 6000h to 63FFh digital, from 6400h on analog, 6403h and 6413h as real numbers.
     match object.index {
         0x6000..=0x63FF => return ObjectKind::Bits,
@@ -128,13 +137,14 @@ pub(super) fn channels(
     section: &mut Section<'_, '_>,
     profile: Option<Profile>,
     device: Option<&DeviceDescription>,
+    types: &[Typed],
     payloads: Option<(&[Mapped], &[Mapped])>,
 ) -> Option<Vec<Channel>> {
     if section.has("channel") && profile == Some(Profile::Cia402) {
         let rule = "is for nodes of profile \"io\": objects of a drive have pins of their own";
         section.wrong("channel", rule);
     }
-    section.tables("channel", |table, above| channel(table, device, payloads, above))
+    section.tables("channel", |table, above| channel(table, device, types, payloads, above))
 }
 
 /// What the keys of a channel say, whatever its type is, so that each key is known; `None` where they are wrong.
@@ -251,12 +261,15 @@ fn greatest(object: Mapped, signed: bool) -> i64 {
 fn channel(
     section: &mut Section<'_, '_>,
     device: Option<&DeviceDescription>,
+    types: &[Typed],
     payloads: Option<(&[Mapped], &[Mapped])>,
     before: &[Channel],
 ) -> Option<Channel> {
     let name = name(section, before);
     let object = mapped(section, "object", true, payloads);
-    let known = object.flatten().map(|(object, _)| (object, kind_of(object, device)));
+    let known = object
+        .flatten()
+        .map(|(object, _)| (object, kind_of(object, device, types)));
     let usual = match known {
         _ if section.has("bit") => Word::Bit,
         Some((object, _)) if (0x6400..=0x67FF).contains(&object.index) => Word::Analog,

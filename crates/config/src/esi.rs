@@ -4,6 +4,7 @@
 //! exchanges as it comes, and what it is told at its start.
 
 use super::bus_types::{Identity, Mapped, Pdo, StartCommand};
+use super::channels::{ObjectKind, Typed};
 use super::device::MISTAKES_TOLD;
 use super::document::Item;
 use super::error::nearest;
@@ -35,6 +36,22 @@ impl Esi {
         let objects = objects(&assigned).ok()?;
         let has_others = self.device.assigned(!outputs).next().is_some();
         (!objects.is_empty() || has_others || self.pdos(outputs).is_empty()).then_some(objects)
+    }
+
+    /// What the types of entries say of their bits. Of octets that several entries share nothing is said.
+    pub(super) fn types(&self) -> Vec<Typed> {
+        let pdos = self.device.rx_pdos.iter().chain(&self.device.tx_pdos);
+        let entries = pdos.flat_map(|pdo| &pdo.entries);
+        let typed = entries.filter_map(|entry| {
+            let kind = match (&*entry.data_type, entry.bits) {
+                ("SINT" | "INT" | "DINT" | "LINT", 8 | 16 | 32 | 64) => ObjectKind::Signed,
+                ("USINT" | "UINT" | "UDINT" | "ULINT", 16 | 32 | 64) => ObjectKind::Unsigned,
+                ("REAL", 32) | ("LREAL", 64) => ObjectKind::Real,
+                _ => return None,
+            };
+            (entry.index != 0).then_some((entry.index, entry.sub, kind))
+        });
+        typed.collect()
     }
 
     pub(super) fn pdos(&self, outputs: bool) -> &[EsiPdo] {

@@ -55,6 +55,8 @@ const OF_AXES: u16 = 0x6000;
 /// Registers 0980h and 0981h: SYNC0 alone, SYNC0 and SYNC1.
 const SYNC0: u16 = 0x0300;
 const SYNC0_AND_1: u16 = 0x0700;
+/// The bit of register 0981 that switches SYNC1 on.
+const SYNC1_ON: u16 = 0x0400;
 
 /// Of a POWERLINK node's keys, what they mean here.
 const PRES_TIMEOUT_US: u32 = 150;
@@ -150,19 +152,26 @@ fn node(section: &mut Section<'_, '_>, network: &Network<'_>, facts: &NodeFacts<
         watchdog_ms: watchdog_ms?,
         outputs: outputs?,
         inputs: inputs?,
+        dictionary: facts.esi.and_then(|esi| esi.device.dictionary.clone()),
+        types: facts.esi.map_or(Vec::new(), Esi::types),
         start: facts.esi.map_or(Vec::new(), start),
         modules: facts.esi.map_or(Vec::new(), |esi| esi.device.modules.clone()),
     })
 }
 
-/// `dc`, `shift_us` and `sync1_us`. Left out: drives follow SYNC0 in the middle between two dates, others the frames.
+/// `dc`, `shift_us` and `sync1_us`. Left out: drives follow SYNC0 in the middle between two dates, and so do others whose ESI file has no
+/// mode without clocks; by how much the file wants it later, and SYNC1 behind it, is as the file says.
 fn clock(section: &mut Section<'_, '_>, network: &Network<'_>, facts: &NodeFacts<'_>) -> Option<Option<SyncClock>> {
     let cycle_us = network.cycle_us.unwrap_or(1000) as i32;
     let is_bus = network.clock.unwrap_or(BusClock::Bus) == BusClock::Bus;
-    let mode = facts
-        .esi
-        .and_then(|esi| esi.device.op_modes.iter().find(|mode| mode.activate != 0));
-    let usual = is_bus && (mode.is_some() || facts.esi.is_none() && facts.is_drive);
+    let modes = facts.esi.map_or(&[][..], |esi| &esi.device.op_modes);
+    let mode = modes.iter().find(|mode| mode.activate != 0);
+    let has_free_run = modes.iter().any(|mode| mode.activate == 0);
+    let wants_clock = match facts.esi {
+        None => facts.is_drive,
+        Some(_) => mode.is_some() && (facts.is_drive || !has_free_run),
+    };
+    let usual = is_bus && wants_clock;
     let dc = section
         .maybe("dc", |item, path| item.flag(path))
         .map(|dc| dc.unwrap_or(usual));
@@ -179,8 +188,17 @@ fn clock(section: &mut Section<'_, '_>, network: &Network<'_>, facts: &NodeFacts
         }
         return Some(None);
     }
-    let shift_ns = shift_us?.map_or(cycle_us * 500, |us| us * 1000);
+    let cycle_ns = cycle_us * 1000;
+    let later_ns = mode
+        .map_or(0, |mode| mode.shift_sync0_ns)
+        .clamp(-cycle_ns / 2, cycle_ns / 2);
+    let shift_ns = shift_us?.map_or(cycle_ns / 2 + later_ns, |us| us * 1000);
     let sync1 = sync1_us?;
+    // Register 09A4: the time from SYNC0 to SYNC1.
+    let of_file = mode.filter(|mode| mode.activate & SYNC1_ON != 0);
+    let of_file_ns = of_file.map_or(0, |mode| {
+        i64::from(mode.cycle_sync1_ns) + i64::from(mode.shift_sync1_ns)
+    });
     let activate = match (sync1, mode) {
         (Some(_), _) => SYNC0_AND_1,
         (None, Some(mode)) => mode.activate,
@@ -189,7 +207,9 @@ fn clock(section: &mut Section<'_, '_>, network: &Network<'_>, facts: &NodeFacts
     Some(Some(SyncClock {
         activate,
         shift_ns,
-        sync1_ns: sync1.unwrap_or(0).unsigned_abs() * 1000,
+        sync1_ns: sync1.map_or(of_file_ns.clamp(0, i64::from(cycle_ns)) as u32, |us| {
+            us.unsigned_abs() * 1000
+        }),
     }))
 }
 

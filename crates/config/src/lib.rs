@@ -107,7 +107,7 @@ pub use analog::AnalogOutput;
 pub use axes::AxisMap;
 pub use bus_types::*;
 pub use cell::{Cell, Remote};
-pub use channels::{Channel, ChannelKind, Follow, ObjectKind};
+pub use channels::{Channel, ChannelKind, Follow, ObjectKind, Typed};
 pub use compensation::Compensation;
 pub use components::{Component, Place};
 #[cfg(feature = "testing")]

@@ -113,7 +113,8 @@ pub(super) fn node<'d, 'l>(
     let writes = device::writes(section, file, &usual, keys.written_by_master());
     let cross = keys.cross(section);
     let payloads = inputs.as_deref().zip(outputs.as_deref());
-    let channels = channels::channels(section, profile, file, payloads);
+    let types = esi_file.map_or(Vec::new(), Esi::types);
+    let channels = channels::channels(section, profile, file, &types, payloads);
     let own = own?;
     let node = Node {
         id: id?,

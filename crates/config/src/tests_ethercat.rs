@@ -293,6 +293,39 @@ fn bits_and_gaps_of_an_esi_file_are_gathered_into_octets() {
     );
 }
 
+/// Inputs and outputs run with the frames where their file has a mode for that; where clocks are asked for, shifts are those of the file.
+#[test]
+fn clocks_and_types_are_as_the_esi_file_has_them() {
+    let free = "<OpMode><Name>FreeRun</Name><AssignActivate>#x0</AssignActivate></OpMode>";
+    let dc = "<OpMode><Name>DC</Name><AssignActivate>#x700</AssignActivate><ShiftTimeSync0>30000</ShiftTimeSync0>\
+              <CycleTimeSync1 Factor=\"1\">0</CycleTimeSync1><ShiftTimeSync1>250000</ShiftTimeSync1></OpMode>";
+    let read_with = |modes: &str, io: &str| {
+        let esi = TERMINAL.replace("  </Device>", &format!("<Dc>{modes}</Dc></Device>"));
+        read(&with_terminal(&esi, io).1)
+    };
+    let clock_of = |modes: &str, io: &str| own(&read_with(modes, io).bus.nodes[1]).clock;
+    let both = [free, dc].concat();
+    assert_eq!(clock_of(&both, ""), None);
+    let wanted = SyncClock {
+        activate: 0x0700,
+        shift_ns: 530_000,
+        sync1_ns: 250_000,
+    };
+    assert_eq!(clock_of(&both, "dc = true"), Some(wanted));
+    assert_eq!(clock_of(dc, ""), Some(wanted), "it has no other mode");
+    let moved = SyncClock {
+        shift_ns: 100_000,
+        sync1_ns: 7_000,
+        ..wanted
+    };
+    assert_eq!(clock_of(dc, "shift_us = 100\nsync1_us = 7"), Some(moved));
+    let config = read_with(free, "");
+    let io = &config.bus.nodes[1];
+    let kinds: Vec<ObjectKind> = io.inputs.iter().map(|object| io.object_kind(*object)).collect();
+    let bits = ObjectKind::Bits;
+    assert_eq!(kinds, [bits, bits, bits, ObjectKind::Signed]);
+}
+
 /// What a device does not have needs no empty list; what it has and does not assign by itself has to be chosen.
 #[test]
 fn a_list_that_is_left_out_is_what_the_esi_file_assigns() {

@@ -30,6 +30,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                 index: 0x6060,
                 sub: 0,
                 complete: false,
+                optional: false,
                 value: &[8],
             }],
             clock: Some(ClockConfig {

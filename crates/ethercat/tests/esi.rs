@@ -50,6 +50,7 @@ fn devices_come_up_as_the_file_describes_them() {
                 index: command.index,
                 sub: command.sub,
                 complete: command.complete,
+                optional: false,
                 value: Vec::leak(command.data.clone()),
             });
             DeviceConfig {

@@ -30,6 +30,7 @@ fn part(position: u16) -> DeviceConfig<'static> {
             index: 0x6060,
             sub: 0,
             complete: false,
+            optional: false,
             value: &[8],
         }],
         clock: Some(ClockConfig {

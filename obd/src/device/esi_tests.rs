@@ -24,6 +24,62 @@ fn changed(old: &str, new: &str) -> String {
     SIMULATED.replacen(old, new, 1)
 }
 
+/// Records, arrays, plain objects; what is not listed is not there, and what the file does not tell is believed to be.
+#[test]
+fn a_dictionary_says_what_there_is_and_what_can_be_written() {
+    let sub_item = |idx: &str, access: &str| {
+        format!("<SubItem>{idx}<Name>s</Name><Type>U32</Type><Flags><Access>{access}</Access></Flags></SubItem>")
+    };
+    let types = format!(
+        "<DataType><Name>U32</Name><BitSize>32</BitSize></DataType>\
+         <DataType><Name>DT6099</Name>{}{}{}</DataType>\
+         <DataType><Name>LIST</Name><ArrayInfo><LBound>1</LBound><Elements>3</Elements></ArrayInfo></DataType>\
+         <DataType><Name>DT6080</Name>{}<SubItem><Name>Elements</Name><Type>LIST</Type></SubItem></DataType>",
+        sub_item("<SubIdx>0</SubIdx>", "ro"),
+        sub_item("<SubIdx>1</SubIdx>", "rw"),
+        sub_item("<SubIdx>2</SubIdx>", "ro"),
+        sub_item("<SubIdx>0</SubIdx>", "ro"),
+    );
+    let object = |index: &str, kind: &str, access: &str| {
+        format!("<Object><Index>#x{index}</Index><Type>{kind}</Type><Flags><Access>{access}</Access></Flags></Object>")
+    };
+    let objects = [
+        object("1008", "STRING(8)", "ro"),
+        object("6065", "U32", "rw"),
+        object("6099", "DT6099", "rw"),
+        object("6080", "DT6080", "rw"),
+        "<Object><Index>nonsense</Index></Object>".to_string(),
+    ];
+    let text = |objects: &str| {
+        let of = format!(
+            "<Profile><Dictionary><DataTypes>{types}</DataTypes><Objects>{objects}</Objects></Dictionary></Profile><Fmmu>"
+        );
+        let esi = parse_esi("d", changed("<Fmmu>", &of).as_bytes()).unwrap();
+        esi.devices[0].dictionary.clone()
+    };
+    let dictionary = text(&objects.concat()).unwrap();
+    for (index, sub, has, can_write) in [
+        (0x6065, 0, true, true),
+        (0x6065, 1, false, false),
+        (0x6099, 0, true, false),
+        (0x6099, 1, true, true),
+        (0x6099, 2, true, false),
+        (0x6099, 3, false, false),
+        (0x6080, 3, true, true),
+        (0x6080, 4, false, false),
+        (0x60C2, 1, false, false),
+        // A type that is nowhere told.
+        (0x1008, 7, true, false),
+    ] {
+        let found = (dictionary.has(index, sub), dictionary.can_write(index, sub));
+        assert_eq!(found, (has, can_write), "0x{index:04X}:{sub}");
+    }
+    // A file that has nothing of the profile is silent about it.
+    let of_others = text(&objects[0]).unwrap();
+    assert!(of_others.can_write(0x60C2, 1) && !of_others.has(0x1010, 1));
+    assert_eq!(text(""), None);
+}
+
 #[test]
 fn a_file_is_read_whole() {
     let esi = parse_esi("d", SIMULATED.as_bytes()).unwrap();

@@ -21,8 +21,8 @@ mod xml;
 pub use description::{DeviceDescription, DeviceIdentity, Features, Format, Object};
 pub use error::{DeviceErrors, DeviceMistake};
 pub use esi::{
-    EsiChoice, EsiCoe, EsiCommand, EsiDevice, EsiEntry, EsiFile, EsiModule, EsiOpMode, EsiPdo, EsiSlot, EsiSyncManager,
-    EsiUsage, parse_esi, parse_esi_with,
+    EsiChoice, EsiCoe, EsiCommand, EsiDevice, EsiDictionary, EsiEntry, EsiFile, EsiModule, EsiOpMode, EsiPdo, EsiSlot,
+    EsiSyncManager, EsiUsage, parse_esi, parse_esi_with,
 };
 pub use profile::{ConfigurationWrite, MappingRefusal, StoredParameters, set_by_managing_node};
 pub use value::{TypeCode, Value};

@@ -260,6 +260,7 @@ impl<'a, L: Link, const N: usize, const F: usize> Ethercat<'a, L, N, F> {
             | Event::Found { .. }
             | Event::TooMany { .. }
             | Event::Slow { .. }
+            | Event::Lacks { .. }
             | Event::More { .. }
             | Event::Broken(_)
             | Event::Spoilt { .. }

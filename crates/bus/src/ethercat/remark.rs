@@ -1,6 +1,7 @@
 //! What the main device tells that no other bus has, in words with the names of the nodes.
 
 use super::setup::place;
+use cia402::profile::axis_of;
 use config::{Config, Node};
 use ethercat::main::config::Place;
 use ethercat::main::{Break, Event};
@@ -34,6 +35,11 @@ impl Remark {
                     names.at(position)
                 )
             }
+            Event::Lacks { device, object } => {
+                let (index, sub) = (object.index, object.sub);
+                let what = lacking(axis_of(index).1);
+                format!("{} does not have 0x{index:04X}:{sub}: {what}", names.of(device))
+            }
             Event::Failed { device, .. }
             | Event::Slow { device, .. }
             | Event::Left { device, .. }
@@ -55,6 +61,19 @@ impl Remark {
             | Event::More { .. }
             | Event::OtherMain { .. } => self.0.to_string(),
         }
+    }
+}
+
+/// What it means that a drive does not have an object.
+fn lacking(index: u16) -> &'static str {
+    match index {
+        0x60C2 => "it interpolates over the time that it is set to, which must be the cycle",
+        0x6065 => "its own watch of the following error stays as it is set; that of the control is not changed by it",
+        0x605A..=0x605E => "how it stops is as it is set",
+        0x6085 => "the ramp of its quick stop is as it is set",
+        0x6099 | 0x609A => "how fast it homes is as it is set",
+        0x607C => "its home offset is as it is set",
+        _ => "nothing is written there",
     }
 }
 

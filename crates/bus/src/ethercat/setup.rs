@@ -25,7 +25,8 @@ pub fn plan(config: &Config) -> Vec<NodePlan> {
     let nodes = config.bus.nodes.iter().enumerate();
     nodes
         .map(|(index, node)| {
-            let mut own = Configuration::new(None, node.drive.as_ref());
+            let objects = node.ethercat.as_ref().and_then(|own| own.dictionary.as_ref());
+            let mut own = Configuration::new(None, node.drive.as_ref()).with_dictionary(objects);
             own.application(config, index);
             NodePlan {
                 expected: expected(&own, config, index),
@@ -84,6 +85,7 @@ pub fn start_values<'c>(node: &'c Node, plan: &'c NodePlan) -> impl Iterator<Ite
                 index: it.index,
                 sub: it.sub,
                 complete: it.complete,
+                optional: false,
                 value: &it.value,
             };
             (value, StartSource::DeviceFile(&it.comment))
@@ -93,6 +95,7 @@ pub fn start_values<'c>(node: &'c Node, plan: &'c NodePlan) -> impl Iterator<Ite
             index: write.index,
             sub: write.sub,
             complete: false,
+            optional: false,
             value: &write.value,
         };
         let is_of_profile = |drive: &&DriveProfile| {
@@ -107,9 +110,19 @@ pub fn start_values<'c>(node: &'c Node, plan: &'c NodePlan) -> impl Iterator<Ite
             Some(drive) => StartSource::DriveProfile(&drive.name),
             None => StartSource::MachineFile,
         };
-        (value, source)
+        let optional = source == StartSource::Control && can_be_missing(axis_of(write.index).1);
+        (StartValue { optional, ..value }, source)
     });
     of_file.chain(of_plan)
+}
+
+/// Whether a drive runs without an object that the control wants set: interpolation time, watch of the following error, reactions,
+/// ramp of the quick stop, speeds of homing and home offset have values of their own in every drive.
+fn can_be_missing(index: u16) -> bool {
+    matches!(
+        index,
+        0x60C2 | 0x6065 | 0x605A..=0x605E | 0x6085 | 0x6099 | 0x609A | 0x607C
+    )
 }
 
 /// For each node its PDOs and start values.
@@ -233,4 +246,92 @@ pub fn budget(config: &Config) -> Vec<BudgetView> {
 /// The longest that the exchange of a cycle can take, ns.
 pub fn worst_exchange_ns(config: &Config) -> u64 {
     cost(config).map_or(0, |budget| budget.total_ns())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MACHINE: &str = r#"schema = 1
+[machine]
+name = "m"
+cycle_us = 1000
+[bus]
+kind = "ethercat-memory"
+[[bus.node]]
+id = 1
+name = "drive"
+profile = "cia402"
+device_file = "FILE"
+[[joint]]
+node = 1
+counts_per_unit = [10000, 1]
+travel_mm = [-5.0, 305.0]
+velocity_mm_s = 50.0
+acceleration_mm_s2 = 500.0
+jerk_mm_s3 = 5000.0
+following_error_mm = 20.0
+homing = { method = 35, search_mm_s = 10.0, latch_mm_s = 1.0, acceleration_mm_s2 = 500.0, position_mm = 0.0 }
+[[axis]]
+letter = "X"
+joints = [0]
+"#;
+
+    /// A drive whose file tells these objects.
+    fn esi(objects: &[u16]) -> String {
+        let entry = |index: u16, bits: u8| {
+            format!(
+                "<Entry><Index>#x{index:04X}</Index><SubIndex>0</SubIndex><BitLen>{bits}</BitLen><Name>n</Name></Entry>"
+            )
+        };
+        let object =
+            |index: &u16| format!("<Object><Index>#x{index:04X}</Index><Flags><Access>rw</Access></Flags></Object>");
+        let objects: String = objects.iter().map(object).collect();
+        format!(
+            "<EtherCATInfo><Vendor><Id>1</Id></Vendor><Descriptions><Devices><Device>\
+             <Type ProductCode=\"2\" RevisionNo=\"1\">DRIVE</Type>\
+             <Profile><Dictionary><DataTypes/><Objects>{objects}</Objects></Dictionary></Profile>\
+             <Sm StartAddress=\"#x1000\" ControlByte=\"#x26\" DefaultSize=\"128\" Enable=\"1\">MBoxOut</Sm>\
+             <Sm StartAddress=\"#x1080\" ControlByte=\"#x22\" DefaultSize=\"128\" Enable=\"1\">MBoxIn</Sm>\
+             <Sm StartAddress=\"#x1100\" ControlByte=\"#x64\" Enable=\"1\">Outputs</Sm>\
+             <Sm StartAddress=\"#x1400\" ControlByte=\"#x20\" Enable=\"1\">Inputs</Sm>\
+             <RxPdo Sm=\"2\"><Index>#x1600</Index><Name>o</Name>{}{}{}</RxPdo>\
+             <TxPdo Sm=\"3\"><Index>#x1A00</Index><Name>i</Name>{}{}{}</TxPdo>\
+             <Mailbox><CoE SdoInfo=\"1\" PdoAssign=\"1\" PdoConfig=\"1\"/></Mailbox>\
+             </Device></Devices></Descriptions></EtherCATInfo>",
+            entry(0x6040, 16),
+            entry(0x607A, 32),
+            entry(0x6060, 8),
+            entry(0x6041, 16),
+            entry(0x6064, 32),
+            entry(0x6061, 8),
+        )
+    }
+
+    #[test]
+    fn a_drive_is_told_only_what_its_file_says_it_has() {
+        let told = |objects: &[u16]| {
+            let file = tempfile::NamedTempFile::new().unwrap();
+            std::fs::write(file.path(), esi(objects)).unwrap();
+            let text = MACHINE.replace("FILE", &file.path().display().to_string());
+            let config = config::parse(&text, "m.toml".as_ref()).unwrap_or_else(|errors| panic!("{errors}"));
+            let plan = plan(&config).remove(0);
+            let left_out: Vec<(u16, u8)> = plan.left_out.iter().map(|left| (left.index, left.sub)).collect();
+            let written: Vec<(u16, u8)> = plan.writes.iter().map(|write| (write.index, write.sub)).collect();
+            (written, left_out)
+        };
+        // Nothing is said of the objects of drives.
+        let (all, none) = told(&[0x1000]);
+        assert!(
+            none.is_empty() && all.contains(&(0x60C2, 1)) && all.contains(&(0x6085, 0)),
+            "{all:?}"
+        );
+        let (written, left_out) = told(&[0x6040, 0x6060, 0x605A, 0x6065, 0x6098, 0x609A, 0x607C]);
+        assert_eq!(
+            left_out,
+            [(0x60C2, 1), (0x60C2, 2), (0x6085, 0), (0x6099, 1), (0x6099, 2)]
+        );
+        let kept: Vec<(u16, u8)> = all.into_iter().filter(|object| !left_out.contains(object)).collect();
+        assert_eq!(written, kept);
+    }
 }

@@ -66,6 +66,8 @@ pub struct StartValue<'a> {
     pub sub: u8,
     /// All sub-indices at once.
     pub complete: bool,
+    /// A device that does not have the object comes up without.
+    pub optional: bool,
     /// Its octets.
     pub value: &'a [u8],
 }

@@ -315,6 +315,23 @@ fn hint(f: &mut core::fmt::Formatter<'_>, code: AlStatusCode, set_up: &SetUp) ->
         AlStatusCode::SYNCHRONISATION | AlStatusCode::FATAL_SYNC | AlStatusCode::NO_SYNC0 | AlStatusCode::PLL => {
             f.write_str("; frames come too near to SYNC0 or too late: look at the shift and at the jitter of the cycle")
         }
+        AlStatusCode::NO_FREE_RUN => f.write_str("; it wants SYNC0: switch its clock on"),
+        AlStatusCode::NO_SYNC_MODE => f.write_str("; it wants no SYNC0: switch its clock off"),
+        AlStatusCode::INPUT_MAPPING | AlStatusCode::OUTPUT_MAPPING => {
+            f.write_str("; a PDO that was set up has an entry that it cannot map, or is none of its own")
+        }
+        AlStatusCode::CYCLE_TOO_SHORT
+        | AlStatusCode::CYCLE_TIME
+        | AlStatusCode::SYNC0_CYCLE
+        | AlStatusCode::SYNC1_CYCLE => {
+            f.write_str("; the cycle is none of those that its manual lists: choose another one")
+        }
+        AlStatusCode::MODULES => f.write_str("; modules stand in its slots other than it was told"),
+        AlStatusCode::SYNC_MANAGER | AlStatusCode::SM_TYPES => write!(
+            f,
+            "; {} octets of outputs and {} of inputs were set up",
+            set_up.octets.0, set_up.octets.1
+        ),
         _ if set_up.values > 0 => write!(f, "; {} values were written before", set_up.values),
         _ => Ok(()),
     }
@@ -425,6 +442,13 @@ pub enum Event {
         /// Why.
         error: SetupError,
     },
+    /// A device does not have an object that it should be told at its start; it is set up all the same.
+    Lacks {
+        /// Which.
+        device: u16,
+        /// The object.
+        object: Object,
+    },
     /// A device says that its shortest cycle is longer than ours (1C32h:05); it is set up all the same, as some mean another one.
     Slow {
         /// Which.
@@ -515,6 +539,11 @@ impl core::fmt::Display for Event {
             }
             Event::Identified { device, position } => write!(f, "device {device} was found at position {position}"),
             Event::Failed { device, error } => write!(f, "device {device}: {error}"),
+            Event::Lacks { device, object } => write!(
+                f,
+                "device {device} does not have {}: nothing is written there",
+                Name(object)
+            ),
             Event::Slow { device, least_ns } => write!(
                 f,
                 "device {device} says that its shortest cycle is {} us (1C32h:05), which is longer than ours",

@@ -309,6 +309,7 @@ fn values_that_are_refused_and_maps_that_are_fixed_are_named() {
         index: 0x2345,
         sub: 1,
         complete: false,
+        optional: false,
         value: &[1, 2],
     });
     part.start = Vec::leak(start);
@@ -358,6 +359,7 @@ fn what_cannot_be_is_said_before_anything_is_written() {
         index: 0x6060,
         sub: 0,
         complete: false,
+        optional: false,
         value: &[8],
     }];
     let words = refused(
@@ -605,4 +607,44 @@ fn only_an_error_that_stands_is_acknowledged() {
     seen.lock().unwrap().clear();
     world.run_to_op(3000);
     assert_eq!(*seen.lock().unwrap(), [0x12, 1, 2, 4, 8]);
+}
+
+/// What a drive can do without is told and passed over, whether the object or its sub-index is not there; any other refusal of it, and of
+/// what is needed, is a failure.
+#[test]
+fn a_drive_comes_up_without_an_object_that_may_be_missing() {
+    let started = |values: &[(u16, u8, bool)]| {
+        let mut part = drive_config(0);
+        let mut start = part.start.to_vec();
+        start.extend(values.iter().map(|(index, sub, optional)| StartValue {
+            index: *index,
+            sub: *sub,
+            complete: false,
+            optional: *optional,
+            value: &[1, 2],
+        }));
+        part.start = Vec::leak(start);
+        let mut world = World::new(vec![drive(0, 0)], vec![part], 3);
+        world.run(3000);
+        let lacks = world.events.iter().filter(|event| matches!(event, Event::Lacks { .. }));
+        let lacks: Vec<String> = lacks.map(Event::to_string).collect();
+        (lacks, failures(&world.events), world.segment.device(0).state())
+    };
+    let (lacks, failed, state) = started(&[(0x2345, 1, true), (0x6060, 7, true)]);
+    assert_eq!((failed.len(), state), (0, AlState::Op));
+    assert_eq!(
+        lacks,
+        [
+            "device 0 does not have 2345h:01: nothing is written there",
+            "device 0 does not have 6060h:07: nothing is written there"
+        ]
+    );
+    // Two octets for an object of one: it is there.
+    let (lacks, failed, _) = started(&[(0x6060, 0, true)]);
+    assert!(
+        lacks.is_empty() && failed[0].1.starts_with("refused 6060h:00"),
+        "{failed:?}"
+    );
+    let (lacks, failed, _) = started(&[(0x2345, 1, true), (0x2346, 1, false)]);
+    assert_eq!((lacks.len(), failed.len()), (1, 1), "{failed:?}");
 }

@@ -13,10 +13,14 @@
 //! Modules may be in groups by which their PDOs are ordered and aligned (`ModulePdoGroup`). Manuals and captures of devices show PDOs of
 //! padding before and behind the modules of a group, and tell no rule for their lengths: where one might be needed, it is said.
 //!
-//! Not read: groups of devices, pictures, EEPROM data, object dictionaries, which the device itself can tell.
+//! Of an object dictionary it is read which objects there are and which can be written ([`EsiDictionary`]). Not read: groups of devices,
+//! pictures, EEPROM data, dictionaries in files of their own.
 
+mod dictionary;
 mod read;
 mod slots;
+
+pub use dictionary::EsiDictionary;
 
 use super::error::Log;
 use super::{DeviceErrors, DeviceMistake};
@@ -60,6 +64,8 @@ pub struct EsiDevice {
     pub tx_pdos: Vec<EsiPdo>,
     /// Its CoE mailbox.
     pub coe: Option<EsiCoe>,
+    /// Its objects; `None`: the file does not tell them.
+    pub dictionary: Option<EsiDictionary>,
     /// Modes of its distributed clocks; the first one is the maker's own choice.
     pub op_modes: Vec<EsiOpMode>,
     /// Places for modules, in order.

@@ -1,5 +1,6 @@
 //! The elements of an ESI file, one by one: numbers, devices, SyncManagers, PDOs, start-up commands, clocks.
 
+use super::dictionary::dictionary;
 use super::slots::{Module, Shift};
 use super::{EsiChoice, EsiCoe, EsiCommand, EsiDevice, EsiEntry, EsiFile, EsiOpMode, EsiPdo, EsiSyncManager, EsiUsage};
 use crate::device::error::Log;
@@ -238,6 +239,7 @@ impl Reader<'_, '_> {
             coe: child(node, "Mailbox")
                 .and_then(|mailbox| child(mailbox, "CoE"))
                 .map(|coe| self.coe(coe)),
+            dictionary: dictionary(node),
             op_modes: Vec::new(),
             slots: Vec::new(),
             modules: Vec::new(),

@@ -17,7 +17,7 @@ use super::event::SetupError;
 use super::mail::Mailbox;
 use super::mapping::Mapping;
 use super::orders::Orders;
-use crate::wire::coe::Emergency;
+use crate::wire::coe::{Emergency, Object};
 use crate::wire::register::{self, AlControl, AlState, AlStatusCode, DlStatus, Fmmu, SyncManager};
 use crate::wire::sii::Usage;
 use crate::wire::{Command, FrameWriter, WireError};
@@ -46,6 +46,8 @@ pub(super) enum Notice {
     Other(u16),
     /// It says that it is slower than the cycle: so many ns.
     Slow(u32),
+    /// It does not have an object that it should be told, and can do without.
+    Lacks(Object),
 }
 
 /// What all devices have in common at a time.

@@ -9,6 +9,7 @@ use crate::main::orders::Orders;
 use crate::wire::coe::Object;
 use crate::wire::sii::{Mailboxes, Usage};
 use crate::wire::{FrameWriter, WireError};
+use obd::AbortCode;
 use obd::Expected;
 
 /// Its shortest cycle, ns, as it says itself.
@@ -189,17 +190,25 @@ impl Device<'_> {
                 self.advance(now);
                 is_slow.then_some(Notice::Slow(least_ns))
             }
-            Purpose::Start => match result {
-                Ok(_) => {
-                    self.sdos.item += 1;
-                    let count = self.config.map_or(0, |(_, config)| config.start.len());
-                    if self.sdos.item as usize >= count {
-                        self.advance(now);
+            Purpose::Start => {
+                let (_, config) = self.config?;
+                let start = config.start.get(self.sdos.item as usize);
+                let lacks = match result {
+                    Ok(_) => None,
+                    Err(SetupError::Sdo { object, code })
+                        if start.is_some_and(|start| start.optional) && is_missing(code) =>
+                    {
+                        // Once, not at each try.
+                        (self.tries == 0).then_some(Notice::Lacks(object))
                     }
-                    None
+                    Err(error) => return Some(self.fail(now, error)),
+                };
+                self.sdos.item += 1;
+                if self.sdos.item as usize >= config.start.len() {
+                    self.advance(now);
                 }
-                Err(error) => Some(self.fail(now, error)),
-            },
+                lacks
+            }
             Purpose::Check => {
                 let (_, config) = self.config?;
                 let check = check_of(config, self.sdos.item)?;
@@ -229,6 +238,11 @@ impl Device<'_> {
             }
         }
     }
+}
+
+/// Whether a device refuses an object that it does not have.
+fn is_missing(code: AbortCode) -> bool {
+    matches!(code, AbortCode::NO_OBJECT | AbortCode::NO_SUB_INDEX)
 }
 
 fn check_of<'c>(config: &'c DeviceConfig<'_>, number: u32) -> Option<&'c Expected> {

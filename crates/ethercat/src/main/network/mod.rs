@@ -365,6 +365,7 @@ impl<'a, const N: usize, const F: usize> MainDevice<'a, N, F> {
                 }
                 self.orders.drop_device(number, error);
             }
+            Notice::Lacks(object) => self.events.push(Event::Lacks { device, object }),
             Notice::Slow(least_ns) => self.events.push(Event::Slow { device, least_ns }),
             Notice::Other(station) => {
                 let position = self.devices[at].position;
