@@ -160,6 +160,7 @@ fn drives(count: usize, cycle_us: u32, place: Nodes, watch: &Arc<Watch>) -> anyh
             index: 0x6060,
             sub: 0,
             complete: false,
+            optional: false,
             value: &[8],
         }],
         clock: Some(ClockConfig {

@@ -31,6 +31,7 @@ const DEVICES: &[DeviceConfig<'static>] = &[
             index: 0x6060,
             sub: 0,
             complete: false,
+            optional: false,
             value: &[8],
         }],
         clock: Some(ClockConfig {
