@@ -166,8 +166,8 @@ fn end_of(order: Lasting, status: &Status) -> Option<Result<String, String>> {
             _ => state == State::Held && activity == Activity::Running,
         },
         Lasting::Return => state == State::Returning || state == State::Held && activity == Activity::Returning,
-        // There may never have been a job: a program that was being checked is none yet.
-        Lasting::Stop => !matches!(step, Step::StandingBy | Step::Done),
+        // There may never have been a job: a program that was being checked is none yet. Nothing is taken before it is no longer stopping.
+        Lasting::Stop => !is_over && (step != Step::StandingBy || activity == Activity::Stopping),
         _ => job.is_none() && !is_over,
     };
     if lasts {
@@ -277,6 +277,9 @@ mod tests {
             end(Lasting::Stop, by, State::Ready, Some(Outcome::Stopped)),
             done("at rest, drives are on")
         );
+        let mut ends = status(by, State::Ready, Some(Outcome::Stopped));
+        ends.activity = Activity::Stopping;
+        assert_eq!(end_of(Lasting::Stop, &ends), None, "the next order would be refused");
         assert_eq!(
             end(Lasting::Stop, Step::Done, State::Down, None),
             done("at rest, drives are off")
